@@ -1,0 +1,51 @@
+"""One tree of errors. The library raises them; only the command line prints them and exits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+
+class FingerfitError(Exception):
+    """Base of all errors a user may meet; its text is one line."""
+
+
+class InputError(FingerfitError):
+    """Something the user wrote cannot be used.
+
+    Parameters
+    ----------
+    where : Path or str
+        The file.
+    field : str
+        The key, column, keyword or line in it.
+    found : object
+        What stands there.
+    expected : str
+        What would be right.
+    """
+
+    def __init__(self, where: Path | str, field: str, found: object, expected: str) -> None:
+        self.where, self.field, self.found, self.expected = str(where), field, found, expected
+        super().__init__(f"{where}: {field}: found {_one_line(found)}; expected {expected}")
+
+
+class Problems(FingerfitError):
+    """Several input errors at once, one line each."""
+
+    def __init__(self, problems: Sequence[FingerfitError]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(str(p) for p in problems))
+
+
+class SolverError(FingerfitError):
+    """The solver could not be run at all (missing executable, licence, time limit): not a diverged guess."""
+
+
+class StateError(FingerfitError):
+    """A result that should be there is missing, damaged or belongs to something else."""
+
+
+def _one_line(value: object, limit: int = 200) -> str:
+    text = " ".join(str(value).split())
+    return text if len(text) <= limit else text[: limit - 3] + "..."

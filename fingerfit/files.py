@@ -1,0 +1,97 @@
+"""Writing that is never half done: a temporary file beside the target, then a rename."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from fingerfit.errors import FingerfitError, StateError
+
+
+def write_atomic(path: Path, write: Callable[[IO[bytes]], None]) -> None:
+    """Call `write` on a temporary binary file and rename it to `path`.
+
+    Raises
+    ------
+    FingerfitError
+        When the disk is full or the folder cannot be written; nothing is left behind.
+    """
+    path = Path(path)
+    temporary = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as handle:
+            temporary = handle.name
+            write(handle)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise FingerfitError(f"{path}: cannot be written: {error.strerror or error}") from error
+    finally:
+        if temporary is not None:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(temporary)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text atomically."""
+    write_atomic(path, lambda handle: handle.write(text.encode()) and None)
+
+
+def write_json(path: Path, data: object) -> None:
+    """Write indented JSON atomically; NaN is refused."""
+    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays atomically as a compressed .npz without pickles."""
+    write_atomic(path, lambda handle: np.savez_compressed(handle, allow_pickle=False, **arrays))
+
+
+def read_json(path: Path) -> Any:
+    """Read JSON that fingerfit wrote.
+
+    Raises
+    ------
+    StateError
+        When it is missing or damaged.
+    """
+    try:
+        return json.loads(Path(path).read_text())
+    except (OSError, ValueError) as error:
+        raise StateError(f"{path}: cannot be read: {error}") from error
+
+
+def read_npz(path: Path) -> dict[str, np.ndarray]:
+    """Read a .npz that fingerfit wrote, pickles refused.
+
+    Raises
+    ------
+    StateError
+        When it is missing or damaged.
+    """
+    import zipfile
+
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return {name: data[name] for name in data.files}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise StateError(f"{path}: cannot be read: {error}") from error
+
+
+def digest(*parts: str | bytes) -> str:
+    """Hash text and bytes to 20 hexadecimal digits; the boundaries between the parts count."""
+    total = hashlib.sha256()
+    for part in parts:
+        raw = part.encode() if isinstance(part, str) else part
+        total.update(len(raw).to_bytes(8, "big"))
+        total.update(raw)
+    return total.hexdigest()[:20]

@@ -1,0 +1,54 @@
+"""Finite element meshes: nodes, blocks of elements of one type, named sets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Block:
+    """Elements of one type, numbered through all blocks of a mesh in order.
+
+    Parameters
+    ----------
+    element : str
+        ABAQUS name of the type, for example ``CPE8``.
+    nodes : ndarray, shape (elements, nodes per element), int
+        Zero-based nodes in ABAQUS order (corners anticlockwise, then mid-side nodes).
+    """
+
+    element: str
+    nodes: np.ndarray
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh in its reference state.
+
+    Parameters
+    ----------
+    points : ndarray, shape (nodes, dim)
+        Positions in mm; a deck's node number is the index plus one.
+    blocks : tuple of Block
+        At most one per element type is usual.
+    node_sets, element_sets : mapping of str to ndarray of int
+        Zero-based indices; names in upper case. Elements count through all blocks.
+    """
+
+    points: np.ndarray
+    blocks: tuple[Block, ...]
+    node_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    element_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions."""
+        return self.points.shape[1]
+
+    @property
+    def element_count(self) -> int:
+        """Number of elements of all blocks."""
+        return sum(len(block.nodes) for block in self.blocks)

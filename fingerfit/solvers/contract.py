@@ -1,0 +1,112 @@
+"""What a solver adapter must offer, and what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from fingerfit.errors import StateError
+from fingerfit.files import read_npz, write_npz
+
+CONVERGED = "converged"
+DIVERGED = "diverged"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Answer of a solver to one deck.
+
+    Parameters
+    ----------
+    status : str
+        ``converged``, or ``diverged``: a guess without solution is an answer, not an error.
+    displacement : ndarray, shape (steps, nodes, dim)
+        In mm, at the end of each step, nodes in the order of the deck.
+    reaction : ndarray, shape (steps, dim)
+        Force of the indenter on the body in N (negative along the second axis in compression).
+    indenter : ndarray, shape (steps, dim)
+        Displacement of the indenter in mm.
+    message : str
+        Why it stopped, in one line.
+    iterations : tuple of int
+        Equilibrium iterations of each step.
+    """
+
+    status: str
+    displacement: np.ndarray
+    reaction: np.ndarray
+    indenter: np.ndarray
+    message: str = ""
+    iterations: tuple[int, ...] = ()
+
+    @property
+    def steps(self) -> int:
+        """Number of steps that were reached."""
+        return len(self.displacement)
+
+    def save(self, path: Path) -> None:
+        """Write to an .npz file, whole or not at all."""
+        write_npz(
+            path,
+            {
+                "status": np.array(self.status),
+                "displacement": self.displacement,
+                "reaction": self.reaction,
+                "indenter": self.indenter,
+                "message": np.array(self.message),
+                "iterations": np.array(self.iterations, dtype=int),
+            },
+        )
+
+    @classmethod
+    def load(cls, path: Path) -> Outcome:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        StateError
+            When the file is missing, damaged or something else.
+        """
+        data = read_npz(path)
+        try:
+            return cls(
+                str(data["status"]),
+                data["displacement"],
+                data["reaction"],
+                data["indenter"],
+                str(data["message"]),
+                tuple(int(i) for i in data["iterations"]),
+            )
+        except KeyError as error:
+            raise StateError(f"{path}: is not a solution: {error} is missing") from error
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What an adapter can do; anything else is refused before a run."""
+
+    elements: frozenset[str]
+    control: frozenset[str] = field(default_factory=lambda: frozenset({"force", "displacement"}))
+    dialect: str = "abaqus"
+
+
+class Solver(Protocol):
+    """Contract of an adapter; found through the entry point group ``fingerfit.solvers``."""
+
+    name: str
+    capabilities: Capabilities
+
+    def identity(self) -> dict[str, Any]:
+        """Name, version and whatever else changes the answer (JSON), but not the number of threads.
+
+        Raises SolverError when the solver is not installed.
+        """
+
+    def check(self, deck: Path) -> None:
+        """Cheap look at a deck; raises InputError for what the solver lacks, SolverError when it is not there."""
+
+    def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
+        """Run the deck in a folder of its own; raises SolverError when it could not be run at all."""
