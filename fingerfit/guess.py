@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fingerfit.errors import FingerfitError
 
 DIGITS = 10
-"""Significant digits of a guess. Text and number of a guess are the same thing, so hashes agree between runs."""
+"""Significant digits of a guess: text and number of a guess are the same thing, so hashes agree."""
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ class Solver(Protocol):
         """
 
     def check(self, deck: Path) -> None:
-        """Cheap look at a deck; raises InputError for what the solver lacks, SolverError when it is not there."""
+        """Look at a deck cheaply; InputError for what the solver lacks, SolverError when it is not there."""
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Run the deck in a folder of its own; raises SolverError when it could not be run at all."""
