@@ -1,0 +1,36 @@
+.DEFAULT_GOAL := help
+.PHONY: help run test setup lint clean benchmark
+
+PYTHON ?= python3
+CORES ?= 2
+BIN := .venv/bin
+
+help:  ## show this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+run: setup  ## set up and identify the phantom study
+	$(BIN)/snakemake --cores $(CORES)
+
+test: setup  ## set up and run the tests
+	$(BIN)/python -m pytest -n $(CORES)
+
+setup: .venv/ready  ## make the virtual environment in .venv from the lock file
+
+.venv/ready: requirements.lock pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "fingerfit needs Python 3.11 or newer")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+lint: setup  ## style, types, rules
+	$(BIN)/ruff check . && $(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/snakemake --lint
+
+benchmark: setup  ## the long batteries (tables in benchmarks/)
+	$(BIN)/python benchmarks/noise_realisations.py
+
+clean:  ## remove results, not the environment
+	rm -rf results .snakemake

@@ -1,0 +1,100 @@
+"""Measured data as arrays, ready to be compared: what `prepare` writes and every round reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.errors import StateError
+from fingerfit.files import read_npz, write_npz
+
+
+@dataclass(frozen=True)
+class Data:
+    """Measured data of a study in mm, N and s; NaN stands for what was not measured.
+
+    Parameters
+    ----------
+    step : ndarray of int, shape (steps,)
+        Numbers of the steps as the study gives them.
+    force, displacement : ndarray, shape (steps,)
+        Of the indenter, positive in compression, N and mm.
+    control : str
+        ``force`` or ``displacement``: what the simulation prescribes. The other one is data.
+    force_noise, displacement_noise, picture_noise, points_noise : float
+        Standard deviations; that of the pictures holds before smoothing, in scaled intensity.
+    before : ndarray, shape (ny, nx) or (nz, ny, nx)
+        Smoothed and scaled picture before compression; empty when there are no pictures.
+    measured : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
+        Smoothed and scaled pictures during compression.
+    picture_step : ndarray of int, shape (pictures,)
+        Index into `step` of each picture.
+    spacing, origin, direction : ndarray
+        Geometry of the pictures, mm.
+    background : float
+        Intensity where there is no body.
+    smooth : float
+        Standard deviation of the Gaussian that was applied, pixels.
+    points, points_displacement : ndarray, shape (points, dim)
+        Reference positions and measured displacements of material points, mm.
+    points_step : ndarray of int, shape (points,)
+        Index into `step` of each measured point.
+    """
+
+    step: np.ndarray
+    force: np.ndarray
+    displacement: np.ndarray
+    control: str
+    force_noise: float
+    displacement_noise: float
+    picture_noise: float
+    points_noise: float
+    before: np.ndarray
+    measured: np.ndarray
+    picture_step: np.ndarray
+    spacing: np.ndarray
+    origin: np.ndarray
+    direction: np.ndarray
+    background: float
+    smooth: float
+    points: np.ndarray
+    points_displacement: np.ndarray
+    points_step: np.ndarray
+
+    def save(self, path: Path) -> None:
+        """Write to .npz, whole or not at all."""
+        write_npz(path, {name: np.asarray(value) for name, value in self.__dict__.items()})
+
+    @classmethod
+    def load(cls, path: Path) -> Data:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        StateError
+            When the file is missing, damaged or something else.
+        """
+        arrays = read_npz(path)
+        try:
+            return cls(**{k: v if v.ndim else v.item() for k, v in arrays.items()})
+        except TypeError as error:
+            raise StateError(f"{path}: is not prepared data: {error}") from error
+
+    @property
+    def control_noise(self) -> float:
+        """Standard deviation of the prescribed quantity."""
+        return self.force_noise if self.control == "force" else self.displacement_noise
+
+    @property
+    def controlled(self) -> np.ndarray:
+        """Prescribed quantity per step, N or mm."""
+        return self.force if self.control == "force" else self.displacement
+
+    @property
+    def conjugate(self) -> tuple[np.ndarray, float]:
+        """Measured quantity that the control leaves free, and its standard deviation."""
+        if self.control == "force":
+            return self.displacement, self.displacement_noise
+        return self.force, self.force_noise

@@ -1,0 +1,143 @@
+"""The estimate of a finished search: constants, their uncertainty, what the data cannot tell.
+
+Near the best guess the prediction is linear in the logarithms of the constants; the slopes come from
+simulations at either side. A parametric bootstrap then repeats the measurement with new noise - on the picture
+before compression, on the pictures during compression, on the prescribed force or displacement and on the
+quantities measured beside - and finds the best constants of each repetition by the very score that was used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.data import Data
+from fingerfit.guess import Parameter
+from fingerfit.imaging.warp import Warper
+from fingerfit.score import Prediction, score
+
+STEP = 0.03
+"""Step of the sensitivities: in the logarithm, or relative to the distance of the bounds."""
+
+
+def step_of(parameter: Parameter, value: float) -> float:
+    """Size of the step of a parameter in its own unit, for a factor of exp(STEP) or a linear step."""
+    return value * STEP if parameter.log else (parameter.upper - parameter.lower) * STEP
+
+
+def sensitivity_values(
+    parameters: tuple[Parameter, ...], best: Mapping[str, float]
+) -> dict[str, dict[str, float]]:
+    """Guesses at either side of the best one, by role ``+name`` and ``-name``."""
+    asked = {}
+    for parameter in parameters:
+        value = best[parameter.name]
+        for sign, name in ((1.0, "+"), (-1.0, "-")):
+            moved = (
+                value * np.exp(sign * STEP) if parameter.log else value + sign * step_of(parameter, value)
+            )
+            asked[name + parameter.name] = {**best, parameter.name: float(moved)}
+    return asked
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """Prediction near the best guess: base + sum of slope_i times delta_i, delta in search coordinates.
+
+    Parameters
+    ----------
+    base : Prediction
+        At the best guess.
+    slopes : tuple of Prediction
+        Derivatives by the logarithm of each parameter (by the value, where it is not on a log scale).
+    control : Prediction
+        Derivative by the relative size of the prescribed quantity, each step by its own.
+    """
+
+    base: Prediction
+    slopes: tuple[Prediction, ...]
+    control: Prediction
+
+    def at(self, delta: np.ndarray, offset: Prediction | None = None) -> Prediction:
+        """Prediction at `delta`, shape (parameters,), from the search's best guess."""
+        total = self.base if offset is None else self.base + offset
+        for slope, d in zip(self.slopes, delta, strict=True):
+            total = total + slope * float(d)
+        return total
+
+
+class Replicates:
+    """Repetitions of the measurement with new noise.
+
+    Parameters
+    ----------
+    model : LinearModel
+        The truth of the repetitions is its base.
+    data : Data
+        Gives the noise.
+    maps : list of BackwardMap
+        Maps at the best guess: they carry the noise of the first picture along.
+    kind, bins
+        As for `score`.
+    seed : int
+        Of the noise: the same input gives the same digits.
+    """
+
+    def __init__(self, model: LinearModel, data: Data, maps: list, kind: str, bins: int, seed: int) -> None:
+        self.model, self.data, self.maps, self.kind, self.bins = model, data, maps, kind, bins
+        self.rng = np.random.default_rng(seed)
+
+    def noise_free(self, delta: np.ndarray) -> float:
+        """Score of `delta` against the measured data themselves."""
+        return score(self.kind, self.model.at(delta), self.data, self.bins)
+
+    def draw(self):
+        """Score of one repetition as a function of delta, shape (parameters,)."""
+        from dataclasses import replace
+
+        data, base = self.data, self.model.base
+        relative = self._control_noise()
+        shift = self._scale_by_step(self.model.control, relative)
+        pictures = shift.pictures
+        measured = base.pictures
+        if data.measured.size:
+            warper = Warper(self._picture_noise(data.before.shape), 0.0)
+            pictures = pictures + np.array([warper(m) for m in self.maps])
+            measured = measured + np.array([self._picture_noise(p.shape) for p in base.pictures])
+        offset = Prediction(pictures, shift.conjugate, shift.points)
+        conjugate, spread = data.conjugate
+        drawn = np.where(np.isfinite(conjugate), base.conjugate, np.nan)
+        drawn = drawn + self._gauss(drawn.shape, spread)
+        name = "displacement" if data.control == "force" else "force"
+        repeated = replace(
+            data,
+            measured=measured,
+            points_displacement=base.points + self._gauss(base.points.shape, data.points_noise),
+            **{name: drawn},
+        )
+        return lambda delta: score(self.kind, self.model.at(delta, offset), repeated, self.bins)
+
+    def _gauss(self, shape: tuple[int, ...], spread: float) -> np.ndarray:
+        return self.rng.normal(0.0, spread, shape) if spread > 0 else np.zeros(shape)
+
+    def _picture_noise(self, shape: tuple[int, ...]) -> np.ndarray:
+        from scipy.ndimage import gaussian_filter
+
+        noise = self._gauss(shape, self.data.picture_noise)
+        return gaussian_filter(noise, self.data.smooth) if self.data.smooth > 0 else noise
+
+    def _control_noise(self) -> np.ndarray:
+        size = np.abs(self.data.controlled)
+        spread = self._gauss(size.shape, self.data.control_noise)
+        return np.divide(spread, size, out=np.zeros_like(spread), where=size > 0)
+
+    def _scale_by_step(self, slope: Prediction, relative: np.ndarray) -> Prediction:
+        per_picture = relative[self.data.picture_step]
+        per_picture = per_picture.reshape(-1, *[1] * (slope.pictures.ndim - 1))
+        return Prediction(
+            slope.pictures * per_picture,
+            slope.conjugate * relative,
+            slope.points * relative[self.data.points_step][:, None],
+        )

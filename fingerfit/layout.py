@@ -1,0 +1,83 @@
+"""Which files and settings each part of the workflow depends on."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from fingerfit.files import digest, write_text
+from fingerfit.settings import Settings
+
+PACKAGE = Path(__file__).parent
+TEMPLATES = PACKAGE.parent / "templates"
+
+# What a change of which must run a stage again. Solvers are not here: their identity names the simulations.
+_DECK = ("deck/render.py", "guess.py")
+_DATA = ("data.py", "files.py", "study.py", "imaging", "mesh.py")
+SOURCES: dict[str, tuple[str, ...]] = {
+    "prepare": (*_DATA, "prepare.py", "units.py"),
+    "propose": (*_DATA, *_DECK, "fit.py", "predict.py", "rounds.py", "score.py", "search", "estimate.py"),
+    "estimate": (*_DATA, "estimate.py", "fit.py", "predict.py", "score.py", "uncertainty.py"),
+    "plot": ("plots.py", "predict.py", "imaging"),
+}
+
+
+@cache
+def fingerprint(stage: str) -> str:
+    """Hash of the sources that a stage runs."""
+    parts: list[str | bytes] = []
+    for name in SOURCES[stage]:
+        path = PACKAGE / name
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            parts += [file.relative_to(PACKAGE).as_posix(), file.read_bytes()]
+    return digest(*parts)
+
+
+def settings_of(settings: Settings, stage: str) -> str:
+    """The settings that a stage depends on, as one line of JSON."""
+    every = settings.model_dump(mode="json")
+    fit = every["fit"]
+    pictures = {name: fit[name] for name in ("steps", "smooth")}
+    chosen: dict[str, Any] = {
+        "prepare": {"study": every["study"], "mesh": every["model"]["mesh"], "pictures": pictures},
+        "propose": {name: every[name] for name in ("study", "solver", "model", "fit")},
+        "estimate": {"fit": fit},
+        "plot": {},
+    }
+    return json.dumps(chosen[stage], sort_keys=True)
+
+
+def study_folder(settings: Settings) -> Path:
+    """``results/{study}``."""
+    return Path(settings.results) / Path(settings.study).name
+
+
+def model_folder(settings: Settings) -> Path:
+    """``results/{study}/{model}``."""
+    return study_folder(settings) / settings.model.name
+
+
+def study_files(settings: Settings) -> list[str]:
+    """All files of a study that a fit may read: those at its top and in folders of pictures, not the sealed truth."""
+    folder = Path(settings.study)
+    return sorted(
+        str(path)
+        for path in folder.rglob("*")
+        if path.is_file() and "sealed" not in path.parts and path.suffix not in {".j2", ".md"}
+        and path.name not in {"experiment.yaml", "config.yaml"}
+    )
+
+
+def template_files(settings: Settings) -> list[str]:
+    """All templates, those of the study included."""
+    return [*sorted(map(str, TEMPLATES.rglob("*.j2"))), *sorted(map(str, Path(settings.study).rglob("*.j2")))]
+
+
+def write_settings(settings: Settings, path: Path) -> str:
+    """Write the settings where they differ from what is there, and return the path."""
+    text = json.dumps(settings.model_dump(mode="json"), indent=1, sort_keys=True) + "\n"
+    if not path.exists() or path.read_text() != text:
+        write_text(path, text)
+    return str(path)

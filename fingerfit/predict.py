@@ -1,0 +1,84 @@
+"""From the answer of a solver to what should have been measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.data import Data
+from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.warp import Warper, backward_map, interpolate
+from fingerfit.mesh import Mesh
+from fingerfit.score import Prediction
+from fingerfit.solvers.contract import CONVERGED, Outcome
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Where the deformed mesh is no map any more.
+
+    Parameters
+    ----------
+    inverted : int
+        Elements turned inside out, over all pictures.
+    overlaps : int
+        Pixels that more than one element claims, over all pictures.
+    """
+
+    inverted: int = 0
+    overlaps: int = 0
+
+
+class Predictor:
+    """Synthesizes pictures and reads the other measured quantities from solutions of one mesh.
+
+    Parameters
+    ----------
+    data : Data
+        Measured data; the picture before compression is filtered once.
+    mesh : Mesh
+        Mesh of the decks.
+    """
+
+    def __init__(self, data: Data, mesh: Mesh) -> None:
+        self.data, self.mesh = data, mesh
+        self._warper = Warper(data.before, data.background) if data.measured.size else None
+        self._frame = Picture(data.before, data.spacing, data.origin, data.direction)
+
+    def predict(self, outcome: Outcome) -> tuple[Prediction, Faults] | None:
+        """Prediction of a solution, or None when it did not reach the last step."""
+        data = self.data
+        if outcome.status != CONVERGED or outcome.steps < len(data.step):
+            return None
+        maps = [
+            backward_map(self.mesh, outcome.displacement[step], self._frame) for step in data.picture_step
+        ]
+        pictures = np.array([self._warper(m) for m in maps]) if self._warper else np.empty_like(data.measured)
+        axis = self.mesh.dim - 1
+        conjugate = outcome.indenter if data.control == "force" else outcome.reaction
+        points = np.empty_like(data.points_displacement)
+        for step in np.unique(data.points_step):
+            chosen = data.points_step == step
+            points[chosen] = interpolate(self.mesh, outcome.displacement[step], data.points[chosen])
+        faults = Faults(sum(m.inverted for m in maps), sum(m.overlaps for m in maps))
+        return Prediction(pictures, -conjugate[: len(data.step), axis], points), faults
+
+    def replicate(self, outcome: Outcome, noise: np.ndarray) -> np.ndarray:
+        """Warp noise of the picture before compression with a solution.
+
+        Parameters
+        ----------
+        noise : ndarray, like `Data.before`
+            Noise, smoothed like the picture.
+
+        Returns
+        -------
+        ndarray, like `Data.measured`
+        """
+        warper = Warper(noise, 0.0)
+        return np.array([warper(m) for m in self.maps(outcome)])
+
+    def maps(self, outcome: Outcome) -> list:
+        """Backward maps of the pictures' steps."""
+        return [backward_map(self.mesh, outcome.displacement[s], self._frame) for s in self.data.picture_step]

@@ -1,0 +1,150 @@
+"""Rounds of the search on disk, and the folders of the simulations they ask for.
+
+A round file holds everything that is known up to it (the history of guesses with their scores) and the batch
+of guesses that it asks for, with the text of their decks. The folder of a simulation is named by the hash of
+its deck, the mesh the deck includes and the identity of the solver, and can always be made again from a round.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from fingerfit.errors import StateError
+from fingerfit.files import digest, read_json, write_json, write_text
+
+
+def simulation_name(deck: str, solver: dict[str, Any]) -> str:
+    """Name of a simulation: the deck names its mesh by content, so text and solver identify the answer."""
+    return digest(deck, json.dumps(solver, sort_keys=True))
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One guess that a round asks for.
+
+    Parameters
+    ----------
+    values : dict
+        Parameter values in their units.
+    sim : str
+        Name of the simulation.
+    deck : str
+        Text of the deck.
+    role : str
+        ``search``, or what a sensitivity is for: ``+mu_top``, ``-mu_top``, ``+control``, ``-control``.
+    """
+
+    values: dict[str, float]
+    sim: str
+    deck: str
+    role: str = "search"
+
+
+@dataclass(frozen=True)
+class Round:
+    """What is known after a round and what it asks for.
+
+    Parameters
+    ----------
+    number : int
+        Counted from 0.
+    stage : str
+        Stage of the search.
+    stop : str or None
+        Why the search ended; None while it goes on.
+    solver : dict
+        Identity of the solver.
+    mesh : str
+        Hash of the mesh file.
+    history : list of dict
+        Evaluations so far: ``values``, ``sim``, ``score`` (None: diverged), ``message``.
+    batch : list of Asked
+        Guesses to be simulated before the next round.
+    best : dict or None
+        The best evaluation so far.
+    """
+
+    number: int
+    stage: str
+    stop: str | None
+    solver: dict[str, Any]
+    mesh: str
+    history: list[dict[str, Any]] = field(default_factory=list)
+    batch: list[Asked] = field(default_factory=list)
+    best: dict[str, Any] | None = None
+
+    def save(self, path: Path) -> None:
+        """Write as JSON, whole or not at all."""
+        data = {**self.__dict__, "batch": [asked.__dict__ for asked in self.batch]}
+        write_json(path, data)
+
+    @classmethod
+    def load(cls, path: Path) -> Round:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        StateError
+            When the file is missing, damaged or something else.
+        """
+        data = read_json(path)
+        try:
+            return cls(**{**data, "batch": [Asked(**asked) for asked in data["batch"]]})
+        except (TypeError, KeyError) as error:
+            raise StateError(f"{path}: is not a round of a search: {error}") from error
+
+
+@lru_cache(maxsize=4096)
+def _load_cached(path: str, stamp: int) -> Round:
+    return Round.load(Path(path))
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Walks the rounds of one model for the workflow, and makes the folders of their simulations.
+
+    Parameters
+    ----------
+    study : Path
+        ``results/{study}``, where simulations and meshes are.
+    model : Path
+        ``results/{study}/{model}``, where the rounds are.
+    """
+
+    study: Path
+    model: Path
+
+    def _round(self, path: str | Path) -> Round:
+        return _load_cached(str(path), Path(path).stat().st_mtime_ns)
+
+    def stopped(self, path: str | Path) -> bool:
+        """Whether the search ended with this round."""
+        return self._round(path).stop is not None
+
+    def batch(self, path: str | Path) -> list[str]:
+        """Names of the simulations that a round asks for; their decks are written where they are missing."""
+        current = self._round(path)
+        mesh = self.study / "meshes" / f"{current.mesh}.inp"
+        if not mesh.exists():
+            write_text(mesh, (self.model / "mesh.inp").read_text())
+        for asked in current.batch:
+            folder = self.study / "sims" / asked.sim
+            if not (folder / "deck.inp").exists():
+                write_text(folder / "deck.inp", asked.deck)
+            if not (folder / "solver.json").exists():
+                write_json(folder / "solver.json", {**current.solver, "includes": [mesh.name]})
+        return list(dict.fromkeys(asked.sim for asked in current.batch))
+
+    def sim_inputs(self, sim: str) -> list[str]:
+        """Deck, identity of the solver and mesh of a simulation."""
+        folder = self.study / "sims" / sim
+        includes = read_json(folder / "solver.json")["includes"]
+        return [
+            str(folder / "deck.inp"),
+            str(folder / "solver.json"),
+            *[str(self.study / "meshes" / name) for name in includes],
+        ]

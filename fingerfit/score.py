@@ -1,0 +1,87 @@
+"""The score of a guess: what a simulation predicts against what was measured. Lower is better."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.data import Data
+from fingerfit.imaging.similarity import nmi, ssd
+
+KINDS = ("nmi", "ssd", "likelihood")
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a simulation says should have been measured; arrays as in `Data`.
+
+    Parameters
+    ----------
+    pictures : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
+        Synthesized pictures.
+    conjugate : ndarray, shape (steps,)
+        Force in N under displacement control, displacement in mm under force control.
+    points : ndarray, shape (points, dim)
+        Displacements of the measured points, mm.
+    """
+
+    pictures: np.ndarray
+    conjugate: np.ndarray
+    points: np.ndarray
+
+    def __add__(self, other: Prediction) -> Prediction:
+        return Prediction(
+            self.pictures + other.pictures, self.conjugate + other.conjugate, self.points + other.points
+        )
+
+    def __sub__(self, other: Prediction) -> Prediction:
+        return self + other * -1.0
+
+    def __mul__(self, factor: float) -> Prediction:
+        return Prediction(self.pictures * factor, self.conjugate * factor, self.points * factor)
+
+
+def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
+    """Score of a prediction.
+
+    Parameters
+    ----------
+    kind : str
+        ``nmi``: minus the mean normalized mutual information of the pictures (Studholme et al. 1999);
+        ``ssd``: mean squared difference of the pictures; ``likelihood``: half the chi-square of all data
+        with their noise, pictures, forces or displacements, and points.
+    bins : int
+        Bins of the joint histogram, for ``nmi``.
+    """
+    if kind == "nmi":
+        pairs = zip(data.measured, prediction.pictures, strict=True)
+        return -float(np.mean([nmi(measured, picture, bins=bins) for measured, picture in pairs]))
+    if kind == "ssd":
+        return float(
+            np.mean([ssd(m, p) for m, p in zip(data.measured, prediction.pictures, strict=True)])
+        )
+    return 0.5 * sum(chi_square(prediction, data).values())
+
+
+def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
+    """Chi-square of each kind of data; kinds without data or without known noise are left out.
+
+    Smoothing makes the noise of neighbouring pixels alike: a Gaussian of s pixels leaves 1 / (4 pi s^2) of
+    the variance and of the independent values (in two dimensions, for s above half a pixel). Both pictures of
+    a comparison are noisy.
+    """
+    total: dict[str, float] = {}
+    if data.measured.size and data.picture_noise > 0:
+        dim = data.measured.ndim - 1
+        shrink = max(1.0, (4.0 * np.pi * data.smooth**2) ** (dim / 2))
+        variance = 2.0 * data.picture_noise**2 / shrink
+        total["pictures"] = float(np.sum((prediction.pictures - data.measured) ** 2) / variance / shrink)
+    measured, noise = data.conjugate
+    known = np.isfinite(measured)
+    if known.any() and noise > 0:
+        total["conjugate"] = float(np.sum(((prediction.conjugate - measured)[known] / noise) ** 2))
+    if data.points.size and data.points_noise > 0:
+        residual = (prediction.points - data.points_displacement) / data.points_noise
+        total["points"] = float(np.sum(residual**2))
+    return total
