@@ -1,0 +1,145 @@
+"""From a template and a guess to a deck."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fingerfit.errors import InputError
+
+if TYPE_CHECKING:
+    from jinja2.sandbox import SandboxedEnvironment
+
+    from fingerfit.mesh import Mesh
+    from fingerfit.study import Study
+
+QUANTITIES = ("mu", "alpha", "poisson")
+"""Constants of a layer; a guess or the fixed constants give each, for all layers or as ``mu_top`` for one."""
+
+
+def render_deck(template: str, context: Mapping[str, Any], folders: Sequence[Path]) -> str:
+    """Render a deck, strictly and in a sandbox.
+
+    Parameters
+    ----------
+    template : str
+        Name of the template.
+    context : mapping
+        Everything the template may name.
+    folders : sequence of Path
+        Where templates are looked up, in order.
+
+    Raises
+    ------
+    InputError
+        Naming the template and its line: missing name, syntax, missing part, forbidden access.
+    """
+    import jinja2
+
+    environment = _environment(tuple(map(str, folders)))
+    try:
+        text = environment.get_template(template).render(context)
+    except jinja2.TemplateSyntaxError as error:
+        raise InputError(
+            error.filename or template, f"line {error.lineno}", error.message, "valid Jinja"
+        ) from error
+    except jinja2.TemplateNotFound as error:
+        expected = "a template in " + " or ".join(map(str, folders))
+        raise InputError(template, "template", f"no file {error.message}", expected) from error
+    except Exception as error:  # whatever a user's template does wrong
+        where, line = _place(error, template)
+        raise InputError(where, f"line {line}", error, "names that a deck's context has") from error
+    return "\n".join(line for line in text.splitlines() if line.strip()) + "\n"
+
+
+def _place(error: Exception, template: str) -> tuple[str, int]:
+    """File and line of the innermost template in a traceback."""
+    where, line = template, 0
+    trace = error.__traceback__
+    while trace:
+        name = trace.tb_frame.f_code.co_filename
+        if name.endswith(".j2"):
+            where, line = name, trace.tb_lineno
+        trace = trace.tb_next
+    return where, line
+
+
+@functools.cache
+def _environment(folders: tuple[str, ...]) -> SandboxedEnvironment:
+    import jinja2
+    from jinja2.sandbox import SandboxedEnvironment
+
+    environment = SandboxedEnvironment(
+        loader=jinja2.FileSystemLoader(folders), undefined=jinja2.StrictUndefined, autoescape=False
+    )
+    environment.filters["number"] = _number
+    return environment
+
+
+def _number(value: float) -> str:
+    return f"{float(value):.12g}"
+
+
+def deck_context(
+    study: Study, mesh: Mesh, mesh_name: str, values: Mapping[str, float], material: Mapping[str, float]
+) -> dict[str, Any]:
+    """Everything that a template may name.
+
+    Parameters
+    ----------
+    study : Study
+        Gives layers, thickness, boundary, control and steps.
+    mesh : Mesh
+        Gives dimension and the nodes under the indenter.
+    mesh_name : str
+        What the deck includes.
+    values : mapping
+        The guess.
+    material : mapping
+        Fixed constants; the guess goes first.
+
+    Returns
+    -------
+    dict
+        ``title, mesh, dim, thickness, control, boundary, steps, increment, top, indenter, layers``, and
+        ``values`` for templates with parameters of their own.
+    """
+    layers = [_layer(name, values, material) for name in study.layer_names]
+    indenter = int(mesh.node_sets["INDENTER"][0])
+    return {
+        "title": study.title,
+        "mesh": mesh_name,
+        "dim": mesh.dim,
+        "thickness": study.thickness if mesh.dim == 2 else None,
+        "control": study.control,
+        "boundary": {"base": study.base, "indenter": study.indenter},
+        "steps": [{"force": step.force, "displacement": step.displacement} for step in study.steps],
+        "increment": "1.",
+        "top": [int(node) + 1 for node in mesh.node_sets["TOP"]],
+        "indenter": indenter + 1,
+        "layers": layers,
+        "values": dict(values),
+    }
+
+
+def _layer(name: str, values: Mapping[str, float], material: Mapping[str, float]) -> dict[str, Any]:
+    found: dict[str, float] = {}
+    for quantity in QUANTITIES:
+        for source, key in (
+            (values, f"{quantity}_{name}"),
+            (values, quantity),
+            (material, f"{quantity}_{name}"),
+            (material, quantity),
+        ):
+            if key in source:
+                found[quantity] = source[key]
+                break
+        else:
+            raise InputError(
+                "config", f"model.material.{quantity}", "nothing", f"a value of {quantity} for layer {name}"
+            )
+    mu, nu = found["mu"], found["poisson"]
+    bulk = 2 * mu * (1 + nu) / (3 * (1 - 2 * nu))
+    return {"name": name.upper(), **found, "d": 2 / bulk}

@@ -1,0 +1,115 @@
+"""Shape functions and integration rules, in ABAQUS node order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+_QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]], dtype=float)
+_HEX = np.array([[x, y, z] for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], dtype=float)
+
+
+def linear(corners: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bi- or trilinear shape functions of quadrilaterals and bricks.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (nodes, dim)
+        Local coordinates of the corners.
+    xi : ndarray, shape (points, dim)
+        Local coordinates.
+
+    Returns
+    -------
+    values : ndarray, shape (points, nodes)
+    gradients : ndarray, shape (points, nodes, dim)
+        By the local coordinates.
+    """
+    dim = corners.shape[1]
+    factors = (1 + xi[:, None, :] * corners[None]) / 2
+    values = factors.prod(axis=-1)
+    gradients = np.empty((*values.shape, dim))
+    for axis in range(dim):
+        others = [k for k in range(dim) if k != axis]
+        gradients[..., axis] = corners[:, axis] / 2 * factors[..., others].prod(axis=-1)
+    return values, gradients
+
+
+def serendipity(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shape functions of the quadrilateral of 8 nodes; shapes as in `linear`."""
+    r, s = xi[:, :1], xi[:, 1:]
+    a, b = _QUAD[:4, 0], _QUAD[:4, 1]
+    ra, sb = r * a, s * b
+    values = np.empty((len(xi), 8))
+    gradients = np.empty((len(xi), 8, 2))
+    values[:, :4] = (1 + ra) * (1 + sb) * (ra + sb - 1) / 4
+    gradients[:, :4, 0] = a * (1 + sb) * (2 * ra + sb) / 4
+    gradients[:, :4, 1] = b * (1 + ra) * (2 * sb + ra) / 4
+    for node in (4, 6):
+        sign = _QUAD[node, 1]
+        values[:, node] = ((1 - r**2) * (1 + sign * s) / 2)[:, 0]
+        gradients[:, node, 0] = (-r * (1 + sign * s))[:, 0]
+        gradients[:, node, 1] = (sign * (1 - r**2) / 2)[:, 0]
+    for node in (5, 7):
+        sign = _QUAD[node, 0]
+        values[:, node] = ((1 + sign * r) * (1 - s**2) / 2)[:, 0]
+        gradients[:, node, 0] = (sign * (1 - s**2) / 2)[:, 0]
+        gradients[:, node, 1] = (-s * (1 + sign * r))[:, 0]
+    return values, gradients
+
+
+def shape(element: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shape functions of an element type at local points.
+
+    Parameters
+    ----------
+    element : str
+        One of `ELEMENTS`.
+    xi : ndarray, shape (points, dim)
+
+    Returns
+    -------
+    values : ndarray, shape (points, nodes)
+    gradients : ndarray, shape (points, nodes, dim)
+    """
+    kind = ELEMENTS[element]
+    if kind.nodes == 8 and kind.dim == 2:
+        return serendipity(xi)
+    return linear(_QUAD[:4] if kind.dim == 2 else _HEX, xi)
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element type.
+
+    Parameters
+    ----------
+    dim, nodes : int
+        Space dimensions and number of nodes.
+    order : int
+        Gauss points per direction.
+    """
+
+    dim: int
+    nodes: int
+    order: int
+
+
+ELEMENTS = {
+    "CPE4": Element(2, 4, 2),
+    "CPE8": Element(2, 8, 3),
+    "CPE8R": Element(2, 8, 2),
+    "C3D8": Element(3, 8, 2),
+}
+
+
+@cache
+def rule(element: str) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss points and weights of an element type: shapes (points, dim) and (points,)."""
+    kind = ELEMENTS[element]
+    x, w = np.polynomial.legendre.leggauss(kind.order)
+    grid = np.meshgrid(*[x] * kind.dim, indexing="ij")
+    weights = np.meshgrid(*[w] * kind.dim, indexing="ij")
+    return np.stack([g.ravel() for g in grid], axis=1), np.prod([g.ravel() for g in weights], axis=0)

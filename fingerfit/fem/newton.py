@@ -1,0 +1,181 @@
+"""Newton's method with a predictor, a line search and step cutting."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.fem.system import System
+
+TOLERANCE = 1e-8
+"""Largest residual force, relative to the largest internal force."""
+ITERATIONS = 20
+CUTS = 7
+
+
+@dataclass(frozen=True)
+class State:
+    """An equilibrium.
+
+    Parameters
+    ----------
+    q : ndarray
+        Unknowns, mm.
+    u : ndarray, shape (size,)
+        All displacements, mm.
+    internal : ndarray, shape (size,)
+        Internal forces, N: the reaction where something is prescribed.
+    """
+
+    q: np.ndarray
+    u: np.ndarray
+    internal: np.ndarray
+
+
+@dataclass(frozen=True)
+class Load:
+    """What is prescribed: displacements in mm and forces in N, shape (size,)."""
+
+    given: np.ndarray
+    force: np.ndarray
+
+    def between(self, other: Load, share: float) -> Load:
+        """Load on the straight way to `other`."""
+        return Load(
+            self.given + share * (other.given - self.given), self.force + share * (other.force - self.force)
+        )
+
+
+class Newton:
+    """Follows a loading path.
+
+    Parameters
+    ----------
+    system : System
+        Elements and constraints.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        zero = np.zeros(system.size)
+        self.state = State(np.zeros(len(system.free)), zero, zero)
+        self.load = Load(zero, zero)
+        self._before: tuple[State, Load] | None = None
+
+    def advance(self, target: Load, first: float = 1.0) -> tuple[bool, int]:
+        """Go to a load, in one increment or as many as it needs.
+
+        Returns
+        -------
+        arrived : bool
+        iterations : int
+        """
+        start, share, size, total = self.load, 0.0, first, 0
+        smallest = 0.5**CUTS
+        while share < 1.0:
+            end = min(1.0, share + size)
+            load = start.between(target, end) if end < 1.0 else target
+            state, used = self._equilibrium(load)
+            total += used
+            if state is None:
+                size = min(size, end - share) / 2
+                if size < smallest:
+                    return False, total
+                continue
+            self._before = (self.state, self.load)
+            self.state, self.load, share = state, load, end
+            size *= 2
+        return True, total
+
+    def _predict(self, load: Load) -> np.ndarray | None:
+        """Unknowns continued on the line through the last two states; None where there is only one."""
+        if self._before is None:
+            return None
+        last, before = self.load, self._before[1]
+        done = np.concatenate([last.given - before.given, last.force - before.force])
+        ahead = np.concatenate([load.given - last.given, load.force - last.force])
+        length = done @ done
+        if length == 0:
+            return None
+        return self.state.q + (done @ ahead) / length * (self.state.q - self._before[0].q)
+
+    def _equilibrium(self, load: Load) -> tuple[State | None, int]:
+        system = self.system
+        q = self._predict(load)
+        if q is not None and self._forces(system.expand(q, load.given)) is None:
+            q = None
+        if q is None:
+            q = self._tangent_start(load)
+            if q is None:
+                return None, 1
+        best = np.inf
+        for iteration in range(1, ITERATIONS + 1):
+            u = system.expand(q, load.given)
+            evaluated = [body.forces(u) for body in system.bodies]
+            if any(e is None for e in evaluated):
+                return None, iteration
+            internal = system.gather([e[0] for e in evaluated if e])
+            residual = system.reduce(internal - load.force)
+            scale = max(np.abs(internal).max(), np.abs(load.force).max(), 1e-300)
+            error = np.abs(residual).max() / scale if len(residual) else 0.0
+            if error < TOLERANCE:
+                return State(q, u, internal), iteration
+            best = min(best, error)
+            step = system.solve(system.matrix([e[1] for e in evaluated if e]), -residual)
+            if step is None:
+                return None, iteration
+            # an indefinite tangent points uphill in energy: turn it round
+            if step @ residual > 0 and error > 1e-4:
+                step = -step
+            moved = self._search(q, step, residual, load)
+            if moved is None:
+                return None, iteration
+            q = moved
+        return None, ITERATIONS
+
+    def _tangent_start(self, load: Load) -> np.ndarray | None:
+        """First step from the last state with its own tangent, the prescribed displacements moved along."""
+        system, state = self.system, self.state
+        evaluated = [body.forces(state.u) for body in system.bodies]
+        if any(e is None for e in evaluated):
+            return None
+        move = system.expand(np.zeros(len(system.free)), load.given - self.load.given)
+        pushed = [
+            force + (stiffness @ move[body.dofs][..., None])[..., 0]
+            for body, (force, stiffness) in zip(system.bodies, [e for e in evaluated if e], strict=True)
+        ]
+        residual = system.reduce(system.gather(pushed) - load.force)
+        step = system.solve(system.matrix([e[1] for e in evaluated if e]), -residual)
+        if step is None:
+            return None
+        q = state.q + step
+        return q if self._forces(system.expand(q, load.given)) is not None else None
+
+    def _forces(self, u: np.ndarray) -> np.ndarray | None:
+        parts = [body.forces(u, tangent=False) for body in self.system.bodies]
+        if any(part is None for part in parts):
+            return None
+        return self.system.gather([part[0] for part in parts if part])
+
+    def _search(self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load) -> np.ndarray | None:
+        """Shorten a step until it lowers the residual or the potential energy."""
+        system = self.system
+        norm, slope = np.abs(residual).max(), float(step @ residual)
+        start: float | None = None
+        for cut in range(9):
+            trial = q + 0.5**cut * step
+            u = system.expand(trial, load.given)
+            internal = self._forces(u)
+            if internal is None:
+                continue
+            if np.abs(system.reduce(internal - load.force)).max() < norm:
+                return trial
+            if start is None:
+                start = self._potential(system.expand(q, load.given), load)
+            if self._potential(u, load) < start + 1e-4 * 0.5**cut * slope:
+                return trial
+        return None
+
+    def _potential(self, u: np.ndarray, load: Load) -> float:
+        return sum(body.energy(u) for body in self.system.bodies) - float(load.force @ u)

@@ -1,0 +1,97 @@
+"""Ogden's hyperelastic material, split into a deviatoric and a volumetric part.
+
+W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) + sum_i 1 / D_i (J - 1)^(2 i) with the
+deviatoric stretches l = J^(-1/3) lambda, as ABAQUS and CalculiX define it (CalculiX manual, *HYPERELASTIC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Ogden:
+    """Constants of an Ogden material of any order.
+
+    Parameters
+    ----------
+    mu : tuple of float, or of arrays of shape (points,)
+        Shear constants, MPa; their sum is the initial shear modulus.
+    alpha : tuple of float
+        Exponents.
+    d : tuple of float
+        Compressibilities, 1/MPa; the initial bulk modulus is 2 / d[0].
+    """
+
+    mu: tuple[float, ...]
+    alpha: tuple[float, ...]
+    d: tuple[float, ...]
+
+    def energy(self, stretch: np.ndarray) -> np.ndarray:
+        """Strain energy density in MPa for principal stretches of shape (..., 3)."""
+        jacobian = stretch.prod(axis=-1)
+        logarithm = np.log(stretch)
+        logarithm -= logarithm.mean(axis=-1, keepdims=True)
+        total = np.zeros(jacobian.shape)
+        for mu, alpha in zip(self.mu, self.alpha, strict=True):
+            power = np.exp(np.asarray(alpha)[..., None] * logarithm)
+            total += 2 * mu / np.square(alpha) * (power.sum(axis=-1) - 3)
+        for order, d in enumerate(self.d, 1):
+            total += (jacobian - 1) ** (2 * order) / d
+        return total
+
+    def derivatives(self, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of the energy by the logarithms e of the principal stretches.
+
+        Parameters
+        ----------
+        stretch : ndarray, shape (..., 3)
+
+        Returns
+        -------
+        first : ndarray, shape (..., 3)
+            dW/de_a, the principal Kirchhoff stresses in MPa.
+        second : ndarray, shape (..., 3, 3)
+            d2W/de_a de_b in MPa.
+        """
+        jacobian = stretch.prod(axis=-1)
+        logarithm = np.log(stretch)
+        logarithm -= logarithm.mean(axis=-1, keepdims=True)
+        first = np.zeros(stretch.shape)
+        second = np.zeros((*stretch.shape, 3))
+        index = np.arange(3)
+        for mu_i, alpha_i in zip(self.mu, self.alpha, strict=True):
+            mu, alpha = np.asarray(mu_i)[..., None], np.asarray(alpha_i)[..., None]
+            power = np.exp(alpha * logarithm)
+            mean = power.mean(axis=-1, keepdims=True)
+            first += 2 * mu / alpha * (power - mean)
+            pair = (mean[..., None] - power[..., :, None] - power[..., None, :]) / 3
+            second += 2 * mu[..., None] * pair
+            second[..., index, index] += 2 * mu * power
+        gap = jacobian - 1
+        for order, d in enumerate(self.d, 1):
+            n = 2 * order
+            first += (n / d * gap ** (n - 1) * jacobian)[..., None]
+            stiffness = n / d * (gap ** (n - 1) * jacobian + (n - 1) * gap ** (n - 2) * jacobian**2)
+            second += stiffness[..., None, None]
+        return first, second
+
+
+def spread(materials: Sequence[Ogden], counts: Sequence[int]) -> Ogden:
+    """One material with constants of shape (points,), for runs of points that share a material.
+
+    Parameters
+    ----------
+    materials : sequence of Ogden
+        All of the same order.
+    counts : sequence of int
+        Points of each, in order.
+    """
+
+    def column(name: str) -> tuple:
+        return tuple(np.repeat(row, counts) for row in zip(*[getattr(m, name) for m in materials], strict=True))
+
+    return Ogden(column("mu"), column("alpha"), column("d"))

@@ -1,0 +1,130 @@
+"""Meshes of simple bodies: a block of layers in the plane, a brick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fingerfit.fem.elements import ELEMENTS
+from fingerfit.mesh import Block, Mesh
+
+
+def graded(count: int, grading: float) -> np.ndarray:
+    """Positions 0 to 1 of `count` intervals that shrink geometrically from the middle to both ends.
+
+    Parameters
+    ----------
+    count : int
+        Number of intervals.
+    grading : float
+        Largest over smallest interval.
+
+    >>> graded(4, 1.0).tolist()
+    [0.0, 0.25, 0.5, 0.75, 1.0]
+    """
+    from_end = np.minimum(np.arange(count), np.arange(count)[::-1])
+    sizes = np.power(float(grading), from_end / max(1, from_end.max()))
+    return np.concatenate([[0.0], np.cumsum(sizes) / sizes.sum()])
+
+
+def layered_block(
+    width: float,
+    layers: Sequence[tuple[str, float]],
+    across: int,
+    per_layer: int,
+    element: str = "CPE8",
+    grading: float = 1.0,
+    origin: Sequence[float] = (0.0, 0.0),
+) -> Mesh:
+    """Rectangular block of horizontal layers for plane strain.
+
+    Parameters
+    ----------
+    width : float
+        mm.
+    layers : sequence of (name, height in mm)
+        From the indenter, on top, down.
+    across, per_layer : int
+        Elements over the width and over each layer.
+    element : str
+        ``CPE4``, ``CPE8`` or ``CPE8R``.
+    grading : float
+        Largest over smallest element, towards both sides, and towards base and indenter.
+    origin : (float, float)
+        Lower left corner, mm.
+
+    Returns
+    -------
+    Mesh
+        Node sets BOTTOM, TOP, INDENTER (one node of TOP); an element set for each layer.
+    """
+    upward = list(reversed(layers))
+    x = origin[0] + width * graded(across, grading)
+    stack = graded(per_layer * len(upward), grading)
+    y, base = [origin[1]], origin[1]
+    for number, (_, height) in enumerate(upward):
+        part = stack[number * per_layer : (number + 1) * per_layer + 1]
+        y += list(base + height * (part[1:] - part[0]) / (part[-1] - part[0]))
+        base += height
+    mesh = _grid([x, np.array(y)], element)
+    rows = np.repeat(np.arange(per_layer * len(upward)), across)
+    names = [name.upper() for name, _ in upward]
+    sets = {name: np.flatnonzero(rows // per_layer == number) for number, name in enumerate(names)}
+    return Mesh(mesh.points, mesh.blocks, mesh.node_sets, sets)
+
+
+def brick(size: Sequence[float], elements: Sequence[int], name: str = "body") -> Mesh:
+    """Brick of C3D8 with a corner at the origin; the indenter pushes along -z.
+
+    Parameters
+    ----------
+    size : (float, float, float)
+        mm.
+    elements : (int, int, int)
+        Along each axis.
+    name : str
+        Of its only layer.
+
+    Returns
+    -------
+    Mesh
+        Node sets BOTTOM, TOP, INDENTER (one node of TOP), X0 and Y0 (planes of symmetry).
+    """
+    mesh = _grid([s * graded(n, 1.0) for s, n in zip(size, elements, strict=True)], "C3D8")
+    return Mesh(mesh.points, mesh.blocks, mesh.node_sets, {name.upper(): np.arange(mesh.element_count)})
+
+
+def _grid(axes: list[np.ndarray], element: str) -> Mesh:
+    """Structured mesh; nodes are numbered along the first axis first."""
+    dim = len(axes)
+    quadratic = dim == 2 and ELEMENTS[element].nodes == 8
+    if quadratic:
+        axes = [np.insert(a, np.arange(1, len(a)), (a[1:] + a[:-1]) / 2) for a in axes]
+    shape = tuple(len(a) for a in reversed(axes))
+    index = np.indices(shape)[::-1]
+    used = np.ones(shape, dtype=bool)
+    if quadratic:
+        used = (index[0] % 2 == 0) | (index[1] % 2 == 0)
+    number = np.full(shape, -1)
+    number[used] = np.arange(used.sum())
+    points = np.stack([axis[i[used]] for axis, i in zip(axes, index, strict=True)], axis=1)
+    step = 2 if quadratic else 1
+    cells = [np.arange(0, n - 1, step) for n in shape]
+    corner = np.stack([c.ravel() for c in np.meshgrid(*cells, indexing="ij")], axis=1)
+    offsets = {
+        4: [(0, 0), (0, 1), (1, 1), (1, 0)],
+        8: [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0)],
+    }
+    if dim == 3:
+        local = [(z, y, x) for z in (0, 1) for y, x in ((0, 0), (0, 1), (1, 1), (1, 0))]
+    else:
+        local = offsets[ELEMENTS[element].nodes]
+    nodes = np.stack([number[tuple((corner + offset).T)] for offset in local], axis=1)
+    top = number[-1][used[-1]].ravel()
+    sets = {"BOTTOM": number[0][used[0]].ravel(), "TOP": top, "INDENTER": top[len(top) // 2 :][:1]}
+    if dim == 2:
+        sets["MIDDLE"] = sets["BOTTOM"][len(sets["BOTTOM"]) // 2 :][:1]
+    else:
+        sets |= {"X0": number[:, :, 0].ravel(), "Y0": number[:, 0, :].ravel()}
+    return Mesh(points, (Block(element, nodes),), sets)
