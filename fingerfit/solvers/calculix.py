@@ -1,0 +1,140 @@
+"""CalculiX (ccx) as a solver: the same decks, its .dat file read back."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerfit.deck.reader import read_deck
+from fingerfit.errors import InputError, SolverError
+from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
+from fingerfit.solvers.process import run
+
+TIME_LIMIT = 3600.0
+"""Seconds for one deck."""
+
+
+class CalculixSolver:
+    """Adapter of CalculiX; the executable is `ccx` on the path, or what FINGERFIT_CCX names."""
+
+    name = "calculix"
+    capabilities = Capabilities(elements=frozenset({"CPE4", "CPE8", "CPE8R", "C3D8"}), dialect="calculix")
+
+    def identity(self) -> dict[str, Any]:
+        """Name and version.
+
+        Raises
+        ------
+        SolverError
+            When the executable is missing.
+        """
+        return {"name": self.name, "version": _version(_executable())}
+
+    def check(self, deck: Path) -> None:
+        """Read the deck; SolverError without an executable, InputError for elements that are not tested."""
+        _executable()
+        for block in read_deck(deck).mesh.blocks:
+            if block.element not in self.capabilities.elements:
+                raise InputError(deck, "*ELEMENT", block.element, "one of " + ", ".join(self.capabilities.elements))
+
+    def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
+        """Run ccx in a temporary folder inside `workdir`.
+
+        Raises
+        ------
+        SolverError
+            When it cannot be run, or refuses the deck.
+        """
+        read = read_deck(deck)
+        executable = _executable()
+        with tempfile.TemporaryDirectory(dir=workdir, prefix="ccx-") as name:
+            folder = Path(name)
+            _copy(deck, folder)
+            code, output = run(
+                [executable, "-i", "deck"],
+                folder,
+                TIME_LIMIT,
+                {"OMP_NUM_THREADS": str(threads), "CCX_NPROC_EQUATION_SOLVER": str(threads)},
+            )
+            result = folder / "deck.dat"
+            text = result.read_text(errors="replace") if result.exists() else ""
+        refused = re.search(r"\*ERROR(?! in|: increment size).*?(?:\n\s+.*)?", output)
+        found = _read_dat(text, len(read.steps))
+        if not found and not _diverged(output):
+            reason = " ".join(refused.group(0).split()) if refused else f"exit code {code}, no results"
+            raise SolverError(f"calculix: {deck}: {reason}")
+        return _outcome(found, read.mesh, len(read.steps))
+
+
+def _outcome(found: list[dict[str, np.ndarray]], mesh: Any, wanted: int) -> Outcome:
+    dim, nodes = mesh.dim, len(mesh.points)
+    displacement = np.zeros((len(found), nodes, dim))
+    reaction = np.zeros((len(found), dim))
+    for step, tables in enumerate(found):
+        rows = tables["ALL"]
+        displacement[step, rows[:, 0].astype(int) - 1] = rows[:, 1 : 1 + dim]
+        # equilibrium: the base holds what the indenter pushes
+        reaction[step] = -tables["BOTTOM"][:, 1 : 1 + dim].sum(axis=0)
+    status = CONVERGED if len(found) == wanted else DIVERGED
+    message = f"{wanted} steps" if status == CONVERGED else f"no equilibrium in step {len(found) + 1} of {wanted}"
+    return Outcome(status, displacement, reaction, displacement[:, mesh.node_sets["INDENTER"][0]], message)
+
+
+def _executable() -> str:
+    name = os.environ.get("FINGERFIT_CCX", "ccx")
+    found = shutil.which(name)
+    if found is None:
+        raise SolverError(
+            f"solver calculix: no executable {name}; install CalculiX (Debian: calculix-ccx) or set FINGERFIT_CCX"
+        )
+    return found
+
+
+@cache
+def _version(executable: str) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        _, output = run([executable, "-v"], Path(folder), 30.0)
+    found = re.search(r"[Vv]ersion\s+([\w.]+)", output)
+    if not found:
+        raise SolverError(f"{executable}: its -v names no version: is it CalculiX?")
+    return found.group(1)
+
+
+def _copy(deck: Path, folder: Path) -> None:
+    """Copy a deck and the files it includes, which ccx looks up where it runs."""
+    lines = []
+    for line in deck.read_text().splitlines():
+        match = re.match(r"\*INCLUDE\s*,\s*INPUT\s*=\s*(.+)", line, re.IGNORECASE)
+        if match:
+            source = deck.parent / match.group(1).strip()
+            shutil.copy(source, folder / source.name)
+            line = f"*INCLUDE, INPUT={source.name}"
+        lines.append(line)
+    (folder / "deck.inp").write_text("\n".join(lines) + "\n")
+
+
+def _diverged(output: str) -> bool:
+    return any(sign in output for sign in ("too many cutbacks", "increment size smaller", "best solution", "diverg"))
+
+
+def _read_dat(text: str, steps: int) -> list[dict[str, np.ndarray]]:
+    """Tables by set at the end of each step (total times 1, 2, ...) that was reached."""
+    tables: dict[float, dict[str, np.ndarray]] = {}
+    heads = list(re.finditer(r"(?:displacements|forces) \(.*?\) for set (\S+) and time\s+(\S+)", text))
+    for head, following in zip(heads, [*heads[1:], None], strict=True):
+        body = text[head.end() : following.start() if following else len(text)]
+        values = np.array(body.split(), dtype=float)
+        tables.setdefault(round(float(head.group(2)), 6), {})[head.group(1)] = values.reshape(-1, 4)
+    found = []
+    for step in range(1, steps + 1):
+        if not {"ALL", "BOTTOM"} <= set(tables.get(float(step), {})):
+            break
+        found.append(tables[float(step)])
+    return found

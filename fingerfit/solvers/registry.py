@@ -1,0 +1,40 @@
+"""Finding solvers: our own, and those that other packages register."""
+
+from __future__ import annotations
+
+import difflib
+from importlib.metadata import entry_points
+
+from fingerfit.errors import FingerfitError
+from fingerfit.solvers.contract import Solver
+
+GROUP = "fingerfit.solvers"
+
+
+def solver_names() -> list[str]:
+    """Names that `get_solver` knows."""
+    return sorted({"builtin", "calculix", *(entry.name for entry in entry_points(group=GROUP))})
+
+
+def get_solver(name: str) -> Solver:
+    """Adapter of a name.
+
+    Raises
+    ------
+    FingerfitError
+        For an unknown name, with the nearest known one.
+    """
+    if name == "builtin":
+        from fingerfit.solvers.builtin import BuiltinSolver
+
+        return BuiltinSolver()
+    if name == "calculix":
+        from fingerfit.solvers.calculix import CalculixSolver
+
+        return CalculixSolver()
+    for entry in entry_points(group=GROUP):
+        if entry.name == name:
+            return entry.load()()
+    near = difflib.get_close_matches(name, solver_names(), 1)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    raise FingerfitError(f"solver: found {name}; expected one of {', '.join(solver_names())}{hint}")
