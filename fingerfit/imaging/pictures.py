@@ -1,0 +1,118 @@
+"""Pictures with their place in space, read and written through SimpleITK."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerfit.errors import FingerfitError, InputError
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of two or three dimensions.
+
+    Parameters
+    ----------
+    values : ndarray, shape (ny, nx) or (nz, ny, nx)
+        Intensities.
+    spacing, origin : ndarray, shape (dim,)
+        mm, in the order x, y[, z]; the origin is the centre of the first pixel.
+    direction : ndarray, shape (dim, dim)
+        Columns are the directions of the axes.
+    """
+
+    values: np.ndarray
+    spacing: np.ndarray
+    origin: np.ndarray
+    direction: np.ndarray
+
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions."""
+        return len(self.spacing)
+
+    def to_index(self, points: np.ndarray) -> np.ndarray:
+        """Continuous pixel index (x, y[, z]) of points in mm, both of shape (points, dim)."""
+        return (points - self.origin) @ self.direction / self.spacing
+
+    def to_points(self, index: np.ndarray) -> np.ndarray:
+        """Points in mm of pixel indices (x, y[, z]), both of shape (points, dim)."""
+        return self.origin + (index * self.spacing) @ self.direction.T
+
+    def same_place(self, other: Picture) -> bool:
+        """Whether the other picture has the same pixels in space."""
+        return self.values.shape == other.values.shape and all(
+            np.allclose(a, b, atol=1e-6)
+            for a, b in (
+                (self.spacing, other.spacing),
+                (self.origin, other.origin),
+                (self.direction, other.direction),
+            )
+        )
+
+
+def read_picture(path: Path) -> Picture:
+    """Read a picture file, or a folder with one DICOM series.
+
+    Raises
+    ------
+    InputError
+        When it is missing, cannot be read, or is not a picture of finite scalars in 2 or 3 dimensions.
+    """
+    import SimpleITK as sitk
+
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    if not path.exists():
+        raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
+    try:
+        if path.is_dir():
+            files = sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(path))
+            if not files:
+                raise InputError(path, "picture", "a folder without a DICOM series", "one DICOM series")
+            image = sitk.ReadImage(files)
+        else:
+            image = sitk.ReadImage(str(path))
+    except RuntimeError as error:
+        reason = [line for line in str(error).splitlines() if line.strip()][-1]
+        raise InputError(path, "picture", reason, "a picture that SimpleITK reads") from error
+    if image.GetNumberOfComponentsPerPixel() != 1:
+        raise InputError(path, "picture", f"{image.GetNumberOfComponentsPerPixel()} channels", "one channel")
+    values = sitk.GetArrayFromImage(image).astype(float)
+    dim = image.GetDimension()
+    spacing, origin = np.array(image.GetSpacing()), np.array(image.GetOrigin())
+    direction = np.array(image.GetDirection()).reshape(dim, dim)
+    if dim == 3 and values.shape[0] == 1:
+        # one slice: a plane picture, whatever its format says
+        values, dim = values[0], 2
+        spacing, origin, direction = spacing[:2], origin[:2], direction[:2, :2]
+    if dim not in (2, 3):
+        raise InputError(path, "picture", f"{dim} dimensions", "2 or 3")
+    if not np.isfinite(values).all():
+        raise InputError(path, "picture", "NaN or infinite intensities", "finite intensities")
+    if abs(np.linalg.det(direction)) < 0.5:
+        raise InputError(path, "picture", "axes that are not perpendicular", "an orthogonal direction matrix")
+    return Picture(values, spacing, origin, direction)
+
+
+def write_picture(path: Path, picture: Picture, kind: Any = np.uint16) -> None:
+    """Write a picture; the format follows from the name. Whole or not at all."""
+    import SimpleITK as sitk
+
+    image = sitk.GetImageFromArray(picture.values.astype(kind))
+    image.SetSpacing(picture.spacing.tolist())
+    image.SetOrigin(picture.origin.tolist())
+    image.SetDirection(picture.direction.ravel().tolist())
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        temporary = Path(folder) / path.name
+        try:
+            sitk.WriteImage(image, str(temporary), useCompression=True)
+        except RuntimeError as error:
+            raise FingerfitError(f"{path}: cannot be written") from error
+        os.replace(temporary, path)

@@ -1,0 +1,233 @@
+"""Warping the picture before compression with the displacements of a mesh.
+
+For each pixel of the deformed picture the element that covers it is found and its local coordinates, by Newton's
+method on the element's own shape functions; these give the material point, and the picture before compression is
+read there through cubic B-splines (Unser 1999). The same code serves two and three dimensions.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.fem.elements import rule, shape
+from fingerfit.imaging.pictures import Picture
+from fingerfit.mesh import Mesh
+
+_INSIDE = 1 + 1e-6
+_DEEP = 1 - 1e-3
+_ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class BackwardMap:
+    """Where each pixel of the deformed picture comes from.
+
+    Parameters
+    ----------
+    pixel : ndarray of int, shape (covered,)
+        Flat indices of the pixels that the deformed body covers.
+    index : ndarray, shape (covered, dim)
+        Continuous pixel index (x, y[, z]) of the material point in the picture before compression.
+    element : ndarray of int, shape (covered,)
+        Element that covers the pixel.
+    shape : tuple of int
+        Shape of the picture.
+    inverted : int
+        Elements that are turned inside out somewhere: what they cover is left out.
+    overlaps : int
+        Pixels inside more than one element; the one whose centre is nearest has them.
+    """
+
+    pixel: np.ndarray
+    index: np.ndarray
+    element: np.ndarray
+    shape: tuple[int, ...]
+    inverted: int = 0
+    overlaps: int = 0
+
+
+def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture) -> BackwardMap:
+    """Map of the pixels of `frame` back to the reference state.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Reference mesh, mm.
+    displacement : ndarray, shape (nodes, dim)
+        mm.
+    frame : Picture
+        Only its pixel grid is used.
+    """
+    deformed = frame.to_index(mesh.points + displacement)
+    reference = frame.to_index(mesh.points)
+    size = np.array(frame.values.shape[::-1])
+    found, inverted, first = [], 0, 0
+    for block in mesh.blocks:
+        corners = deformed[block.nodes]
+        inverted += _count_inverted(block.element, corners, reference[block.nodes])
+        element, pixel = _candidates(corners, size)
+        xi, inside = _invert(block.element, corners[element], pixel.astype(float))
+        element, pixel, xi = element[inside], pixel[inside], xi[inside]
+        source = np.einsum("pn,pni->pi", shape(block.element, xi)[0], reference[block.nodes][element])
+        found.append((element + first, pixel, source, np.abs(xi).max(axis=1)))
+        first += len(block.nodes)
+    element, pixel, source, depth = (np.concatenate(part) for part in zip(*found, strict=True))
+    flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), frame.values.shape)
+    order = np.lexsort((element, depth, flat))
+    chosen = np.ones(len(order), dtype=bool)
+    chosen[1:] = flat[order][1:] != flat[order][:-1]
+    kept = order[chosen]
+    deep = np.bincount(flat[depth < _DEEP], minlength=1)
+    return BackwardMap(
+        flat[kept], source[kept], element[kept], frame.values.shape, inverted, int((deep > 1).sum())
+    )
+
+
+def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> int:
+    gradients = shape(kind, rule(kind)[0])[1]
+    det = [np.linalg.det(np.einsum("eni,gnj->egij", nodes, gradients)) for nodes in (corners, reference)]
+    return int(((det[0] * np.sign(det[1])) <= 0).any(axis=1).sum())
+
+
+def _candidates(corners: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of element and pixel whose bounding boxes meet: shapes (pairs,) and (pairs, dim)."""
+    slack = 0.1 * np.ptp(corners, axis=1) if corners.shape[1] > 4 else 1e-6
+    low = np.clip(np.ceil(corners.min(axis=1) - slack), 0, size).astype(np.int64)
+    high = np.clip(np.floor(corners.max(axis=1) + slack) + 1, 0, size).astype(np.int64)
+    extent = np.maximum(high - low, 0)
+    count = extent.prod(axis=1)
+    element = np.repeat(np.arange(len(corners)), count)
+    local = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    pixel = np.empty((len(element), corners.shape[2]), dtype=np.int64)
+    for axis in range(corners.shape[2]):
+        local, pixel[:, axis] = np.divmod(local, extent[element, axis])
+    return element, pixel + low[element]
+
+
+def _invert(kind: str, corners: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Local coordinates of targets in their elements, and whether they lie inside.
+
+    `corners` has shape (pairs, nodes, dim), `target` (pairs, dim).
+    """
+    xi = np.zeros(target.shape)
+    inside = np.zeros(len(target), dtype=bool)
+    active = np.arange(len(target))
+    for _ in range(_ITERATIONS):
+        values, gradients = shape(kind, xi[active])
+        nodes = corners[active]
+        gap = target[active] - np.einsum("pn,pni->pi", values, nodes)
+        jacobian = np.einsum("pni,pnj->pij", nodes, gradients)
+        move, det = _solve(jacobian, gap)
+        xi[active] += np.clip(move, -1.0, 1.0)
+        size = np.abs(move).max(axis=1)
+        done = size < 1e-8
+        inside[active[done]] = (np.abs(xi[active[done]]).max(axis=1) <= _INSIDE) & (det[done] != 0)
+        # far away after a step: the pixel is in another element
+        active = active[~done & (np.abs(xi[active]).max(axis=1) < 3.0) & (det != 0)]
+        if not len(active):
+            break
+    return xi, inside
+
+
+def _solve(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Solutions of many small systems and their determinants; zero where a determinant vanishes."""
+    det = np.linalg.det(matrix)
+    fine = np.abs(det) > 1e-12
+    safe = np.where(fine[:, None, None], matrix, np.eye(matrix.shape[1]))
+    move = np.linalg.solve(safe, right[..., None])[..., 0]
+    return np.where(fine[:, None], move, 0.0), np.where(fine, det, 0.0)
+
+
+def spline_coefficients(values: np.ndarray) -> np.ndarray:
+    """Cubic B-spline coefficients of a picture, mirrored at its borders."""
+    from scipy.ndimage import spline_filter
+
+    return spline_filter(values, order=3, mode="mirror")
+
+
+def sample(coefficients: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Value of a spline at continuous pixel indices.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (ny, nx) or (nz, ny, nx)
+        Of `spline_coefficients`.
+    index : ndarray, shape (points, dim)
+        x, y[, z]; beyond the border the picture is mirrored.
+    """
+    size = np.array(coefficients.shape[::-1])
+    low = np.floor(index).astype(np.int64) - 1
+    weights = _weights(index - np.floor(index))
+    strides = np.cumprod([1, *size[:-1]])
+    places = []
+    for axis in range(index.shape[1]):
+        around = np.abs(low[:, axis, None] + np.arange(4))
+        period = max(2 * (size[axis] - 1), 1)
+        around = around % period
+        places.append(np.minimum(around, period - around) * strides[axis])
+    flat = coefficients.ravel()
+    total = np.zeros(len(index))
+    for taps in itertools.product(range(4), repeat=index.shape[1]):
+        weight, place = weights[:, 0, taps[0]], places[0][:, taps[0]]
+        for axis, tap in enumerate(taps[1:], 1):
+            weight, place = weight * weights[:, axis, tap], place + places[axis][:, tap]
+        total += weight * flat[place]
+    return total
+
+
+def _weights(t: np.ndarray) -> np.ndarray:
+    """Cubic B-spline weights of the four neighbours, shape (..., 4)."""
+    return np.stack(
+        [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=-1
+    ) / 6  # fmt: skip
+
+
+def warp(coefficients: np.ndarray, background: float, way: BackwardMap) -> np.ndarray:
+    """The synthesized picture.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Of the picture before compression, from `spline_coefficients`.
+    background : float
+        Intensity of the pixels that the body does not cover.
+    way : BackwardMap
+        Where the covered pixels come from.
+    """
+    picture = np.full(int(np.prod(way.shape)), background)
+    picture[way.pixel] = sample(coefficients, way.index)
+    return picture.reshape(way.shape)
+
+
+def interpolate(mesh: Mesh, displacement: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Displacements at reference points.
+
+    Parameters
+    ----------
+    displacement : ndarray, shape (nodes, dim)
+    points : ndarray, shape (points, dim)
+        mm.
+
+    Returns
+    -------
+    ndarray, shape (points, dim)
+        NaN for points outside the mesh.
+    """
+    result = np.full(points.shape, np.nan)
+    for block in mesh.blocks:
+        corners = mesh.points[block.nodes]
+        for number, point in enumerate(points):
+            near = np.flatnonzero(
+                ((corners.min(axis=1) - 1e-6 <= point) & (point <= corners.max(axis=1) + 1e-6)).all(axis=1)
+            )
+            xi, inside = _invert(block.element, corners[near], np.repeat(point[None], len(near), 0))
+            if inside.any():
+                at = int(np.flatnonzero(inside)[0])
+                values = shape(block.element, xi[at : at + 1])[0][0]
+                result[number] = values @ displacement[block.nodes[near[at]]]
+    return result
+
+
