@@ -117,13 +117,12 @@ def _invert(kind: str, corners: np.ndarray, target: np.ndarray) -> tuple[np.ndar
     active = np.arange(len(target))
     for _ in range(_ITERATIONS):
         values, gradients = shape(kind, xi[active])
-        nodes = corners[active]
-        gap = target[active] - np.einsum("pn,pni->pi", values, nodes)
-        jacobian = np.einsum("pni,pnj->pij", nodes, gradients)
-        move, det = _solve(jacobian, gap)
+        nodes = corners[active].swapaxes(1, 2)
+        gap = target[active] - (nodes @ values[..., None])[..., 0]
+        move, det = _solve(nodes @ gradients, gap)
         xi[active] += np.clip(move, -1.0, 1.0)
         size = np.abs(move).max(axis=1)
-        done = size < 1e-8
+        done = size < 1e-6
         inside[active[done]] = (np.abs(xi[active[done]]).max(axis=1) <= _INSIDE) & (det[done] != 0)
         # far away after a step: the pixel is in another element
         active = active[~done & (np.abs(xi[active]).max(axis=1) < 3.0) & (det != 0)]
@@ -133,12 +132,19 @@ def _invert(kind: str, corners: np.ndarray, target: np.ndarray) -> tuple[np.ndar
 
 
 def _solve(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Solutions of many small systems and their determinants; zero where a determinant vanishes."""
-    det = np.linalg.det(matrix)
-    fine = np.abs(det) > 1e-12
-    safe = np.where(fine[:, None, None], matrix, np.eye(matrix.shape[1]))
-    move = np.linalg.solve(safe, right[..., None])[..., 0]
-    return np.where(fine[:, None], move, 0.0), np.where(fine, det, 0.0)
+    """Solutions of many small systems by Cramer's rule and their determinants; zero where these vanish."""
+    if matrix.shape[1] == 2:
+        a, b, c, d = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 0], matrix[:, 1, 1]
+        det = a * d - b * c
+        x, y = right[:, 0], right[:, 1]
+        move = np.stack([d * x - b * y, a * y - c * x], axis=1)
+    else:
+        columns = [matrix[:, :, k] for k in range(3)]
+        crosses = [np.cross(columns[k - 2], columns[k - 1]) for k in range(3)]
+        det = (columns[0] * crosses[0]).sum(axis=1)
+        move = np.stack([(right * cross).sum(axis=1) for cross in crosses], axis=1)
+    det = np.where(np.abs(det) > 1e-12, det, 0.0)
+    return np.divide(move, det[:, None], out=np.zeros_like(move), where=det[:, None] != 0), det
 
 
 def spline_coefficients(values: np.ndarray) -> np.ndarray:

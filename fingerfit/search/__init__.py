@@ -1,0 +1,105 @@
+"""Search for the best guess: numbers only, and a pure function of what is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.guess import Parameter
+from fingerfit.search.stages import Point, Space, Stage, run_stage
+
+__all__ = ["Evaluation", "Plan", "Proposal", "Stage", "propose"]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A guess and its score; None for a guess without solution."""
+
+    point: Point
+    value: float | None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to search.
+
+    Parameters
+    ----------
+    stages : tuple of Stage
+        In order; each starts at the best point of the one before.
+    batch : int
+        Guesses that can be tried at once; the path of the search does not depend on it.
+    max_evaluations : int
+        The search stops when its path has used as many.
+    """
+
+    stages: tuple[Stage, ...]
+    batch: int = 2
+    max_evaluations: int = 400
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What to try next, or why to stop.
+
+    Parameters
+    ----------
+    batch : tuple of Point
+        Guesses in units; first those the search cannot go on without.
+    stage : str
+        Name of the stage.
+    iteration : int
+        Of the stage.
+    best : Point or None
+        Where the search stands; at the end its result.
+    stop : str or None
+        Why it ended.
+    used : int
+        Evaluations on the path of the search.
+    """
+
+    batch: tuple[Point, ...]
+    stage: str
+    iteration: int
+    best: Point | None
+    stop: str | None
+    used: int
+
+
+def propose(history: Sequence[Evaluation], parameters: tuple[Parameter, ...], plan: Plan) -> Proposal:
+    """Replay the search over the known evaluations, and say what it needs next.
+
+    Parameters
+    ----------
+    history : sequence of Evaluation
+        In any order; points that the search does not ask for are no harm.
+    parameters : tuple of Parameter
+        With units, scales, bounds and start.
+    plan : Plan
+        Stages and limits.
+    """
+    space = Space(parameters)
+    known = {e.point: np.inf if e.value is None or not np.isfinite(e.value) else e.value for e in history}
+    best, used = space.coordinates([p.start for p in parameters]), set()
+    for stage in plan.stages:
+        running = run_stage(stage, space, best)
+        request, iteration = next(running)
+        while True:
+            needed = [space.point(z) for z in request.needed]
+            missing = list(dict.fromkeys(point for point in needed if point not in known))
+            if missing:
+                likely = [space.point(z) for z in request.likely]
+                extra = [p for p in dict.fromkeys(likely) if p not in known and p not in missing]
+                batch = tuple(missing + extra[: max(0, plan.batch - len(missing))])
+                return Proposal(batch, stage.name, iteration, space.point(best), None, len(used))
+            used.update(needed)
+            if len(used) > plan.max_evaluations:
+                return Proposal((), stage.name, iteration, space.point(best), "evaluations used up", len(used))
+            try:
+                request, iteration = running.send([known[point] for point in needed])
+            except StopIteration as finished:
+                best = finished.value
+                break
+    return Proposal((), plan.stages[-1].name, iteration, space.point(best), "tolerances met", len(used))
