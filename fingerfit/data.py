@@ -27,6 +27,8 @@ class Data:
         Standard deviations; that of the pictures holds before smoothing, in scaled intensity.
     before : ndarray, shape (ny, nx) or (nz, ny, nx)
         Smoothed and scaled picture before compression; empty when there are no pictures.
+    coefficients : ndarray, like `before`
+        Its cubic B-spline coefficients.
     measured : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
         Smoothed and scaled pictures during compression.
     picture_step : ndarray of int, shape (pictures,)
@@ -52,6 +54,7 @@ class Data:
     picture_noise: float
     points_noise: float
     before: np.ndarray
+    coefficients: np.ndarray
     measured: np.ndarray
     picture_step: np.ndarray
     spacing: np.ndarray

@@ -8,38 +8,48 @@ quantities measured beside - and finds the best constants of each repetition by 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fingerfit.data import Data
-from fingerfit.guess import Parameter
-from fingerfit.imaging.warp import Warper
+from fingerfit.guess import Parameter, round_value
+from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
 from fingerfit.score import Prediction, score
 
 STEP = 0.03
-"""Step of the sensitivities: in the logarithm, or relative to the distance of the bounds."""
+"""Step of the sensitivities: in the logarithm, or as a share of the distance of the bounds."""
 
 
-def step_of(parameter: Parameter, value: float) -> float:
-    """Size of the step of a parameter in its own unit, for a factor of exp(STEP) or a linear step."""
-    return value * STEP if parameter.log else (parameter.upper - parameter.lower) * STEP
+def coordinates(parameters: tuple[Parameter, ...], values: Mapping[str, float]) -> np.ndarray:
+    """Logarithms, or shares of the distance of the bounds, shape (parameters,)."""
+    return np.array(
+        [np.log(values[p.name]) if p.log else values[p.name] / (p.upper - p.lower) for p in parameters]
+    )
+
+
+def moved(
+    parameters: tuple[Parameter, ...], values: Mapping[str, float], delta: np.ndarray
+) -> dict[str, float]:
+    """Values at a distance in those coordinates, with the digits of a guess."""
+    z = coordinates(parameters, values) + delta
+    return {
+        p.name: round_value(float(np.exp(x) if p.log else x * (p.upper - p.lower)))
+        for p, x in zip(parameters, z, strict=True)
+    }
 
 
 def sensitivity_values(
     parameters: tuple[Parameter, ...], best: Mapping[str, float]
 ) -> dict[str, dict[str, float]]:
     """Guesses at either side of the best one, by role ``+name`` and ``-name``."""
-    asked = {}
-    for parameter in parameters:
-        value = best[parameter.name]
-        for sign, name in ((1.0, "+"), (-1.0, "-")):
-            moved = (
-                value * np.exp(sign * STEP) if parameter.log else value + sign * step_of(parameter, value)
-            )
-            asked[name + parameter.name] = {**best, parameter.name: float(moved)}
-    return asked
+    steps = np.eye(len(parameters)) * STEP
+    return {
+        sign + parameter.name: moved(parameters, best, factor * step)
+        for parameter, step in zip(parameters, steps, strict=True)
+        for sign, factor in (("+", 1.0), ("-", -1.0))
+    }
 
 
 @dataclass(frozen=True)
@@ -54,11 +64,14 @@ class LinearModel:
         Derivatives by the logarithm of each parameter (by the value, where it is not on a log scale).
     control : Prediction
         Derivative by the relative size of the prescribed quantity, each step by its own.
+    values : mapping
+        The guess that the base belongs to.
     """
 
     base: Prediction
     slopes: tuple[Prediction, ...]
     control: Prediction
+    values: Mapping[str, float]
 
     def at(self, delta: np.ndarray, offset: Prediction | None = None) -> Prediction:
         """Prediction at `delta`, shape (parameters,), from the search's best guess."""
@@ -85,26 +98,22 @@ class Replicates:
         Of the noise: the same input gives the same digits.
     """
 
-    def __init__(self, model: LinearModel, data: Data, maps: list, kind: str, bins: int, seed: int) -> None:
+    def __init__(
+        self, model: LinearModel, data: Data, maps: list[BackwardMap], kind: str, bins: int, seed: int
+    ) -> None:
         self.model, self.data, self.maps, self.kind, self.bins = model, data, maps, kind, bins
         self.rng = np.random.default_rng(seed)
 
-    def noise_free(self, delta: np.ndarray) -> float:
-        """Score of `delta` against the measured data themselves."""
-        return score(self.kind, self.model.at(delta), self.data, self.bins)
-
-    def draw(self):
+    def draw(self) -> Callable[[np.ndarray], float]:
         """Score of one repetition as a function of delta, shape (parameters,)."""
-        from dataclasses import replace
-
         data, base = self.data, self.model.base
         relative = self._control_noise()
         shift = self._scale_by_step(self.model.control, relative)
         pictures = shift.pictures
         measured = base.pictures
         if data.measured.size:
-            warper = Warper(self._picture_noise(data.before.shape), 0.0)
-            pictures = pictures + np.array([warper(m) for m in self.maps])
+            noise = spline_coefficients(self._picture_noise(data.before.shape))
+            pictures = pictures + np.array([warp(noise, 0.0, way) for way in self.maps])
             measured = measured + np.array([self._picture_noise(p.shape) for p in base.pictures])
         offset = Prediction(pictures, shift.conjugate, shift.points)
         conjugate, spread = data.conjugate

@@ -1,119 +1,221 @@
-"""The rounds of a fit: score what was simulated, ask the search, render the decks of the next guesses."""
+"""The rounds of a fit: score what was simulated, ask the search, render the decks of the next guesses.
+
+A search on a coarse mesh is followed by a correction: at its best guess the body is solved on the finer mesh once,
+and the slopes of the coarse mesh say how far the constants have to move for the pictures of the finer mesh to
+fit best (docs/decisions/0003-two-meshes.md).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fingerfit.data import Data
 from fingerfit.deck.render import deck_context, render_deck
-from fingerfit.estimate import STEP, sensitivity_values
+from fingerfit.errors import StateError
+from fingerfit.estimate import STEP, LinearModel, coordinates, moved, sensitivity_values
 from fingerfit.files import digest
-from fingerfit.layout import TEMPLATES
 from fingerfit.mesh import Mesh
+from fingerfit.mesh_io import read_mesh
 from fingerfit.predict import Predictor
 from fingerfit.rounds import Asked, Round, simulation_name
-from fingerfit.score import score
+from fingerfit.score import Prediction, score
 from fingerfit.search import Evaluation, propose
 from fingerfit.settings import Settings
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
-from fingerfit.study import Study, load_study
+from fingerfit.study import Study
+from fingerfit.study_file import load_study, with_gain
+from fingerfit.uncertainty import minimise
+
+TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
+SEARCH, SENSITIVITY, REFINED = "search", "sensitivity", "refined"
 
 
-class Renderer:
-    """Renders the deck of a guess.
+@dataclass(frozen=True)
+class Fit:
+    """Everything a round needs.
 
     Parameters
     ----------
     settings : Settings
-        Names the template and the fixed constants.
-    study : Study
-        What was prescribed and how the body is held.
-    mesh_file : Path
-        The deck includes it by the hash of its content.
+    data : Data
+        Measurements, prepared.
+    mesh_files : dict
+        ``search`` and, where there is one, ``refined``.
+    sims : Path
+        Folder of the simulations.
     """
 
-    def __init__(self, settings: Settings, study: Study, mesh_file: Path) -> None:
-        self.settings, self.study = settings, study
-        self.mesh = digest(mesh_file.read_bytes())
-        self.solver = get_solver(settings.solver).identity()
+    settings: Settings
+    data: Data
+    mesh_files: dict[str, Path]
+    sims: Path
 
-    def ask(self, values: Mapping[str, float], role: str = "search", gain: float = 1.0) -> Asked:
+    @cached_property
+    def study(self) -> Study:
+        """The study."""
+        return load_study(Path(self.settings.study))
+
+    @cached_property
+    def solver(self) -> dict[str, Any]:
+        """Identity of the solver."""
+        return get_solver(self.settings.solver).identity()
+
+    @cached_property
+    def meshes(self) -> dict[str, Mesh]:
+        """The meshes."""
+        return {name: read_mesh(path) for name, path in self.mesh_files.items()}
+
+    @cached_property
+    def mesh_names(self) -> dict[str, str]:
+        """Hashes of the mesh files."""
+        return {name: digest(path.read_bytes()) for name, path in self.mesh_files.items()}
+
+    def predictor(self, mesh: str) -> Predictor:
+        """Predictor of solutions on a mesh."""
+        return Predictor(self.data, self.meshes[mesh])
+
+    def ask(self, values: Mapping[str, float], role: str = SEARCH, gain: float = 1.0) -> Asked:
         """Deck and name of the simulation of a guess; `gain` multiplies the prescribed quantity."""
-        steps = tuple(
-            replace(step, **{self.study.control: getattr(step, self.study.control) * gain})
-            for step in self.study.steps
-        )
+        mesh = REFINED if role == REFINED else SEARCH
         context = deck_context(
-            replace(self.study, steps=steps),
-            f"../../meshes/{self.mesh}.inp",
+            with_gain(self.study, gain),
+            self.meshes[mesh],
+            f"../../meshes/{self.mesh_names[mesh]}.inp",
             dict(values),
             self.settings.model.material,
         )
         folders = [Path(self.settings.study), TEMPLATES]
         deck = render_deck(self.settings.model.template, context, folders)
-        return Asked(dict(values), simulation_name(deck, self.solver), deck, role)
+        return Asked(dict(values), simulation_name(deck, self.solver), self.mesh_names[mesh], deck, role)
+
+    def outcome(self, asked: Asked) -> Outcome:
+        """Solution of a guess."""
+        return Outcome.load(self.sims / asked.sim / "solution.npz")
+
+    def prediction(self, asked: Asked) -> Prediction:
+        """Prediction of a guess that must have a solution."""
+        mesh = REFINED if asked.role == REFINED else SEARCH
+        predicted = self.predictor(mesh).predict(self.outcome(asked))
+        if predicted is None:
+            raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
+        return predicted[0]
+
+    def score(self, prediction: Prediction) -> float:
+        """Score of a prediction."""
+        return score(self.settings.fit.score, prediction, self.data, self.settings.fit.bins)
 
 
-def next_round(settings: Settings, data: Data, mesh: Mesh, mesh_file: Path, last: Round | None, sims: Path) -> Round:
-    """Score the batch of the last round and ask for the next guesses.
+def next_round(fit: Fit, last: Round | None) -> Round:
+    """Score the batch of the last round and ask for the next guesses, or say stop.
 
     Parameters
     ----------
-    settings : Settings
-        Of the study.
-    data, mesh : Data, Mesh
-        What `prepare` made.
-    mesh_file : Path
-        The mesh as included by decks.
+    fit : Fit
     last : Round or None
         The round before; None for the first.
-    sims : Path
-        Folder of the simulations.
-
-    Returns
-    -------
-    Round
-        With ``stop`` set, its batch holds the sensitivities around the best guess.
     """
-    parameters = settings.parameters()
+    if last is not None and last.stage == SENSITIVITY:
+        return _refine(fit, last)
+    parameters = fit.settings.parameters()
     names = [parameter.name for parameter in parameters]
     history = list(last.history) if last else []
     if last:
-        predictor = Predictor(data, mesh)
-        history += [evaluate(asked, predictor, data, settings, sims) for asked in last.batch]
+        predictor = fit.predictor(SEARCH)
+        history += [_evaluate(fit, asked, predictor) for asked in last.batch]
     evaluations = [Evaluation(tuple(e["values"][n] for n in names), e["score"]) for e in history]
-    proposal = propose(evaluations, parameters, settings.search())
-    renderer = Renderer(settings, load_study(Path(settings.study)), mesh_file)
-    best = min((e for e in history if e["score"] is not None), key=lambda e: e["score"], default=None)
-    if proposal.stop is None or best is None:
-        batch = [renderer.ask(dict(zip(names, point, strict=True))) for point in proposal.batch]
-    else:
-        asked = sensitivity_values(parameters, best["values"])
-        batch = [renderer.ask(values, role) for role, values in asked.items()]
-        batch += [
-            renderer.ask(best["values"], sign + "control", gain)
-            for sign, gain in (("+", 1.0 + STEP), ("-", 1.0 - STEP))
-        ]
-    number = last.number + 1 if last else 0
-    return Round(number, proposal.stage, proposal.stop, renderer.solver, renderer.mesh, history, batch, best)
+    proposal = propose(evaluations, parameters, fit.settings.plan())
+    scored = [e for e in history if e["score"] is not None]
+    best = min(scored, key=lambda e: e["score"]) if scored else None
+    base = {
+        "number": last.number + 1 if last else 0,
+        "solver": fit.solver,
+        "meshes": {fit.mesh_names[name]: path.name for name, path in fit.mesh_files.items()},
+        "history": history,
+        "best": best,
+    }
+    if proposal.stop is None:
+        batch = [fit.ask(dict(zip(names, point, strict=True))) for point in proposal.batch]
+        return Round(stage=proposal.stage, stop=None, batch=batch, **base)
+    if best is None:
+        return Round(stage=proposal.stage, stop="no guess has a solution", **base)
+    batch = [fit.ask(values, role) for role, values in sensitivity_values(parameters, best["values"]).items()]
+    batch += [
+        fit.ask(best["values"], "+control", 1.0 + STEP),
+        fit.ask(best["values"], "-control", 1.0 - STEP),
+    ]
+    if REFINED not in fit.mesh_files:
+        return Round(stage=SENSITIVITY, stop=proposal.stop, batch=batch, **base)
+    # the costly one first: it runs beside the others
+    batch.insert(0, fit.ask(best["values"], REFINED))
+    return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=proposal.stop, **base)
 
 
-def evaluate(
-    asked: Asked, predictor: Predictor, data: Data, settings: Settings, sims: Path
-) -> dict[str, Any]:
+def _refine(fit: Fit, last: Round) -> Round:
+    """Move the best guess to where the finer mesh fits best, and solve that one too."""
+    if last.best is None:
+        raise StateError("the search has no best guess to refine")
+    parameters = fit.settings.parameters()
+    model = linear_model(fit, last)
+    delta, _ = minimise(lambda d: fit.score(model.at(d)), len(parameters))
+    values = moved(parameters, last.best["values"], delta)
+    asked = fit.ask(values, REFINED)
+    return Round(
+        last.number + 1,
+        REFINED,
+        last.reason,
+        last.solver,
+        last.meshes,
+        last.history,
+        [*last.batch, asked],
+        last.best,
+    )
+
+
+def linear_model(fit: Fit, last: Round) -> LinearModel:
+    """Prediction near the best guess: slopes of the search mesh, base of the finest solution there is."""
+    parameters = fit.settings.parameters()
+    by_role = {asked.role: asked for asked in last.batch}
+
+    def slope(name: str, width: float) -> Prediction:
+        ahead, behind = fit.prediction(by_role["+" + name]), fit.prediction(by_role["-" + name])
+        return (ahead - behind) * (1 / (2 * width))
+
+    slopes = tuple(slope(parameter.name, STEP) for parameter in parameters)
+    control = slope("control", STEP)
+    if REFINED in by_role:
+        refined = by_role[REFINED]  # of several the last: it is nearest
+        return LinearModel(fit.prediction(refined), slopes, control, refined.values)
+    if last.best is None:
+        raise StateError("the search found no guess with a solution")
+    best = fit.ask(last.best["values"])
+    return LinearModel(fit.prediction(best), slopes, control, last.best["values"])
+
+
+def _evaluate(fit: Fit, asked: Asked, predictor: Predictor) -> dict[str, Any]:
     """Score one simulated guess: its entry of the history."""
-    outcome = Outcome.load(sims / asked.sim / "solution.npz")
+    outcome = fit.outcome(asked)
     predicted = predictor.predict(outcome)
     entry: dict[str, Any] = {"values": asked.values, "sim": asked.sim, "score": None}
     if predicted is None:
         return {**entry, "message": outcome.message}
     prediction, faults = predicted
-    value = score(settings.fit.score, prediction, data, settings.fit.bins)
-    entry = {**entry, "score": value, "message": ""}
+    entry = {**entry, "score": fit.score(prediction), "message": ""}
     if faults.inverted or faults.overlaps:
         entry["message"] = f"{faults.inverted} inverted elements, {faults.overlaps} pixels claimed twice"
     return entry
+
+
+def correction(fit: Fit, last: Round, values: Mapping[str, float]) -> dict[str, float]:
+    """How far the finer mesh moved each constant, as a logarithm or in its unit."""
+    parameters = fit.settings.parameters()
+    if last.best is None:
+        return {}
+    change = coordinates(parameters, values) - coordinates(parameters, last.best["values"])
+    return {p.name: float(c) for p, c in zip(parameters, np.asarray(change), strict=True)}

@@ -9,17 +9,39 @@ from typing import Any
 
 from fingerfit.files import digest, write_text
 from fingerfit.settings import Settings
+from fingerfit.solvers.registry import get_solver
+from fingerfit.study_file import load_study
 
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).resolve().parent
 TEMPLATES = PACKAGE.parent / "templates"
 
 # What a change of which must run a stage again. Solvers are not here: their identity names the simulations.
-_DECK = ("deck/render.py", "guess.py")
-_DATA = ("data.py", "files.py", "study.py", "imaging", "mesh.py")
+_READ = (
+    "data.py",
+    "files.py",
+    "keys.py",
+    "study.py",
+    "study_file.py",
+    "units.py",
+    "imaging",
+    "fem/elements.py",
+)
+_MESH = ("mesh.py", "mesh_io.py", "meshing.py")
+_FIT = (
+    *_READ,
+    *_MESH,
+    "deck/render.py",
+    "estimate.py",
+    "fit.py",
+    "guess.py",
+    "predict.py",
+    "rounds.py",
+    "score.py",
+)
 SOURCES: dict[str, tuple[str, ...]] = {
-    "prepare": (*_DATA, "prepare.py", "units.py"),
-    "propose": (*_DATA, *_DECK, "fit.py", "predict.py", "rounds.py", "score.py", "search", "estimate.py"),
-    "estimate": (*_DATA, "estimate.py", "fit.py", "predict.py", "score.py", "uncertainty.py"),
+    "prepare": (*_READ, *_MESH, "prepare.py"),
+    "propose": (*_FIT, "search", "uncertainty.py"),
+    "estimate": (*_FIT, "report.py", "uncertainty.py"),
     "plot": ("plots.py", "predict.py", "imaging"),
 }
 
@@ -41,9 +63,16 @@ def settings_of(settings: Settings, stage: str) -> str:
     fit = every["fit"]
     pictures = {name: fit[name] for name in ("steps", "smooth")}
     chosen: dict[str, Any] = {
-        "prepare": {"study": every["study"], "mesh": every["model"]["mesh"], "pictures": pictures},
-        "propose": {name: every[name] for name in ("study", "solver", "model", "fit")},
-        "estimate": {"fit": fit},
+        "prepare": {
+            "study": every["study"],
+            "meshes": [every["model"][name] for name in ("mesh", "refined")],
+            "pictures": pictures,
+        },
+        "propose": {
+            "solver": get_solver(settings.solver).identity(),
+            **{name: every[name] for name in ("study", "model", "fit")},
+        },
+        "estimate": {"model": every["model"], "fit": fit},
         "plot": {},
     }
     return json.dumps(chosen[stage], sort_keys=True)
@@ -60,12 +89,14 @@ def model_folder(settings: Settings) -> Path:
 
 
 def study_files(settings: Settings) -> list[str]:
-    """All files of a study that a fit may read: those at its top and in folders of pictures, not the sealed truth."""
+    """All files of a study that a fit may read: never the sealed truth."""
     folder = Path(settings.study)
     return sorted(
         str(path)
         for path in folder.rglob("*")
-        if path.is_file() and "sealed" not in path.parts and path.suffix not in {".j2", ".md"}
+        if path.is_file()
+        and "sealed" not in path.parts
+        and path.suffix not in {".j2", ".md"}
         and path.name not in {"experiment.yaml", "config.yaml"}
     )
 
@@ -73,6 +104,12 @@ def study_files(settings: Settings) -> list[str]:
 def template_files(settings: Settings) -> list[str]:
     """All templates, those of the study included."""
     return [*sorted(map(str, TEMPLATES.rglob("*.j2"))), *sorted(map(str, Path(settings.study).rglob("*.j2")))]
+
+
+def figures(settings: Settings) -> list[str]:
+    """Names of the figures that a finished fit has."""
+    pictured = any(step.picture for step in load_study(Path(settings.study)).steps)
+    return ["force", "search", *(["deformed_mesh", "pictures"] if pictured else [])]
 
 
 def write_settings(settings: Settings, path: Path) -> str:

@@ -48,7 +48,7 @@ def layered_block(
     across, per_layer : int
         Elements over the width and over each layer.
     element : str
-        ``CPE4``, ``CPE8`` or ``CPE8R``.
+        ``CPE4``, ``CPE6`` (each quadrilateral cut in two), ``CPE8`` or ``CPE8R``.
     grading : float
         Largest over smallest element, towards both sides, and towards base and indenter.
     origin : (float, float)
@@ -68,7 +68,7 @@ def layered_block(
         y += list(base + height * (part[1:] - part[0]) / (part[-1] - part[0]))
         base += height
     mesh = _grid([x, np.array(y)], element)
-    rows = np.repeat(np.arange(per_layer * len(upward)), across)
+    rows = np.repeat(np.arange(per_layer * len(upward)), mesh.element_count // (per_layer * len(upward)))
     names = [name.upper() for name, _ in upward]
     sets = {name: np.flatnonzero(rows // per_layer == number) for number, name in enumerate(names)}
     return Mesh(mesh.points, mesh.blocks, mesh.node_sets, sets)
@@ -98,13 +98,13 @@ def brick(size: Sequence[float], elements: Sequence[int], name: str = "body") ->
 def _grid(axes: list[np.ndarray], element: str) -> Mesh:
     """Structured mesh; nodes are numbered along the first axis first."""
     dim = len(axes)
-    quadratic = dim == 2 and ELEMENTS[element].nodes == 8
+    quadratic = dim == 2 and ELEMENTS[element].nodes > 4
     if quadratic:
         axes = [np.insert(a, np.arange(1, len(a)), (a[1:] + a[:-1]) / 2) for a in axes]
     shape = tuple(len(a) for a in reversed(axes))
     index = np.indices(shape)[::-1]
     used = np.ones(shape, dtype=bool)
-    if quadratic:
+    if quadratic and element != "CPE6":
         used = (index[0] % 2 == 0) | (index[1] % 2 == 0)
     number = np.full(shape, -1)
     number[used] = np.arange(used.sum())
@@ -114,6 +114,7 @@ def _grid(axes: list[np.ndarray], element: str) -> Mesh:
     corner = np.stack([c.ravel() for c in np.meshgrid(*cells, indexing="ij")], axis=1)
     offsets = {
         4: [(0, 0), (0, 1), (1, 1), (1, 0)],
+        6: [(0, 0), (0, 2), (2, 2), (0, 1), (1, 2), (1, 1), (0, 0), (2, 2), (2, 0), (1, 1), (2, 1), (1, 0)],
         8: [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0)],
     }
     if dim == 3:
@@ -121,6 +122,8 @@ def _grid(axes: list[np.ndarray], element: str) -> Mesh:
     else:
         local = offsets[ELEMENTS[element].nodes]
     nodes = np.stack([number[tuple((corner + offset).T)] for offset in local], axis=1)
+    if element == "CPE6":
+        nodes = nodes.reshape(-1, 6)
     top = number[-1][used[-1]].ravel()
     sets = {"BOTTOM": number[0][used[0]].ravel(), "TOP": top, "INDENTER": top[len(top) // 2 :][:1]}
     if dim == 2:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerfit.data import Data
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.warp import Warper, backward_map, interpolate
+from fingerfit.imaging.warp import BackwardMap, backward_map, interpolate, warp
 from fingerfit.mesh import Mesh
 from fingerfit.score import Prediction
 from fingerfit.solvers.contract import CONVERGED, Outcome
@@ -36,14 +36,13 @@ class Predictor:
     Parameters
     ----------
     data : Data
-        Measured data; the picture before compression is filtered once.
+        Measured data.
     mesh : Mesh
         Mesh of the decks.
     """
 
     def __init__(self, data: Data, mesh: Mesh) -> None:
         self.data, self.mesh = data, mesh
-        self._warper = Warper(data.before, data.background) if data.measured.size else None
         self._frame = Picture(data.before, data.spacing, data.origin, data.direction)
 
     def predict(self, outcome: Outcome) -> tuple[Prediction, Faults] | None:
@@ -51,10 +50,9 @@ class Predictor:
         data = self.data
         if outcome.status != CONVERGED or outcome.steps < len(data.step):
             return None
-        maps = [
-            backward_map(self.mesh, outcome.displacement[step], self._frame) for step in data.picture_step
-        ]
-        pictures = np.array([self._warper(m) for m in maps]) if self._warper else np.empty_like(data.measured)
+        maps = self.maps(outcome)
+        synthesized = [warp(data.coefficients, data.background, way) for way in maps]
+        pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
         axis = self.mesh.dim - 1
         conjugate = outcome.indenter if data.control == "force" else outcome.reaction
         points = np.empty_like(data.points_displacement)
@@ -64,21 +62,6 @@ class Predictor:
         faults = Faults(sum(m.inverted for m in maps), sum(m.overlaps for m in maps))
         return Prediction(pictures, -conjugate[: len(data.step), axis], points), faults
 
-    def replicate(self, outcome: Outcome, noise: np.ndarray) -> np.ndarray:
-        """Warp noise of the picture before compression with a solution.
-
-        Parameters
-        ----------
-        noise : ndarray, like `Data.before`
-            Noise, smoothed like the picture.
-
-        Returns
-        -------
-        ndarray, like `Data.measured`
-        """
-        warper = Warper(noise, 0.0)
-        return np.array([warper(m) for m in self.maps(outcome)])
-
-    def maps(self, outcome: Outcome) -> list:
+    def maps(self, outcome: Outcome) -> list[BackwardMap]:
         """Backward maps of the pictures' steps."""
         return [backward_map(self.mesh, outcome.displacement[s], self._frame) for s in self.data.picture_step]

@@ -32,14 +32,18 @@ class Asked:
         Parameter values in their units.
     sim : str
         Name of the simulation.
+    mesh : str
+        Name of the mesh file that the deck includes: the hash of its content.
     deck : str
         Text of the deck.
     role : str
-        ``search``, or what a sensitivity is for: ``+mu_top``, ``-mu_top``, ``+control``, ``-control``.
+        ``search``; ``+mu_top``, ``-mu_top``, ``+control``, ``-control``: sensitivities; ``refined``: on the finer
+        mesh.
     """
 
     values: dict[str, float]
     sim: str
+    mesh: str
     deck: str
     role: str = "search"
 
@@ -58,24 +62,27 @@ class Round:
         Why the search ended; None while it goes on.
     solver : dict
         Identity of the solver.
-    mesh : str
-        Hash of the mesh file.
+    meshes : dict
+        Meshes of the model: hash to file name in the model's folder.
     history : list of dict
         Evaluations so far: ``values``, ``sim``, ``score`` (None: diverged), ``message``.
     batch : list of Asked
         Guesses to be simulated before the next round.
     best : dict or None
         The best evaluation so far.
+    reason : str or None
+        Why the search ended, while the finer mesh is still to be solved.
     """
 
     number: int
     stage: str
     stop: str | None
     solver: dict[str, Any]
-    mesh: str
+    meshes: dict[str, str]
     history: list[dict[str, Any]] = field(default_factory=list)
     batch: list[Asked] = field(default_factory=list)
     best: dict[str, Any] | None = None
+    reason: str | None = None
 
     def save(self, path: Path) -> None:
         """Write as JSON, whole or not at all."""
@@ -128,15 +135,19 @@ class Walk:
     def batch(self, path: str | Path) -> list[str]:
         """Names of the simulations that a round asks for; their decks are written where they are missing."""
         current = self._round(path)
-        mesh = self.study / "meshes" / f"{current.mesh}.inp"
-        if not mesh.exists():
-            write_text(mesh, (self.model / "mesh.inp").read_text())
+        for name, file in current.meshes.items():
+            mesh = self.study / "meshes" / f"{name}.inp"
+            if not mesh.exists():
+                text = (self.model / file).read_text()
+                if digest(text) != name:
+                    raise StateError(f"{self.model / file}: is not the mesh of {path}: remove that file")
+                write_text(mesh, text)
         for asked in current.batch:
             folder = self.study / "sims" / asked.sim
             if not (folder / "deck.inp").exists():
                 write_text(folder / "deck.inp", asked.deck)
             if not (folder / "solver.json").exists():
-                write_json(folder / "solver.json", {**current.solver, "includes": [mesh.name]})
+                write_json(folder / "solver.json", {**current.solver, "includes": [f"{asked.mesh}.inp"]})
         return list(dict.fromkeys(asked.sim for asked in current.batch))
 
     def sim_inputs(self, sim: str) -> list[str]:

@@ -58,9 +58,7 @@ def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
         pairs = zip(data.measured, prediction.pictures, strict=True)
         return -float(np.mean([nmi(measured, picture, bins=bins) for measured, picture in pairs]))
     if kind == "ssd":
-        return float(
-            np.mean([ssd(m, p) for m, p in zip(data.measured, prediction.pictures, strict=True)])
-        )
+        return float(np.mean([ssd(m, p) for m, p in zip(data.measured, prediction.pictures, strict=True)]))
     return 0.5 * sum(chi_square(prediction, data).values())
 
 

@@ -270,7 +270,9 @@ class _Reader:
         d = tuple(values[2 * order :])
         if min(d) <= 0 or min(values[1 : 2 * order : 2], key=abs) == 0:
             raise card.error(values, "alpha other than 0 and D above 0")
-        self.materials[self.material] = Ogden(tuple(values[0 : 2 * order : 2]), tuple(values[1 : 2 * order : 2]), d)
+        self.materials[self.material] = Ogden(
+            tuple(values[0 : 2 * order : 2]), tuple(values[1 : 2 * order : 2]), d
+        )
 
     def on_solid_section(self, card: _Card) -> None:
         card.allow("ELSET", "MATERIAL")

@@ -60,6 +60,31 @@ def serendipity(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values, gradients
 
 
+def triangle(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shape functions of the triangle of 6 nodes over 0 <= r, s and r + s <= 1; shapes as in `linear`."""
+    r, s = xi[:, 0], xi[:, 1]
+    t = 1 - r - s
+    values = np.stack(
+        [t * (2 * t - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * r * t, 4 * r * s, 4 * s * t], axis=1
+    )
+    zero = np.zeros_like(r)
+    by_r = np.stack([1 - 4 * t, 4 * r - 1, zero, 4 * (t - r), 4 * s, -4 * s], axis=1)
+    by_s = np.stack([1 - 4 * t, zero, 4 * s - 1, -4 * r, 4 * r, 4 * (t - s)], axis=1)
+    return values, np.stack([by_r, by_s], axis=2)
+
+
+def distance(element: str, xi: np.ndarray) -> np.ndarray:
+    """How far out local points lie, shape (points,): up to 1 inside an element, 0 at its middle."""
+    if ELEMENTS[element].nodes == 6:
+        return 1 - 3 * np.minimum(xi.min(axis=1), 1 - xi.sum(axis=1))
+    return np.abs(xi).max(axis=1)
+
+
+def middle(element: str) -> np.ndarray:
+    """Local coordinates of the middle of an element, shape (dim,)."""
+    return np.full(ELEMENTS[element].dim, 1 / 3 if ELEMENTS[element].nodes == 6 else 0.0)
+
+
 def shape(element: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shape functions of an element type at local points.
 
@@ -75,6 +100,8 @@ def shape(element: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     gradients : ndarray, shape (points, nodes, dim)
     """
     kind = ELEMENTS[element]
+    if kind.nodes == 6:
+        return triangle(xi)
     if kind.nodes == 8 and kind.dim == 2:
         return serendipity(xi)
     return linear(_QUAD[:4] if kind.dim == 2 else _HEX, xi)
@@ -99,6 +126,7 @@ class Element:
 
 ELEMENTS = {
     "CPE4": Element(2, 4, 2),
+    "CPE6": Element(2, 6, 2),
     "CPE8": Element(2, 8, 3),
     "CPE8R": Element(2, 8, 2),
     "C3D8": Element(3, 8, 2),
@@ -109,6 +137,8 @@ ELEMENTS = {
 def rule(element: str) -> tuple[np.ndarray, np.ndarray]:
     """Gauss points and weights of an element type: shapes (points, dim) and (points,)."""
     kind = ELEMENTS[element]
+    if kind.nodes == 6:
+        return np.array([[1, 1], [4, 1], [1, 4]]) / 6, np.full(3, 1 / 6)
     x, w = np.polynomial.legendre.leggauss(kind.order)
     grid = np.meshgrid(*[x] * kind.dim, indexing="ij")
     weights = np.meshgrid(*[w] * kind.dim, indexing="ij")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerfit.fem.elements import rule, shape
+from fingerfit.fem.elements import distance, middle, rule, shape
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh import Mesh
 
@@ -72,7 +72,7 @@ def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture) -> Backwa
         xi, inside = _invert(block.element, corners[element], pixel.astype(float))
         element, pixel, xi = element[inside], pixel[inside], xi[inside]
         source = np.einsum("pn,pni->pi", shape(block.element, xi)[0], reference[block.nodes][element])
-        found.append((element + first, pixel, source, np.abs(xi).max(axis=1)))
+        found.append((element + first, pixel, source, distance(block.element, xi)))
         first += len(block.nodes)
     element, pixel, source, depth = (np.concatenate(part) for part in zip(*found, strict=True))
     flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), frame.values.shape)
@@ -94,7 +94,7 @@ def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> in
 
 def _candidates(corners: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of element and pixel whose bounding boxes meet: shapes (pairs,) and (pairs, dim)."""
-    slack = 0.1 * np.ptp(corners, axis=1) if corners.shape[1] > 4 else 1e-6
+    slack = 0.1 * np.ptp(corners, axis=1) if corners.shape[1] in (6, 8) and corners.shape[2] == 2 else 1e-6
     low = np.clip(np.ceil(corners.min(axis=1) - slack), 0, size).astype(np.int64)
     high = np.clip(np.floor(corners.max(axis=1) + slack) + 1, 0, size).astype(np.int64)
     extent = np.maximum(high - low, 0)
@@ -112,7 +112,7 @@ def _invert(kind: str, corners: np.ndarray, target: np.ndarray) -> tuple[np.ndar
 
     `corners` has shape (pairs, nodes, dim), `target` (pairs, dim).
     """
-    xi = np.zeros(target.shape)
+    xi = np.tile(middle(kind), (len(target), 1))
     inside = np.zeros(len(target), dtype=bool)
     active = np.arange(len(target))
     for _ in range(_ITERATIONS):
@@ -123,9 +123,9 @@ def _invert(kind: str, corners: np.ndarray, target: np.ndarray) -> tuple[np.ndar
         xi[active] += np.clip(move, -1.0, 1.0)
         size = np.abs(move).max(axis=1)
         done = size < 1e-6
-        inside[active[done]] = (np.abs(xi[active[done]]).max(axis=1) <= _INSIDE) & (det[done] != 0)
+        inside[active[done]] = (distance(kind, xi[active[done]]) <= _INSIDE) & (det[done] != 0)
         # far away after a step: the pixel is in another element
-        active = active[~done & (np.abs(xi[active]).max(axis=1) < 3.0) & (det != 0)]
+        active = active[~done & (distance(kind, xi[active]) < 4.0) & (det != 0)]
         if not len(active):
             break
     return xi, inside
@@ -235,5 +235,3 @@ def interpolate(mesh: Mesh, displacement: np.ndarray, points: np.ndarray) -> np.
                 values = shape(block.element, xi[at : at + 1])[0][0]
                 result[number] = values @ displacement[block.nodes[near[at]]]
     return result
-
-

@@ -96,7 +96,9 @@ def propose(history: Sequence[Evaluation], parameters: tuple[Parameter, ...], pl
                 return Proposal(batch, stage.name, iteration, space.point(best), None, len(used))
             used.update(needed)
             if len(used) > plan.max_evaluations:
-                return Proposal((), stage.name, iteration, space.point(best), "evaluations used up", len(used))
+                return Proposal(
+                    (), stage.name, iteration, space.point(best), "evaluations used up", len(used)
+                )
             try:
                 request, iteration = running.send([known[point] for point in needed])
             except StopIteration as finished:

@@ -86,7 +86,9 @@ class Space:
 Search = Generator[tuple[Request, str, int], list[float], tuple[Point, str]]
 
 
-def run_stage(stage: Stage, space: Space, start: np.ndarray) -> Generator[tuple[Request, int], list[float], np.ndarray]:
+def run_stage(
+    stage: Stage, space: Space, start: np.ndarray
+) -> Generator[tuple[Request, int], list[float], np.ndarray]:
     """One stage from `start`; returns the best coordinates."""
     if stage.kind == "grid":
         return (yield from _grid(stage, space, start))
@@ -109,7 +111,9 @@ def run_stage(stage: Stage, space: Space, start: np.ndarray) -> Generator[tuple[
     return best
 
 
-def _grid(stage: Stage, space: Space, start: np.ndarray) -> Generator[tuple[Request, int], list[float], np.ndarray]:
+def _grid(
+    stage: Stage, space: Space, start: np.ndarray
+) -> Generator[tuple[Request, int], list[float], np.ndarray]:
     first = next(p for p, tied in zip(space.parameters, space.tied, strict=True) if tied)
     ends = (np.log(first.lower), np.log(first.upper)) if first.log else (0.0, 1.0)
     inner = np.linspace(*ends, stage.points + 2)[1:-1]

@@ -1,20 +1,33 @@
+import os
+import sys
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
+from fingerfit import layout
 from fingerfit.errors import FingerfitError
-from fingerfit.rounds import Walk, package_fingerprint
-from fingerfit.settings import load_settings, write_settings
+from fingerfit.rounds import Walk
+from fingerfit.settings import load_settings
+
+# the fingerfit that jobs run is the one beside this Python
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 try:
     SETTINGS = load_settings(config)
+    PARTS = {stage: layout.settings_of(SETTINGS, stage) for stage in layout.SOURCES}
 except FingerfitError as error:
     raise WorkflowError(str(error))
 
-STUDY = SETTINGS.results_folder  # results/{study}: simulations, shared by the models of a study
-MODEL = f"{STUDY}/{SETTINGS.model.name}"  # results/{study}/{model}: rounds, estimate, figures
-SETTINGS_FILE = write_settings(SETTINGS, Path(MODEL) / "settings.json")
+STUDY = str(layout.study_folder(SETTINGS))  # simulations, shared by the models of a study
+MODEL = str(layout.model_folder(SETTINGS))  # rounds, estimate, figures
+SETTINGS_FILE = layout.write_settings(SETTINGS, Path(MODEL) / "settings.json")
 WALK = Walk(Path(STUDY), Path(MODEL))
+FIGURES = [f"{MODEL}/figures/{name}.png" for name in layout.figures(SETTINGS)]
+MESHES = {"mesh": f"{MODEL}/mesh.inp"}
+if SETTINGS.model.refined:
+    MESHES["refined"] = f"{MODEL}/refined.inp"
+MESH_OPTIONS = " ".join(f"--{name} {path}" for name, path in MESHES.items())
 
 
 wildcard_constraints:
@@ -37,6 +50,11 @@ def before_round(wildcards):
         return []
     last = checkpoints.propose.get(round=number - 1).output[0]
     return [last, *[ancient(solution(sim)) for sim in WALK.batch(last)]]
+
+
+def last_option(wildcards):
+    number = int(wildcards.round)
+    return f"--last {round_file(number - 1)}" if number else ""
 
 
 def rounds_and_solutions(wildcards):

@@ -5,20 +5,20 @@ rule estimate:
         last=last_round,
         settings=ancient(SETTINGS_FILE),
         data=f"{MODEL}/prepared.npz",
-        mesh=f"{MODEL}/mesh.inp",
+        **MESHES,
     output:
         estimate=f"{MODEL}/estimate.json",
         table=f"{MODEL}/table.txt",
     log:
         f"{MODEL}/logs/estimate.log",
     params:
-        settings=SETTINGS.part("estimate"),
-        code=package_fingerprint("estimate"),
+        settings=PARTS["estimate"],
+        code=layout.fingerprint("estimate"),
     threads: 1
     resources:
         mem_mb=1000,
     shell:
-        "fingerfit estimate {input.settings} --data {input.data} --mesh {input.mesh} --last {input.last}"
+        "fingerfit estimate {input.settings} --data {input.data} {MESH_OPTIONS} --sims {STUDY}/sims --last {input.last}"
         " --out {output.estimate} --table {output.table} 2> {log}"
 
 
@@ -28,17 +28,17 @@ rule plot:
         settings=ancient(SETTINGS_FILE),
         estimate=f"{MODEL}/estimate.json",
         data=f"{MODEL}/prepared.npz",
-        mesh=f"{MODEL}/mesh.inp",
+        **MESHES,
         last=last_round,
     output:
-        f"{MODEL}/figures/pictures.png",
+        FIGURES,
     log:
         f"{MODEL}/logs/plot.log",
     params:
-        code=package_fingerprint("plot"),
+        code=layout.fingerprint("plot"),
     threads: 1
     resources:
         mem_mb=1000,
     shell:
-        "fingerfit plot {input.settings} --data {input.data} --mesh {input.mesh} --last {input.last}"
-        " --estimate {input.estimate} --out {output} 2> {log}"
+        "fingerfit plot {input.settings} --data {input.data} {MESH_OPTIONS} --sims {STUDY}/sims --last {input.last}"
+        " --estimate {input.estimate} --out {MODEL}/figures 2> {log}"

@@ -2,17 +2,17 @@ rule prepare:
     # Reads and checks the study, smooths and scales the pictures, makes the mesh.
     input:
         settings=ancient(SETTINGS_FILE),
-        study=SETTINGS.study_files,
+        study=layout.study_files(SETTINGS),
     output:
         data=f"{MODEL}/prepared.npz",
-        mesh=f"{MODEL}/mesh.inp",
+        **MESHES,
     log:
         f"{MODEL}/logs/prepare.log",
     params:
-        settings=SETTINGS.part("prepare"),
-        code=package_fingerprint("prepare"),
+        settings=PARTS["prepare"],
+        code=layout.fingerprint("prepare"),
     threads: 1
     resources:
         mem_mb=1000,
     shell:
-        "fingerfit prepare {input.settings} --out {output.data} --mesh {output.mesh} 2> {log}"
+        "fingerfit prepare {input.settings} --out {output.data} {MESH_OPTIONS} 2> {log}"

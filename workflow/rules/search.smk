@@ -8,21 +8,22 @@ checkpoint propose:
         before_round,
         settings=ancient(SETTINGS_FILE),
         data=f"{MODEL}/prepared.npz",
-        mesh=f"{MODEL}/mesh.inp",
-        templates=SETTINGS.template_files,
+        **MESHES,
+        templates=layout.template_files(SETTINGS),
     output:
         f"{MODEL}/rounds/{{round}}.json",
     log:
         f"{MODEL}/logs/propose/{{round}}.log",
     params:
-        settings=SETTINGS.part("propose"),
-        code=package_fingerprint("propose"),
+        settings=PARTS["propose"],
+        last=last_option,
+        code=layout.fingerprint("propose"),
     threads: 1
     resources:
         mem_mb=1000,
     shell:
-        "fingerfit propose {input.settings} --data {input.data} --mesh {input.mesh} --round {wildcards.round}"
-        " --out {output} 2> {log}"
+        "fingerfit propose {input.settings} --data {input.data} {MESH_OPTIONS} --sims {STUDY}/sims"
+        " {params.last} --out {output} 2> {log}"
 
 
 rule simulate:

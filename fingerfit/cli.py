@@ -1,0 +1,95 @@
+"""The command line: the only place that prints errors and exits."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from fingerfit import __version__, commands
+from fingerfit.errors import FingerfitError
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="fingerfit", description="Material constants from pictures and forces."
+    )
+    parser.add_argument("--version", action="version", version=f"fingerfit {__version__}")
+    subs = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    def command(name: str, text: str) -> argparse.ArgumentParser:
+        sub = subs.add_parser(name, help=text, description=text)
+        sub.set_defaults(run=getattr(commands, name))
+        return sub
+
+    sub = command("check", "say what was understood of a study, and list every problem")
+    sub.add_argument("study", type=Path, help="folder of the study, or its study.yaml")
+    sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
+    sub.add_argument("--picture", type=Path, help="write a picture of the mesh over the image here (.png)")
+
+    sub = command("experiment", "make a study by a virtual experiment")
+    sub.add_argument("description", type=Path, help="experiment.yaml")
+    sub.add_argument("--out", type=Path, required=True, help="folder of the study")
+
+    sub = command("ecoflex", "make a study of uniaxial compression tests")
+    sub.add_argument("tests", type=Path, nargs="+", help="the authors' CSV files, one for each test")
+    sub.add_argument("--out", type=Path, required=True, help="folder of the study")
+
+    sub = command("docs", "write the schema and the table of the keys of config.yaml")
+    sub.add_argument("folder", type=Path, nargs="?", default=Path(), help="folder of the project")
+
+    sub = command("simulate", "solve one deck (for the workflow)")
+    sub.add_argument("deck", type=Path)
+    sub.add_argument("--solver", type=Path, required=True)
+    sub.add_argument("--out", type=Path, required=True)
+    sub.add_argument("--threads", type=int, default=1)
+
+    sub = command("prepare", "read the measurements and make the meshes (for the workflow)")
+    sub.add_argument("settings", type=Path)
+    sub.add_argument("--out", type=Path, required=True)
+    sub.add_argument("--mesh", type=Path, required=True)
+    sub.add_argument("--refined", type=Path)
+
+    for name, text in (
+        ("propose", "ask for the next guesses (for the workflow)"),
+        ("estimate", "constants with standard errors (for the workflow)"),
+        ("plot", "figures of a finished fit (for the workflow)"),
+    ):
+        sub = command(name, text)
+        sub.add_argument("settings", type=Path)
+        sub.add_argument("--data", type=Path, required=True)
+        sub.add_argument("--mesh", type=Path, required=True)
+        sub.add_argument("--refined", type=Path)
+        sub.add_argument("--sims", type=Path, required=True)
+        sub.add_argument("--last", type=Path, required=name != "propose")
+        sub.add_argument("--out", type=Path, required=True)
+        if name == "estimate":
+            sub.add_argument("--table", type=Path, required=True)
+        if name == "plot":
+            sub.add_argument("--estimate", type=Path, required=True)
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; returns the exit code: 0, 1 for an error, 2 for wrong usage, 130 when interrupted."""
+    args = _parser().parse_args(arguments)
+    try:
+        args.run(args)
+    except FingerfitError as error:
+        for line in str(error).splitlines():
+            print(f"fingerfit: error: {line}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"fingerfit: error: {where}{error.strerror or error}", file=sys.stderr)
+        return 1
+    except MemoryError:
+        print("fingerfit: error: not enough memory", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

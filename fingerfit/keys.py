@@ -1,0 +1,139 @@
+"""Reading YAML that people write: every wrong key becomes one clear line."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fingerfit.errors import FingerfitError, InputError
+
+_NEEDED = object()
+
+
+def read_yaml(path: Path) -> Any:
+    """Read YAML without running anything in it.
+
+    Raises
+    ------
+    InputError
+        When it is missing or not valid, with the line.
+    """
+    import yaml
+
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(path, "file", error.strerror, "a readable YAML file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(path, "file", "bytes that are no text", "a YAML file in UTF-8") from error
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f"line {mark.line + 1}" if mark else "file"
+        raise InputError(path, line, getattr(error, "problem", None) or error, "valid YAML") from error
+
+
+def unknown_key(where: Path | str, prefix: str, key: str, known: Sequence[str]) -> InputError:
+    """Error for a key that is not known, with the nearest one that is."""
+    near = difflib.get_close_matches(str(key), known, 1)
+    hint = f"{near[0]} (did you mean that?)" if near else "one of " + ", ".join(known)
+    return InputError(where, f"{prefix}{key}", "an unknown key", hint)
+
+
+class Keys:
+    """A mapping of a YAML file; what is wrong goes to a list of problems.
+
+    Parameters
+    ----------
+    where : Path
+        File.
+    data : object
+        What was read.
+    prefix : str
+        Of the field's names, for example ``body.``.
+    problems : list
+        Gets what is wrong.
+    """
+
+    def __init__(self, where: Path, data: Any, prefix: str, problems: list[FingerfitError]) -> None:
+        self.where, self.prefix, self.problems = where, prefix, problems
+        if not isinstance(data, dict):
+            found = "nothing" if data is None else data
+            problems.append(InputError(where, prefix.rstrip(".") or "file", found, "keys and values"))
+            data = {}
+        self.data: dict[str, Any] = data
+
+    def wrong(self, key: str, found: object, expected: str) -> None:
+        """Note a problem."""
+        self.problems.append(InputError(self.where, self.prefix + key, found, expected))
+
+    def known(self, *names: str) -> None:
+        """Note all keys that are not known."""
+        for key in self.data:
+            if key not in names:
+                self.problems.append(unknown_key(self.where, self.prefix, key, names))
+
+    def _get(self, key: str, default: Any, expected: str) -> Any:
+        value = self.data.get(key)
+        if value is None:
+            if default is _NEEDED:
+                self.wrong(key, "nothing", expected)
+                return None
+            return default
+        return value
+
+    def mapping(self, key: str, default: Any = _NEEDED) -> Keys:
+        """A mapping inside."""
+        value = self._get(key, default, "keys and values")
+        return Keys(self.where, {} if value is None else value, f"{self.prefix}{key}.", self.problems)
+
+    def items(self, key: str) -> list[Any]:
+        """A list inside."""
+        value = self._get(key, _NEEDED, "a list")
+        if value is not None and not isinstance(value, list):
+            self.wrong(key, value, "a list")
+            return []
+        return value or []
+
+    def text(self, key: str, default: Any = _NEEDED) -> str | None:
+        """A text."""
+        value = self._get(key, default, "a text")
+        if value is not None and not isinstance(value, str):
+            self.wrong(key, value, "a text")
+            return None
+        return value
+
+    def choice(self, key: str, allowed: Sequence[str]) -> str:
+        """One of several texts."""
+        expected = "one of " + ", ".join(allowed)
+        value = self._get(key, _NEEDED, expected)
+        if value is not None and value not in allowed:
+            self.wrong(key, value, expected)
+        return value if value in allowed else allowed[0]
+
+    def number(self, key: str, default: Any = _NEEDED, above: float | None = None) -> float | None:
+        """A finite number, above a limit."""
+        expected = "a number" if above is None else f"a number above {above:g}"
+        value = self._get(key, default, expected)
+        if value is None:
+            return None
+        if not _is_number(value) or (above is not None and value <= above):
+            self.wrong(key, value, expected)
+            return None
+        return float(value)
+
+    def numbers(self, key: str, count: int, default: Any = _NEEDED) -> tuple[float, ...] | None:
+        """Several finite numbers."""
+        value = self._get(key, default, f"{count} numbers")
+        if value is None:
+            return None
+        if not isinstance(value, list | tuple) or len(value) != count or not all(map(_is_number, value)):
+            self.wrong(key, value, f"{count} numbers")
+            return None
+        return tuple(float(v) for v in value)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

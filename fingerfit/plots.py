@@ -1,0 +1,186 @@
+"""Figures. Colours are those of Okabe and Ito, which colour-blind people can tell apart."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from fingerfit.data import Data
+from fingerfit.files import write_atomic
+from fingerfit.fit import REFINED, SEARCH, Fit
+from fingerfit.mesh import Mesh
+from fingerfit.rounds import Round
+from fingerfit.solvers.contract import Outcome
+
+COLOURS = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7", "#0072B2", "#D55E00")
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG, whole or not at all."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=130)
+    write_atomic(path, lambda handle: handle.write(buffer.getvalue()))
+
+
+def _outlines(mesh: Mesh, points: np.ndarray) -> list[np.ndarray]:
+    """Outline of each element of a plane mesh: corners with the mid-side nodes between them."""
+    rings = []
+    for block in mesh.blocks:
+        count = block.nodes.shape[1]
+        half = count // 2
+        order = np.ravel([[n, n + half] for n in range(half)]) if count in (6, 8) else np.arange(count)
+        rings += list(points[block.nodes[:, order]])
+    return rings
+
+
+def draw_mesh(axes: Any, mesh: Mesh, points: np.ndarray, fill: bool = True, line: float = 0.4) -> None:
+    """Draw a plane mesh, its layers in colours."""
+    rings = _outlines(mesh, points)
+    for number, (name, members) in enumerate(mesh.element_sets.items()):
+        colour = COLOURS[number % len(COLOURS)]
+        axes.add_collection(
+            PolyCollection(
+                [rings[i] for i in members],
+                facecolor=colour if fill else "none",
+                edgecolor="#333333" if fill else colour,
+                linewidth=line,
+                label=name.lower(),
+            )
+        )
+    axes.set_aspect("equal")
+
+
+def extent(data: Data) -> tuple[float, float, float, float]:
+    """Borders of a plane picture in mm: left, right, bottom, top."""
+    ny, nx = data.before.shape
+    x, y = data.origin - data.spacing / 2
+    return x, x + nx * data.spacing[0], y, y + ny * data.spacing[1]
+
+
+def figure_deformed(mesh: Mesh, outcome: Outcome, steps: list[tuple[str, int]]) -> Figure:
+    """The deformed mesh at the steps, and before, as the paper's Figure 4."""
+    figure = Figure(figsize=(2.4 * (len(steps) + 1), 2.9), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(steps) + 1, sharex=True, sharey=True))
+    shown = [("before", mesh.points), *((name, mesh.points + outcome.displacement[i]) for name, i in steps)]
+    every = np.concatenate([points for _, points in shown])
+    for axes, (name, points) in zip(panels, shown, strict=True):
+        draw_mesh(axes, mesh, points)
+        axes.set_title(name, fontsize=10)
+        axes.set_xlabel("x in mm", fontsize=9)
+    panels[0].set_ylabel("y in mm", fontsize=9)
+    panels[0].set_xlim(every[:, 0].min() - 0.5, every[:, 0].max() + 0.5)
+    panels[0].set_ylim(every[:, 1].min() - 0.5, every[:, 1].max() + 0.5)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9, frameon=False)
+    return figure
+
+
+def figure_pictures(data: Data, synthesized: np.ndarray) -> Figure:
+    """Measured, synthesized and subtraction at the steps, as the paper's Figure 5."""
+    count = len(data.measured)
+    figure = Figure(figsize=(2.5 * count + 1.2, 7.4), layout="constrained")
+    panels = figure.subplots(3, count, sharex=True, sharey=True, squeeze=False)
+    top = float(max(data.measured.max(), synthesized.max()))
+    difference = data.measured - synthesized
+    limit = float(np.quantile(np.abs(difference), 0.999)) or 1.0
+    grey = coloured = None
+    for column in range(count):
+        for row, values in enumerate((data.measured[column], synthesized[column])):
+            grey = panels[row, column].imshow(
+                values, cmap="gray", vmin=0, vmax=top, origin="lower", extent=extent(data)
+            )
+        coloured = panels[2, column].imshow(
+            difference[column], cmap="RdBu_r", vmin=-limit, vmax=limit, origin="lower", extent=extent(data)
+        )
+        panels[0, column].set_title(f"step {data.step[data.picture_step[column]]}", fontsize=10)
+        panels[2, column].set_xlabel("x in mm", fontsize=9)
+    for row, name in enumerate(("measured", "synthesized", "measured - synthesized")):
+        panels[row, 0].set_ylabel(f"{name}\ny in mm", fontsize=9)
+    figure.colorbar(grey, ax=panels[:2], label="intensity (1: brightest before compression)", shrink=0.6)
+    figure.colorbar(coloured, ax=panels[2], label="difference of intensity", shrink=0.9)
+    return figure
+
+
+def figure_forces(data: Data, outcome: Outcome) -> Figure:
+    """Force against displacement of the indenter, measured and of the model."""
+    figure = Figure(figsize=(5.2, 3.8), layout="constrained")
+    axes = figure.subplots()
+    axis = outcome.indenter.shape[1] - 1
+    axes.plot(
+        [0, *-outcome.indenter[:, axis]],
+        [0, *-outcome.reaction[:, axis]],
+        "-",
+        color=COLOURS[4],
+        label="model",
+    )
+    axes.errorbar(
+        data.displacement,
+        data.force,
+        xerr=2 * data.displacement_noise or None,
+        yerr=2 * data.force_noise or None,
+        fmt="o",
+        markersize=4,
+        capsize=2,
+        color=COLOURS[5],
+        label="measured (bars: 2 standard deviations)",
+    )
+    axes.set_xlabel("displacement of the indenter in mm")
+    axes.set_ylabel("force in N")
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0)
+    axes.legend(frameon=False, fontsize=9)
+    return figure
+
+
+def figure_search(last: Round, kind: str) -> Figure:
+    """Score and constants of all guesses in order."""
+    names = list(last.history[0]["values"])
+    figure = Figure(figsize=(6.4, 5.2), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    number = np.arange(1, len(last.history) + 1)
+    score = np.array([np.nan if e["score"] is None else e["score"] for e in last.history])
+    upper.plot(number, score, ".", color="#777777", label="guess")
+    upper.plot(number, np.fmin.accumulate(score), "-", color=COLOURS[4], label="best so far")
+    upper.set_ylabel(f"score ({'-NMI' if kind == 'nmi' else kind})")
+    upper.legend(frameon=False, fontsize=9)
+    for colour, name in zip(COLOURS, names, strict=False):
+        lower.plot(
+            number, [e["values"][name] for e in last.history], ".-", color=colour, linewidth=0.7, label=name
+        )
+    lower.set_yscale("log")
+    lower.set_xlabel("guess")
+    lower.set_ylabel("value")
+    lower.legend(frameon=False, fontsize=9)
+    return figure
+
+
+def figure_overlay(mesh: Mesh, values: np.ndarray, frame: tuple[float, float, float, float]) -> Figure:
+    """The mesh over the picture before compression."""
+    figure = Figure(figsize=(6, 5.4), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(values, cmap="gray", origin="lower", extent=frame)
+    draw_mesh(axes, mesh, mesh.points, fill=False, line=0.7)
+    axes.set_xlabel("x in mm")
+    axes.set_ylabel("y in mm")
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9, frameon=False)
+    return figure
+
+
+def plot_fit(fit: Fit, last: Round, estimate: dict[str, Any], folder: Path) -> None:
+    """All figures of a finished fit, into a folder."""
+    outcome = Outcome.load(fit.sims / estimate["sim"] / "solution.npz")
+    name = REFINED if REFINED in fit.mesh_files else SEARCH
+    mesh, data = fit.meshes[name], fit.data
+    save(figure_forces(data, outcome), folder / "force.png")
+    save(figure_search(last, fit.settings.fit.score), folder / "search.png")
+    predicted = fit.predictor(name).predict(outcome)
+    if mesh.dim == 2 and len(data.measured) and predicted:
+        steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
+        save(figure_deformed(mesh, outcome, steps), folder / "deformed_mesh.png")
+        save(figure_pictures(data, predicted[0].pictures), folder / "pictures.png")

@@ -1,0 +1,263 @@
+"""What a user sets in config.yaml: described, checked, and the source of the schema and of docs/config.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.guess import Parameter
+from fingerfit.keys import read_yaml, unknown_key
+from fingerfit.search import Plan, Stage
+
+CONFIG = "config.yaml"
+MATERIAL = ("mu", "alpha", "poisson")
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class MeshSettings(_Strict):
+    """Mesh of a block or brick that the study describes."""
+
+    element: Literal["CPE4", "CPE6", "CPE8", "CPE8R", "C3D8"] = Field(description="Element type.")
+    across: int = Field(ge=1, description="Elements over the width (bricks: along each side).")
+    per_layer: int = Field(ge=1, description="Elements over the height of each layer.")
+    grading: float = Field(
+        default=1.0,
+        ge=1.0,
+        description="Largest over smallest element: they shrink towards sides, base and indenter.",
+    )
+
+
+class ParameterSettings(_Strict):
+    """A constant to be identified."""
+
+    unit: Literal["MPa", "1"] = Field(description="Unit: MPa for mu, 1 for alpha and poisson.")
+    start: float = Field(description="Where the search starts.")
+    lower: float = Field(description="Lower bound.")
+    upper: float = Field(description="Upper bound.")
+    log: bool = Field(default=True, description="Search in the logarithm.")
+
+
+class ModelSettings(_Strict):
+    """The model of the body."""
+
+    name: str = Field(default="base", pattern=r"^[\w+-]+$", description="Folder of its results.")
+    template: str = Field(
+        default="block.inp.j2",
+        description="Deck template, looked up in the study's folder, then in templates/.",
+    )
+    material: dict[str, float] = Field(
+        default_factory=dict,
+        description="Fixed constants: mu (MPa), alpha, poisson, for all layers, or for one as alpha_top.",
+    )
+    mesh: MeshSettings | None = Field(
+        default=None, description="Mesh of the search; not allowed when the study brings a mesh."
+    )
+    refined: MeshSettings | None = Field(
+        default=None,
+        description="Finer mesh, solved at the best guess to correct the estimate for the coarseness of the first.",
+    )
+    parameters: dict[str, ParameterSettings] = Field(
+        min_length=1, description="What is identified: mu, alpha or poisson, or for one layer as mu_top."
+    )
+
+
+class StageSettings(_Strict):
+    """A stage of the search."""
+
+    name: str = Field(description="For reports.")
+    kind: Literal["grid", "equal", "independent"] = Field(
+        description="grid: forward analyses, all mu alike; equal: simplex, all mu alike; independent: simplex."
+    )
+    tolx: float = Field(
+        default=1e-5,
+        gt=0,
+        description="Stop when all vertices are as near to the best, in the parameter's unit ...",
+    )
+    tolf: float = Field(default=1e-5, gt=0, description="... and their scores too.")
+    points: int = Field(default=6, ge=2, description="Points of a grid.")
+    step: float = Field(default=0.4, gt=0, description="Size of the first simplex, in the logarithm.")
+    restarts: int = Field(default=0, ge=0, description="New simplexes at the best point.")
+
+
+class FitSettings(_Strict):
+    """How the model is fitted."""
+
+    score: Literal["nmi", "ssd", "likelihood"] = Field(
+        description="nmi: normalized mutual information; ssd: squared difference; likelihood: all data with noise."
+    )
+    steps: list[int] | None = Field(
+        default=None, description="Steps whose pictures are compared; all with a picture when left out."
+    )
+    smooth: float = Field(
+        default=1.0, ge=0, description="Gaussian on all pictures, standard deviation in pixels."
+    )
+    bins: int = Field(default=64, ge=4, le=512, description="Bins of the joint histogram.")
+    batch: int = Field(
+        default=2, ge=1, description="Guesses tried at once; the result does not depend on it."
+    )
+    max_evaluations: int = Field(default=400, ge=1, description="The search ends after as many.")
+    replicates: int = Field(
+        default=60,
+        ge=20,
+        description="Repetitions of the measurement with new noise, for the standard errors.",
+    )
+    seed: int = Field(default=1, ge=0, description="Of that noise.")
+    stages: list[StageSettings] = Field(min_length=1, description="Stages of the search, in order.")
+
+
+class Settings(_Strict):
+    """config.yaml."""
+
+    study: str = Field(description="Folder of the study.")
+    results: str = Field(default="results", description="Folder of all results.")
+    solver: str = Field(default="builtin", description="builtin, calculix, or another one that is installed.")
+    model: ModelSettings = Field(description="The model of the body.")
+    fit: FitSettings = Field(description="How the model is fitted.")
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters in the order of the file."""
+        return tuple(
+            Parameter(name, p.unit, p.lower, p.upper, p.start, p.log)
+            for name, p in self.model.parameters.items()
+        )
+
+    def plan(self) -> Plan:
+        """How to search."""
+        stages = tuple(Stage(**stage.model_dump()) for stage in self.fit.stages)
+        return Plan(stages, self.fit.batch, self.fit.max_evaluations)
+
+
+def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) -> Settings:
+    """Check settings.
+
+    Parameters
+    ----------
+    source : mapping or Path
+        What was read from config.yaml, or its path.
+    where : Path or str
+        Named in errors when `source` is a mapping.
+
+    Raises
+    ------
+    Problems
+        With one line for each wrong key.
+    """
+    if isinstance(source, Path):
+        where, source = source, read_yaml(source)
+    try:
+        settings = Settings.model_validate(source)
+    except ValidationError as error:
+        raise Problems([_explain(where, details) for details in error.errors()]) from error
+    problems = _cross_check(settings, where)
+    if problems:
+        raise Problems(problems)
+    return settings
+
+
+def _explain(where: Path | str, details: Any) -> FingerfitError:
+    field = ".".join(map(str, details["loc"])) or "file"
+    if details["type"] == "extra_forbidden":
+        *parents, key = details["loc"]
+        return unknown_key(where, "".join(f"{p}." for p in parents), str(key), _known(parents))
+    if details["type"] == "missing":
+        return InputError(where, field, "nothing", "a value: " + _describe(details["loc"]))
+    return InputError(where, field, details["input"], details["msg"].replace("Input should be ", ""))
+
+
+def _model_at(loc: Any) -> type[BaseModel]:
+    model: type[BaseModel] = Settings
+    for key in loc:
+        annotation = model.model_fields[key].annotation if key in model.model_fields else None
+        for kind in _models_in(annotation):
+            model = kind
+    return model
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [kind for part in getattr(annotation, "__args__", ()) for kind in _models_in(part)]
+
+
+def _known(parents: Any) -> list[str]:
+    return list(_model_at(parents).model_fields)
+
+
+def _describe(loc: Any) -> str:
+    field = _model_at(loc[:-1]).model_fields.get(str(loc[-1]))
+    return (field.description if field else None) or "it is needed"
+
+
+def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    from fingerfit.solvers.registry import get_solver
+
+    problems: list[FingerfitError] = []
+    try:
+        get_solver(settings.solver)
+    except FingerfitError as error:
+        problems.append(FingerfitError(f"{where}: {error}"))
+    for name, p in settings.model.parameters.items():
+        field = f"model.parameters.{name}"
+        if name.split("_")[0] not in MATERIAL:
+            problems.append(unknown_key(where, "model.parameters.", name, MATERIAL))
+        elif not p.lower <= p.start <= p.upper or p.lower == p.upper:
+            problems.append(
+                InputError(where, field, f"start {p.start:g}", f"{p.lower:g} to {p.upper:g}, the bounds")
+            )
+        elif p.log and p.lower <= 0:
+            problems.append(
+                InputError(where, f"{field}.lower", p.lower, "above 0, for a search in the logarithm")
+            )
+    for name in settings.model.material:
+        if name.split("_")[0] not in MATERIAL:
+            problems.append(unknown_key(where, "model.material.", name, MATERIAL))
+    return problems
+
+
+def check_against_study(
+    settings: Settings, layers: list[str], has_mesh: bool, where: Path | str = CONFIG
+) -> None:
+    """Problems of settings with a study: names of layers, mesh twice or not at all."""
+    problems: list[FingerfitError] = []
+    for group, names in (("parameters", settings.model.parameters), ("material", settings.model.material)):
+        for name in names:
+            layer = name.partition("_")[2]
+            if layer and layer not in layers:
+                expected = "a layer of the study: " + ", ".join(layers)
+                problems.append(InputError(where, f"model.{group}.{name}", f"layer {layer}", expected))
+    if has_mesh == (settings.model.mesh is not None):
+        found = "a mesh, and one in the study" if has_mesh else "nothing"
+        problems.append(InputError(where, "model.mesh", found, "one mesh: here or in the study"))
+    if problems:
+        raise Problems(problems)
+
+
+def schema() -> dict[str, Any]:
+    """JSON schema of config.yaml."""
+    return Settings.model_json_schema()
+
+
+def describe() -> str:
+    """Markdown table of all keys, for docs/config.md."""
+    lines = ["# Keys of config.yaml", "", "Made by `fingerfit docs`; do not edit.", ""]
+    lines += ["| key | default | what it is |", "|---|---|---|"]
+
+    def walk(model: type[BaseModel], prefix: str) -> None:
+        for name, field in model.model_fields.items():
+            inner = _models_in(field.annotation)
+            text = str(field.annotation)
+            suffix = ".*" if "dict" in text and inner else "[]" if "list" in text and inner else ""
+            default = "needed" if field.is_required() else f"`{field.get_default(call_default_factory=True)}`"
+            lines.append(f"| `{prefix}{name}{suffix}` | {default} | {field.description} |")
+            for kind in inner:
+                walk(kind, f"{prefix}{name}{suffix}.")
+
+    walk(Settings, "")
+    return "\n".join(lines) + "\n"

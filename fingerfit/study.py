@@ -1,0 +1,123 @@
+"""A study: what was measured on which body, in mm, N and s."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+ESTIMATED = "estimated"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the compression; None for what was not measured.
+
+    Parameters
+    ----------
+    number : int
+        As the study counts.
+    time : float or None
+        s.
+    displacement, force : float or None
+        Of the indenter, positive in compression; mm and N.
+    picture, points : Path or None
+        Picture at the step; table of measured displacements of points.
+    """
+
+    number: int
+    time: float | None = None
+    displacement: float | None = None
+    force: float | None = None
+    picture: Path | None = None
+    points: Path | None = None
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A layer of a block (height in mm), or an element set of a mesh."""
+
+    name: str
+    height: float | None = None
+    elements: str | None = None
+
+
+@dataclass(frozen=True)
+class Body:
+    """Shape of the body: a layered block in the plane, a brick, or a mesh of the user's.
+
+    Parameters
+    ----------
+    layers : tuple of Layer
+        From the indenter down.
+    width : float or None
+        Of a block, mm.
+    origin : tuple of float
+        Lower left corner of a block, mm.
+    thickness : float
+        Out of plane, mm.
+    brick : tuple of float or None
+        Lengths of the sides, mm.
+    mesh : Path or None
+        Mesh file.
+    """
+
+    layers: tuple[Layer, ...]
+    width: float | None = None
+    origin: tuple[float, float] = (0.0, 0.0)
+    thickness: float = 1.0
+    brick: tuple[float, float, float] | None = None
+    mesh: Path | None = None
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations: N, mm and intensity; None: not known; ``estimated``: from the data."""
+
+    force: float | str | None = None
+    displacement: float | str | None = None
+    points: float | str | None = None
+    picture: float | str | None = None
+
+
+@dataclass(frozen=True)
+class Study:
+    """What was measured.
+
+    Parameters
+    ----------
+    path : Path
+        The study's file.
+    title : str
+    control : str
+        ``force`` or ``displacement``: what simulations prescribe.
+    steps : tuple of Step
+    before : Path or None
+        Picture before compression.
+    noise : Noise
+    body : Body
+    base, indenter : str
+        ``held`` or ``slides``; ``glued`` or ``slides``.
+    length : float
+        Size of the study's unit of length, for tables of points.
+    """
+
+    path: Path
+    title: str
+    control: str
+    steps: tuple[Step, ...]
+    before: Path | None
+    noise: Noise
+    body: Body
+    base: str
+    indenter: str
+    length: float = 1.0
+
+    @property
+    def layer_names(self) -> list[str]:
+        """Names from the indenter down."""
+        return [layer.name for layer in self.body.layers]
+
+    @property
+    def thickness(self) -> float:
+        """Out of plane, mm."""
+        return self.body.thickness

@@ -1,0 +1,233 @@
+"""Reading a study's folder: study.yaml and the table of its steps. All problems are told at once."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.keys import Keys, read_yaml
+from fingerfit.study import ESTIMATED, Body, Layer, Noise, Step, Study
+from fingerfit.units import factor
+
+COLUMNS = ("step", "time", "displacement", "force", "picture", "points")
+
+
+def study_path(path: Path) -> Path:
+    """The study's file, from the file or its folder."""
+    return path / "study.yaml" if path.is_dir() else path
+
+
+def load_study(path: Path) -> Study:
+    """Read a study; pictures are not opened.
+
+    Parameters
+    ----------
+    path : Path
+        ``study.yaml`` or the folder it is in.
+
+    Raises
+    ------
+    Problems
+        With one line for everything that is wrong.
+    """
+    file = study_path(path)
+    problems: list[FingerfitError] = []
+    keys = Keys(file, read_yaml(file), "", problems)
+    keys.known("title", "units", "control", "steps", "pictures", "noise", "body", "boundary")
+    sizes = _units(keys)
+    control = keys.choice("control", ("force", "displacement"))
+    boundary = keys.mapping("boundary")
+    boundary.known("base", "indenter")
+    pictures = keys.mapping("pictures", {})
+    pictures.known("before", "noise")
+    before = pictures.text("before", None)
+    study = Study(
+        path=file,
+        title=keys.text("title", file.parent.name) or "",
+        control=control,
+        steps=_steps(keys, sizes, problems),
+        before=file.parent / before if before else None,
+        noise=_noise(keys.mapping("noise", {}), pictures, sizes),
+        body=_body(keys.mapping("body"), sizes, file),
+        base=boundary.choice("base", ("held", "slides")),
+        indenter=boundary.choice("indenter", ("glued", "slides")),
+        length=sizes["length"],
+    )
+    if not problems:
+        _cross_check(study, problems)
+    if problems:
+        raise Problems(problems)
+    return study
+
+
+def _units(keys: Keys) -> dict[str, float]:
+    units = keys.mapping("units")
+    units.known("length", "force", "time")
+    sizes = {}
+    for kind in ("length", "force", "time"):
+        name = units.text(kind)
+        try:
+            sizes[kind] = factor(kind, name or "", keys.where, f"units.{kind}") if name else 1.0
+        except InputError as error:
+            keys.problems.append(error)
+            sizes[kind] = 1.0
+    return sizes
+
+
+def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
+    noise.known("force", "displacement", "points")
+
+    def spread(keys: Keys, name: str, size: float) -> float | str | None:
+        if keys.data.get(name) in (None, ESTIMATED):
+            return keys.data.get(name)
+        value = keys.number(name, above=0.0)
+        return None if value is None else value * size
+
+    return Noise(
+        spread(noise, "force", sizes["force"]),
+        spread(noise, "displacement", sizes["length"]),
+        spread(noise, "points", sizes["length"]),
+        spread(pictures, "noise", 1.0) if pictures.data else None,
+    )
+
+
+def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
+    body.known("layers", "width", "thickness", "origin", "brick", "mesh")
+    size, layers, names = sizes["length"], [], set()
+    mesh, brick = body.text("mesh", None), body.numbers("brick", 3, None)
+    for number, entry in enumerate(body.items("layers")):
+        layer = Keys(body.where, entry, f"body.layers.{number}.", body.problems)
+        layer.known("name", "height", "elements")
+        name = layer.text("name") or f"layer{number}"
+        if name in names:
+            layer.wrong("name", name, "a name that no other layer has")
+        if not name.isidentifier():
+            layer.wrong("name", name, "letters, digits and _")
+        names.add(name)
+        block = mesh is None and brick is None
+        height = layer.number("height", above=0.0) if block else None
+        layers.append(Layer(name, height * size if height else None, layer.text("elements", name.upper())))
+    if not layers:
+        body.wrong("layers", "none", "at least one layer")
+    width = body.number("width", above=0.0) if mesh is None and brick is None else None
+    origin = body.numbers("origin", 2, (0.0, 0.0)) or (0.0, 0.0)
+    thickness = body.number("thickness", above=0.0) if brick is None else 1.0
+    return Body(
+        tuple(layers),
+        width * size if width else None,
+        (origin[0] * size, origin[1] * size),
+        (thickness or 1.0) * size,
+        (brick[0] * size, brick[1] * size, brick[2] * size) if brick else None,
+        file.parent / mesh if mesh else None,
+    )
+
+
+def _steps(keys: Keys, sizes: Mapping[str, float], problems: list[FingerfitError]) -> tuple[Step, ...]:
+    name = keys.text("steps")
+    if not name:
+        return ()
+    file = keys.where.parent / name
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as handle:
+            rows = [row for row in csv.reader(handle) if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError) as error:
+        problems.append(
+            InputError(file, "steps", getattr(error, "strerror", None) or error, "a readable CSV table")
+        )
+        return ()
+    head = [cell.strip() for cell in rows[0]] if rows else []
+    wrong = [column for column in head if column not in COLUMNS]
+    if wrong or "step" not in head:
+        found = wrong[0] if wrong else ",".join(head) or "an empty table"
+        problems.append(
+            InputError(file, "columns", found, "columns " + ", ".join(COLUMNS) + " (step is needed)")
+        )
+        return ()
+    if len(rows) < 2:
+        problems.append(InputError(file, "rows", "none", "a row for each step"))
+    steps: list[Step] = []
+    for number, row in enumerate(rows[1:], 2):
+        if len(row) != len(head):
+            problems.append(InputError(file, f"row {number}", f"{len(row)} cells", f"{len(head)} cells"))
+            continue
+        cells = {column: cell.strip() for column, cell in zip(head, row, strict=True)}
+        step = _step(file, number, cells, sizes, problems)
+        if step is None:
+            continue
+        _compare(file, number, steps[-1] if steps else None, step, problems)
+        steps.append(step)
+    return tuple(steps)
+
+
+def _step(
+    file: Path, row: int, cells: Mapping[str, str], sizes: Mapping[str, float], problems: list[FingerfitError]
+) -> Step | None:
+    values: dict[str, float | None] = {}
+    for column, kind in (("time", "time"), ("displacement", "length"), ("force", "force")):
+        text = cells.get(column, "")
+        values[column] = None
+        if not text:
+            continue
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
+        elif column != "time" and value < 0:
+            problems.append(
+                InputError(file, f"row {row}, {column}", text, "0 or more: compression is positive")
+            )
+        else:
+            values[column] = value * sizes[kind]
+    if not cells["step"].isdigit():
+        problems.append(InputError(file, f"row {row}, step", cells["step"] or "nothing", "a whole number"))
+        return None
+    files = {}
+    for column in ("picture", "points"):
+        name = cells.get(column, "")
+        files[column] = file.parent / name if name else None
+        if name and not (file.parent / name).exists():
+            problems.append(InputError(file, f"row {row}, {column}", name, "a file that exists"))
+    return Step(int(cells["step"]), **values, **files)
+
+
+def _compare(file: Path, row: int, last: Step | None, step: Step, problems: list[FingerfitError]) -> None:
+    if last is None:
+        return
+    if step.number <= last.number:
+        problems.append(InputError(file, f"row {row}, step", step.number, f"a number above {last.number}"))
+    if step.time is not None and last.time is not None and step.time <= last.time:
+        problems.append(InputError(file, f"row {row}, time", f"{step.time:g}", f"more than {last.time:g} s"))
+
+
+def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
+    file = study.path
+    for step in study.steps:
+        if getattr(step, study.control) is None:
+            problems.append(InputError(file, "steps", f"step {step.number} without {study.control}",
+                                       f"the {study.control} of every step, since it is the control"))  # fmt: skip
+    pictures = [step for step in study.steps if step.picture]
+    if pictures and study.before is None:
+        problems.append(InputError(file, "pictures.before", "nothing", "the picture before compression"))
+    if study.before is not None and not study.before.exists():
+        problems.append(InputError(file, "pictures.before", study.before.name, "a file that exists"))
+    if study.body.mesh is not None and not study.body.mesh.exists():
+        problems.append(InputError(file, "body.mesh", study.body.mesh.name, "a file that exists"))
+    conjugate = "displacement" if study.control == "force" else "force"
+    measured = [step for step in study.steps if getattr(step, conjugate) is not None]
+    if not pictures and not measured and not any(step.points for step in study.steps):
+        problems.append(InputError(file, "steps", "nothing measured beside the control",
+                                   f"pictures, points or {conjugate}"))  # fmt: skip
+
+
+def with_gain(study: Study, gain: float) -> Study:
+    """The study with the prescribed quantity multiplied."""
+    name = study.control
+    return replace(
+        study, steps=tuple(replace(step, **{name: getattr(step, name) * gain}) for step in study.steps)
+    )

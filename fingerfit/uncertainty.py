@@ -1,0 +1,180 @@
+"""Standard errors, intervals and what the data cannot tell, from repetitions of the measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fingerfit.guess import Parameter
+
+WIDTH = 0.02
+"""Step of the finite differences of a score that is linearised already."""
+FLAT = 1e-4
+"""Curvature along a direction, relative to the steepest, below which the data do not see it."""
+
+
+def gradient_and_hessian(
+    objective: Callable[[np.ndarray], float], size: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Central differences at 0: shapes (size,) and (size, size)."""
+    steps = np.eye(size) * WIDTH
+    middle = objective(np.zeros(size))
+    ahead = np.array([objective(step) for step in steps])
+    behind = np.array([objective(-step) for step in steps])
+    hessian = np.diag((ahead - 2 * middle + behind) / WIDTH**2)
+    for i in range(size):
+        for j in range(i):
+            both = objective(steps[i] + steps[j]) + objective(-steps[i] - steps[j])
+            cross = (both - ahead[i] - ahead[j] - behind[i] - behind[j] + 2 * middle) / (2 * WIDTH**2)
+            hessian[i, j] = hessian[j, i] = cross
+    return (ahead - behind) / (2 * WIDTH), hessian
+
+
+def minimise(objective: Callable[[np.ndarray], float], size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Minimum of a smooth function near 0, from a quadratic fit that is moved there and repeated.
+
+    Parameters
+    ----------
+    objective : callable
+        Of shape (size,) in search coordinates.
+
+    Returns
+    -------
+    delta : ndarray, shape (size,)
+    hessian : ndarray, shape (size, size)
+        At the minimum.
+    """
+    delta, hessian = np.zeros(size), np.eye(size)
+    for _ in range(5):
+        gradient, hessian = gradient_and_hessian(lambda d, at=delta: objective(at + d), size)
+        move = -np.linalg.pinv(_positive(hessian), rcond=FLAT, hermitian=True) @ gradient
+        move *= min(1.0, 0.3 / max(np.abs(move).max(), 1e-300))
+        delta = delta + move
+        if np.abs(move).max() < 1e-5:
+            break
+    return delta, hessian
+
+
+def _positive(hessian: np.ndarray) -> np.ndarray:
+    """The same matrix with the size of its eigenvalues: a step always goes downhill."""
+    values, vectors = np.linalg.eigh(hessian)
+    return (vectors * np.abs(values)) @ vectors.T
+
+
+def repeat(draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int) -> np.ndarray:
+    """Best constants of `count` repetitions, shape (count, size): one Newton step, by their mean curvature.
+
+    A first set of 6 repetitions gives the curvature; then every repetition needs its gradient only.
+    """
+    objectives = [draw() for _ in range(count)]
+    curvature = np.mean([gradient_and_hessian(o, size)[1] for o in objectives[:6]], axis=0)
+    inverse = np.linalg.pinv(_positive(curvature), rcond=FLAT, hermitian=True)
+    steps = np.eye(size) * WIDTH
+    gradients = [[(o(step) - o(-step)) / (2 * WIDTH) for step in steps] for o in objectives]
+    return -np.array(gradients) @ inverse
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Uncertainty of an estimate.
+
+    Parameters
+    ----------
+    relative : ndarray, shape (parameters,)
+        Standard errors in search coordinates: of the logarithm.
+    interval : ndarray, shape (parameters, 2)
+        95 % interval, in units.
+    correlation : ndarray, shape (parameters, parameters)
+    bias : ndarray, shape (parameters,)
+        Mean shift of the repetitions: what noise alone does to the estimate.
+    remarks : tuple of str
+        What the data cannot tell.
+    """
+
+    relative: np.ndarray
+    interval: np.ndarray
+    correlation: np.ndarray
+    bias: np.ndarray
+    remarks: tuple[str, ...]
+
+
+def summarise(
+    shifts: np.ndarray, hessian: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]
+) -> Uncertainty:
+    """Uncertainty from repetitions.
+
+    Parameters
+    ----------
+    shifts : ndarray, shape (repetitions, parameters)
+        Best constants of the repetitions in search coordinates, relative to the truth of the repetitions.
+    hessian : ndarray, shape (parameters, parameters)
+        Curvature of the score.
+    parameters, values
+        What was estimated, values in units.
+    """
+    count = len(shifts)
+    covariance = np.atleast_2d(np.cov(shifts, rowvar=False))
+    spread = np.sqrt(np.diag(covariance))
+    scale = np.where(spread > 0, spread, 1.0)
+    # quantile 97.5 % of Student's t with count - 1 degrees of freedom (Abramowitz and Stegun 26.7.5)
+    z = 1.959964
+    t = z + (z**3 + z) / (4 * (count - 1)) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * (count - 1) ** 2)
+    interval = np.array([_ends(p, v, t * s) for p, v, s in zip(parameters, values, spread, strict=True)])
+    return Uncertainty(
+        spread,
+        interval,
+        covariance / np.outer(scale, scale),
+        shifts.mean(axis=0),
+        identifiability(hessian, [p.name for p in parameters]),
+    )
+
+
+def _ends(parameter: Parameter, value: float, half: float) -> tuple[float, float]:
+    if parameter.log:
+        return value * float(np.exp(-half)), value * float(np.exp(half))
+    size = parameter.upper - parameter.lower
+    return value - half * size, value + half * size
+
+
+def identifiability(hessian: np.ndarray, names: Sequence[str]) -> tuple[str, ...]:
+    """Sentences on what the score does not see, from its curvature in search coordinates.
+
+    >>> identifiability(np.array([[1.0, -1.0], [-1.0, 1.0]]), ["mu_a", "mu_b"])[0]
+    'only ratios of mu_a, mu_b are identifiable: these data do not see their common scale'
+    """
+    values, vectors = np.linalg.eigh(hessian)
+    remarks = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value > FLAT * max(values[-1], 1e-300):
+            continue
+        involved = [name for name, part in zip(names, vector, strict=True) if abs(part) > 0.1]
+        parts = vector[np.abs(vector) > 0.1]
+        if len(involved) > 1 and np.ptp(parts) < 0.3 * np.abs(parts).max():
+            text = f"only ratios of {', '.join(involved)} are identifiable: these data do not see their common scale"
+        elif len(involved) == 1:
+            text = f"{involved[0]} is not identifiable from these data"
+        else:
+            terms = " ".join(f"{part:+.2f} log {name}" for name, part in zip(involved, parts, strict=True))
+            text = f"the combination {terms} is not identifiable from these data"
+        remarks.append(text)
+    return tuple(remarks)
+
+
+def as_json(
+    uncertainty: Uncertainty, parameters: Sequence[Parameter], values: Sequence[float]
+) -> dict[str, Any]:
+    """Entries of estimate.json by parameter."""
+    entries = {}
+    for n, (parameter, value) in enumerate(zip(parameters, values, strict=True)):
+        size = value if parameter.log else parameter.upper - parameter.lower
+        low, high = uncertainty.interval[n]
+        entries[parameter.name] = {
+            "value": float(value),
+            "unit": parameter.unit,
+            "standard_error": float(uncertainty.relative[n] * size),
+            "interval95": [float(low), float(high)],
+        }
+    return entries
