@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from fingerfit.errors import StateError
-from fingerfit.estimate import Replicates, moved
-from fingerfit.fit import REFINED, SEARCH, Fit, correction, linear_model
+from fingerfit.estimate import Replicates
+from fingerfit.fit import REFINED, SEARCH, Fit, correction, linear_model, without_mesh_error
 from fingerfit.rounds import Round
-from fingerfit.uncertainty import as_json, minimise, repeat, summarise
+from fingerfit.uncertainty import as_json, repeat, summarise
 
 
 def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
@@ -29,14 +29,14 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
     model = linear_model(fit, last)
     refined = REFINED in fit.mesh_files
     size = len(parameters)
-    delta, hessian = minimise(lambda d: fit.score(model.at(d)), size)
-    values = moved(parameters, model.values, delta) if refined else dict(last.best["values"])
+    values = without_mesh_error(fit, last) if refined else dict(last.best["values"])
+    # of the two solutions on the finer mesh the second is at the corrected guess
     nearest = [asked for asked in last.batch if asked.role == REFINED][-1:]
     asked = nearest[0] if nearest else fit.ask(last.best["values"])
     predictor = fit.predictor(REFINED if nearest else SEARCH)
     maps = predictor.maps(fit.outcome(asked))
     replicates = Replicates(model, fit.data, maps, settings.fit.score, settings.fit.bins, settings.fit.seed)
-    shifts = repeat(replicates.draw, size, settings.fit.replicates)
+    shifts, hessian = repeat(replicates.draw, size, settings.fit.replicates)
     point = [values[p.name] for p in parameters]
     found = summarise(shifts, hessian, parameters, point)
     names = [p.name for p in parameters]
@@ -54,7 +54,7 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
         "score": {
             "kind": settings.fit.score,
             "search": last.best["score"],
-            "final": fit.score(model.at(delta if refined else np.zeros(size))),
+            "final": fit.score(model.base),
         },
         "search": {
             "best": last.best["values"],
@@ -66,7 +66,6 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
         },
         "simulations": {"asked": len(last.history) + len(last.batch), "run": len(everything)},
         "mesh_correction": correction(fit, last, values) if refined else None,
-        "last_step": dict(zip(names, np.round(delta, 6).tolist(), strict=True)) if refined else None,
         "sim": asked.sim,
     }
 

@@ -33,48 +33,35 @@ def gradient_and_hessian(
     return (ahead - behind) / (2 * WIDTH), hessian
 
 
-def minimise(objective: Callable[[np.ndarray], float], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Minimum of a smooth function near 0, from a quadratic fit that is moved there and repeated.
-
-    Parameters
-    ----------
-    objective : callable
-        Of shape (size,) in search coordinates.
-
-    Returns
-    -------
-    delta : ndarray, shape (size,)
-    hessian : ndarray, shape (size, size)
-        At the minimum.
-    """
-    delta, hessian = np.zeros(size), np.eye(size)
-    for _ in range(5):
-        gradient, hessian = gradient_and_hessian(lambda d, at=delta: objective(at + d), size)
-        move = -np.linalg.pinv(_positive(hessian), rcond=FLAT, hermitian=True) @ gradient
-        move *= min(1.0, 0.3 / max(np.abs(move).max(), 1e-300))
-        delta = delta + move
-        if np.abs(move).max() < 1e-5:
-            break
-    return delta, hessian
-
-
 def _positive(hessian: np.ndarray) -> np.ndarray:
     """The same matrix with the size of its eigenvalues: a step always goes downhill."""
     values, vectors = np.linalg.eigh(hessian)
     return (vectors * np.abs(values)) @ vectors.T
 
 
-def repeat(draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int) -> np.ndarray:
-    """Best constants of `count` repetitions, shape (count, size): one Newton step, by their mean curvature.
+def repeat(
+    draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Best constants of repetitions by one Newton step with their mean curvature, and that curvature.
 
-    A first set of 6 repetitions gives the curvature; then every repetition needs its gradient only.
+    Parameters
+    ----------
+    draw : callable
+        Gives the score of a new repetition as a function of shape (size,) in search coordinates.
+    size, count : int
+        Number of constants, of repetitions. The first ones give the curvature; the others need their gradient.
+
+    Returns
+    -------
+    shifts : ndarray, shape (count, size)
+    hessian : ndarray, shape (size, size)
     """
     objectives = [draw() for _ in range(count)]
     curvature = np.mean([gradient_and_hessian(o, size)[1] for o in objectives[:6]], axis=0)
     inverse = np.linalg.pinv(_positive(curvature), rcond=FLAT, hermitian=True)
     steps = np.eye(size) * WIDTH
     gradients = [[(o(step) - o(-step)) / (2 * WIDTH) for step in steps] for o in objectives]
-    return -np.array(gradients) @ inverse
+    return -np.array(gradients) @ inverse, curvature
 
 
 @dataclass(frozen=True)

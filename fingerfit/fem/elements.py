@@ -39,25 +39,23 @@ def linear(corners: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def serendipity(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shape functions of the quadrilateral of 8 nodes; shapes as in `linear`."""
-    r, s = xi[:, :1], xi[:, 1:]
-    a, b = _QUAD[:4, 0], _QUAD[:4, 1]
-    ra, sb = r * a, s * b
-    values = np.empty((len(xi), 8))
-    gradients = np.empty((len(xi), 8, 2))
-    values[:, :4] = (1 + ra) * (1 + sb) * (ra + sb - 1) / 4
-    gradients[:, :4, 0] = a * (1 + sb) * (2 * ra + sb) / 4
-    gradients[:, :4, 1] = b * (1 + ra) * (2 * sb + ra) / 4
-    for node in (4, 6):
-        sign = _QUAD[node, 1]
-        values[:, node] = ((1 - r**2) * (1 + sign * s) / 2)[:, 0]
-        gradients[:, node, 0] = (-r * (1 + sign * s))[:, 0]
-        gradients[:, node, 1] = (sign * (1 - r**2) / 2)[:, 0]
-    for node in (5, 7):
-        sign = _QUAD[node, 0]
-        values[:, node] = ((1 + sign * r) * (1 - s**2) / 2)[:, 0]
-        gradients[:, node, 0] = (sign * (1 - s**2) / 2)[:, 0]
-        gradients[:, node, 1] = (-s * (1 + sign * r))[:, 0]
-    return values, gradients
+    r, s = xi[:, 0], xi[:, 1]
+    values = np.empty((8, len(xi)))
+    gradients = np.empty((8, 2, len(xi)))
+    for node, (a, b) in enumerate(_QUAD):
+        ra, sb = 1 + a * r, 1 + b * s
+        if node < 4:
+            values[node] = ra * sb * (ra + sb - 3) / 4
+            gradients[node] = a * sb * (2 * ra + sb - 3) / 4, b * ra * (2 * sb + ra - 3) / 4
+        elif a == 0:
+            bubble = (1 - r**2) / 2
+            values[node] = bubble * sb
+            gradients[node] = -r * sb, b * bubble
+        else:
+            bubble = (1 - s**2) / 2
+            values[node] = bubble * ra
+            gradients[node] = a * bubble, -s * ra
+    return values.T, gradients.transpose(2, 0, 1)
 
 
 def triangle(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

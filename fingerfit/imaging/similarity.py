@@ -10,8 +10,14 @@ def ssd(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.mean((a - b) ** 2))
 
 
-def joint_histogram(a: np.ndarray, b: np.ndarray, bins: int, smooth: bool = True) -> np.ndarray:
-    """Joint histogram of two pictures of the same shape, each over its own range.
+def joint_histogram(
+    a: np.ndarray,
+    b: np.ndarray,
+    bins: int,
+    smooth: bool = True,
+    limits: tuple[float, float] | None = None,
+) -> np.ndarray:
+    """Joint histogram of two pictures of the same shape.
 
     Parameters
     ----------
@@ -22,13 +28,15 @@ def joint_histogram(a: np.ndarray, b: np.ndarray, bins: int, smooth: bool = True
     smooth : bool
         Share each pair between the neighbouring bins in proportion (linear Parzen window), so that the
         histogram follows the intensities without jumps; otherwise each pair counts for one bin, as in numpy.
+    limits : (float, float), optional
+        Lowest and highest intensity; what is beyond counts as if it were there. Left out: each its own range.
 
     Returns
     -------
     ndarray, shape (bins, bins)
         Sums to 1.
     """
-    places = [_places(picture.ravel(), bins, smooth) for picture in (a, b)]
+    places = [_places(picture.ravel(), bins, smooth, limits) for picture in (a, b)]
     if not smooth:
         low = places[0] * bins + places[1]
         return np.bincount(low, minlength=bins * bins).reshape(bins, bins) / a.size
@@ -42,29 +50,37 @@ def joint_histogram(a: np.ndarray, b: np.ndarray, bins: int, smooth: bool = True
     return total.reshape(bins, bins) / a.size
 
 
-def _places(values: np.ndarray, bins: int, smooth: bool) -> np.ndarray:
-    low, high = values.min(), values.max()
+def _places(values: np.ndarray, bins: int, smooth: bool, limits: tuple[float, float] | None) -> np.ndarray:
+    low, high = limits or (values.min(), values.max())
+    if limits:
+        values = np.clip(values, low, high)
     width = (high - low) or 1.0
     if smooth:
         return (values - low) / width * (bins - 1)
     return np.minimum(((values - low) / width * bins).astype(np.int64), bins - 1)
 
 
-def nmi(a: np.ndarray, b: np.ndarray, bins: int = 64, smooth: bool = True) -> float:
+def nmi(
+    a: np.ndarray,
+    b: np.ndarray,
+    bins: int = 64,
+    smooth: bool = True,
+    limits: tuple[float, float] | None = None,
+) -> float:
     """Normalized mutual information (H(a) + H(b)) / H(a, b), from 1 to 2 (Studholme et al. 1999).
 
     Parameters
     ----------
     a, b : ndarray
         Pictures of the same shape.
-    bins, smooth
-        As for `joint_histogram`; with ``smooth=False`` the value is scikit-image's.
+    bins, smooth, limits
+        As for `joint_histogram`; with ``smooth=False`` and no limits the value is scikit-image's.
 
     >>> picture = np.arange(16.0).reshape(4, 4)
     >>> round(nmi(picture, picture, bins=4, smooth=False), 12)
     2.0
     """
-    joint = joint_histogram(a, b, bins, smooth)
+    joint = joint_histogram(a, b, bins, smooth, limits)
     return (_entropy(joint.sum(axis=0)) + _entropy(joint.sum(axis=1))) / _entropy(joint.ravel())
 
 

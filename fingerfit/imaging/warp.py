@@ -115,17 +115,18 @@ def _invert(kind: str, corners: np.ndarray, target: np.ndarray) -> tuple[np.ndar
     xi = np.tile(middle(kind), (len(target), 1))
     inside = np.zeros(len(target), dtype=bool)
     active = np.arange(len(target))
-    for _ in range(_ITERATIONS):
+    for iteration in range(_ITERATIONS):
         values, gradients = shape(kind, xi[active])
         nodes = corners[active].swapaxes(1, 2)
         gap = target[active] - (nodes @ values[..., None])[..., 0]
         move, det = _solve(nodes @ gradients, gap)
         xi[active] += np.clip(move, -1.0, 1.0)
-        size = np.abs(move).max(axis=1)
-        done = size < 1e-6
+        # Newton's error after a move is of the order of its square
+        done = np.abs(move).max(axis=1) < 1e-4
         inside[active[done]] = (distance(kind, xi[active[done]]) <= _INSIDE) & (det[done] != 0)
-        # far away after a step: the pixel is in another element
-        active = active[~done & (distance(kind, xi[active]) < 4.0) & (det != 0)]
+        # far away after a step or two: the pixel is in another element
+        limit = 4.0 if iteration == 0 else 2.5
+        active = active[~done & (distance(kind, xi[active]) < limit) & (det != 0)]
         if not len(active):
             break
     return xi, inside

@@ -38,7 +38,5 @@ rule simulate:
     resources:
         mem_mb=1000,
     cache: "omit-software"
-    benchmark:
-        f"{STUDY}/sims/{{sim}}/benchmark.tsv"
     shell:
         "fingerfit simulate {input[0]} --solver {input[1]} --out {output} --threads {threads} 2> {log}"
