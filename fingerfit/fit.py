@@ -20,7 +20,7 @@ from fingerfit.deck.render import deck_context, render_deck
 from fingerfit.errors import StateError
 from fingerfit.estimate import STEP, LinearModel, coordinates, moved, sensitivity_values
 from fingerfit.files import digest
-from fingerfit.imaging.warp import interpolate
+from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import read_mesh
 from fingerfit.predict import Predictor
@@ -187,12 +187,11 @@ def without_mesh_error(fit: Fit, last: Round) -> dict[str, float]:
         raise StateError("the search found no guess with a solution")
     best = last.best["values"]
     by_role = {asked.role: asked for asked in last.batch}
-    search = fit.meshes[SEARCH]
+    grid = _grid(fit.meshes[SEARCH])
+    probes = {name: Probe(mesh, grid) for name, mesh in fit.meshes.items()}
 
     def response(asked: Asked) -> np.ndarray:
-        return _response(
-            fit, fit.outcome(asked), fit.meshes[REFINED if asked.role == REFINED else SEARCH], search
-        )
+        return _response(fit, fit.outcome(asked), probes[REFINED if asked.role == REFINED else SEARCH])
 
     slopes = np.array(
         [(response(by_role["+" + p.name]) - response(by_role["-" + p.name])) / (2 * STEP) for p in parameters]
@@ -204,21 +203,23 @@ def without_mesh_error(fit: Fit, last: Round) -> dict[str, float]:
     return moved(parameters, best, -error)
 
 
-def _response(fit: Fit, outcome: Outcome, mesh: Mesh, at: Mesh) -> np.ndarray:
-    """Displacements at the nodes of a mesh, and the conjugate quantity, of all compared steps, flat and scaled."""
+def _grid(mesh: Mesh, count: int = 24) -> np.ndarray:
+    """Even grid of points over the box around a mesh, shape (points, dim): as even as the pixels are."""
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    share = (np.arange(count) + 0.5) / count
+    axes = np.meshgrid(*[low[k] + share * (high[k] - low[k]) for k in range(mesh.dim)], indexing="ij")
+    return np.stack([axis.ravel() for axis in axes], axis=1)
+
+
+def _response(fit: Fit, outcome: Outcome, probe: Probe) -> np.ndarray:
+    """Displacements of material points at the compared steps, flat; without pictures the conjugate quantity."""
     if outcome.status != CONVERGED:
         raise StateError(f"no solution beside the best guess: {outcome.message}")
     data = fit.data
-    steps = data.picture_step if len(data.picture_step) else np.arange(len(data.step))
-    u = [
-        outcome.displacement[s] if mesh is at else interpolate(mesh, outcome.displacement[s], at.points)
-        for s in steps
-    ]
-    conjugate = outcome.indenter if data.control == "force" else outcome.reaction
-    force = conjugate[steps, -1]
-    size = np.abs(np.array(u)).max()
-    weight = np.sqrt(len(at.points)) / max(np.abs(force).max(), 1e-300)
-    return np.concatenate([np.ravel(u) / size, force * weight])
+    if not len(data.picture_step):
+        return (outcome.indenter if data.control == "force" else outcome.reaction)[:, -1]
+    found = np.array([probe.read(outcome.displacement[step]) for step in data.picture_step])
+    return found[np.isfinite(found)]
 
 
 def linear_model(fit: Fit, last: Round) -> LinearModel:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerfit.data import Data
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.warp import BackwardMap, backward_map, interpolate, warp
+from fingerfit.imaging.warp import BackwardMap, Probe, backward_map, warp
 from fingerfit.mesh import Mesh
 from fingerfit.score import Prediction
 from fingerfit.solvers.contract import CONVERGED, Outcome
@@ -43,6 +43,7 @@ class Predictor:
 
     def __init__(self, data: Data, mesh: Mesh) -> None:
         self.data, self.mesh = data, mesh
+        self._probe = Probe(mesh, data.points)
         self._frame = Picture(data.before, data.spacing, data.origin, data.direction)
 
     def predict(self, outcome: Outcome) -> tuple[Prediction, Faults] | None:
@@ -58,7 +59,7 @@ class Predictor:
         points = np.empty_like(data.points_displacement)
         for step in np.unique(data.points_step):
             chosen = data.points_step == step
-            points[chosen] = interpolate(self.mesh, outcome.displacement[step], data.points[chosen])
+            points[chosen] = self._probe.read(outcome.displacement[step])[chosen]
         faults = Faults(sum(m.inverted for m in maps), sum(m.overlaps for m in maps))
         return Prediction(pictures, -conjugate[: len(data.step), axis], points), faults
 

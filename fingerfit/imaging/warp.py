@@ -209,30 +209,32 @@ def warp(coefficients: np.ndarray, background: float, way: BackwardMap) -> np.nd
     return picture.reshape(way.shape)
 
 
-def interpolate(mesh: Mesh, displacement: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Displacements at reference points.
+class Probe:
+    """Reads displacements at fixed material points.
 
     Parameters
     ----------
-    displacement : ndarray, shape (nodes, dim)
+    mesh : Mesh
+        Reference mesh.
     points : ndarray, shape (points, dim)
         mm.
-
-    Returns
-    -------
-    ndarray, shape (points, dim)
-        NaN for points outside the mesh.
     """
-    result = np.full(points.shape, np.nan)
-    for block in mesh.blocks:
-        corners = mesh.points[block.nodes]
-        for number, point in enumerate(points):
-            near = np.flatnonzero(
-                ((corners.min(axis=1) - 1e-6 <= point) & (point <= corners.max(axis=1) + 1e-6)).all(axis=1)
-            )
-            xi, inside = _invert(block.element, corners[near], np.repeat(point[None], len(near), 0))
-            if inside.any():
-                at = int(np.flatnonzero(inside)[0])
-                values = shape(block.element, xi[at : at + 1])[0][0]
-                result[number] = values @ displacement[block.nodes[near[at]]]
-    return result
+
+    def __init__(self, mesh: Mesh, points: np.ndarray) -> None:
+        widest = max(block.nodes.shape[1] for block in mesh.blocks)
+        self._nodes = np.zeros((len(points), widest), dtype=int)
+        self._weights = np.full((len(points), widest), np.nan)
+        for block in mesh.blocks:
+            corners = mesh.points[block.nodes]
+            low, high = corners.min(axis=1) - 1e-9, corners.max(axis=1) + 1e-9
+            near = ((low[:, None] <= points) & (points <= high[:, None])).all(axis=2)
+            element, point = np.nonzero(near)
+            xi, inside = _invert(block.element, corners[element], points[point])
+            element, point = element[inside], point[inside]
+            self._nodes[point, : block.nodes.shape[1]] = block.nodes[element]
+            self._weights[point] = 0.0
+            self._weights[point, : block.nodes.shape[1]] = shape(block.element, xi[inside])[0]
+
+    def read(self, displacement: np.ndarray) -> np.ndarray:
+        """Displacements, shape (points, dim), from those of the nodes; NaN for points outside the mesh."""
+        return np.einsum("pn,pni->pi", self._weights, displacement[self._nodes])

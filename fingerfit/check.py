@@ -1,0 +1,75 @@
+"""What was understood of a study, for a person to read before a fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fingerfit.imaging.pictures import read_picture
+from fingerfit.prepare import make_mesh, prepare
+from fingerfit.settings import check_against_study, load_settings
+from fingerfit.study import Study
+from fingerfit.study_file import load_study, study_path
+
+
+def check_study(path: Path, config: Path, picture: Path | None) -> str:
+    """Read everything a fit would read, and describe it.
+
+    Parameters
+    ----------
+    path : Path
+        Study.
+    config : Path
+        Settings: they give the mesh and the constants.
+    picture : Path or None
+        Where to draw the mesh over the picture before compression.
+
+    Raises
+    ------
+    FingerfitError
+        Listing every problem.
+    """
+    study = load_study(path)
+    settings = load_settings(config)
+    check_against_study(settings, study.layer_names, study.body.mesh is not None, config)
+    mesh = make_mesh(study, settings.model.mesh)
+    data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth)
+    lines = [
+        f"{study_path(path)}: {study.title}",
+        f"control: {study.control}; base {study.base}, indenter {study.indenter}",
+        f"body: layers {', '.join(study.layer_names)} (from the indenter down), thickness {study.thickness:g} mm",
+        f"mesh: {len(mesh.points)} nodes, {mesh.element_count} {mesh.blocks[0].element}",
+        "",
+        _table(study),
+        "",
+        f"noise: force {data.force_noise:.3g} N, displacement {data.displacement_noise:.3g} mm,"
+        f" points {data.points_noise:.3g} mm",
+    ]
+    if study.before is not None and len(data.measured):
+        frame = read_picture(study.before)
+        size = " x ".join(map(str, frame.values.shape[::-1]))
+        spacing = " x ".join(f"{s:.4g}" for s in frame.spacing)
+        lines.append(
+            f"pictures: {size} pixels of {spacing} mm, noise {100 * data.picture_noise:.2g} % of the brightest"
+        )
+    lines.append(_identifiable(study, bool(len(data.measured)), settings.fit.score))
+    if picture is not None and len(data.measured) and mesh.dim == 2:
+        from fingerfit.plots import extent, figure_overlay, save
+
+        save(figure_overlay(mesh, data.before, extent(data)), picture)
+        lines.append(f"mesh over picture: {picture}")
+    return "\n".join(lines)
+
+
+def _table(study: Study) -> str:
+    rows = [f"{'step':>5}{'time s':>9}{'displacement mm':>17}{'force N':>10}  picture"]
+    for step in study.steps:
+        cells = [f"{v:.4g}" if v is not None else "-" for v in (step.time, step.displacement, step.force)]
+        name = step.picture.name if step.picture else "-"
+        rows.append(f"{step.number:>5}{cells[0]:>9}{cells[1]:>17}{cells[2]:>10}  {name}")
+    return "\n".join(rows)
+
+
+def _identifiable(study: Study, pictures: bool, kind: str) -> str:
+    if study.control == "displacement" and pictures and kind != "likelihood":
+        return "identifiable: only ratios of stiffness, since the force is prescribed nowhere and not in the score"
+    return "identifiable: stiffness itself, since the force is prescribed or in the score"
