@@ -1,0 +1,61 @@
+"""What several tests need: decks of a small phantom."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerfit.deck.render import deck_context, render_deck
+from fingerfit.files import write_text
+from fingerfit.mesh import Mesh
+from fingerfit.mesh_io import format_mesh
+from fingerfit.meshing import layered_block
+from fingerfit.study import Body, Layer, Noise, Step, Study
+
+ROOT = Path(__file__).resolve().parent.parent
+LAYERS = (("top", 4.0), ("middle", 4.0), ("bottom", 4.0))
+MU = {"mu_top": 2.11e-2, "mu_middle": 3.57e-2, "mu_bottom": 6.56e-2}
+
+
+@pytest.fixture
+def needs_ccx() -> None:
+    if shutil.which("ccx") is None:
+        pytest.skip("CalculiX (ccx) is not installed: .ci/run installs it")
+
+
+def phantom(control: str, values: list[float], base: str = "held", indenter: str = "glued") -> Study:
+    steps = tuple(Step(n, **{control: value}) for n, value in enumerate(values, 1))
+    body = Body(tuple(Layer(*layer) for layer in LAYERS), width=12.0, thickness=70.0)
+    return Study(Path("study.yaml"), "phantom", control, steps, None, Noise(), body, base, indenter)
+
+
+Writer = Callable[..., tuple[Path, Mesh]]
+
+
+@pytest.fixture
+def write_deck(tmp_path: Path) -> Writer:
+    """Write a deck of the phantom and return its path and mesh."""
+
+    def write(
+        study: Study,
+        mesh: Mesh | None = None,
+        values: dict[str, float] = MU,
+        alpha: float = 1.4,
+        poisson: float = 0.495,
+    ) -> tuple[Path, Mesh]:
+        mesh = mesh or layered_block(12.0, LAYERS, 6, 2)
+        write_text(tmp_path / "mesh.inp", format_mesh(mesh))
+        context = deck_context(study, mesh, "mesh.inp", values, {"alpha": alpha, "poisson": poisson})
+        write_text(tmp_path / "deck.inp", render_deck("block.inp.j2", context, [ROOT / "templates"]))
+        return tmp_path / "deck.inp", mesh
+
+    return write
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
