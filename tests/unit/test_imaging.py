@@ -1,0 +1,139 @@
+"""Warp, similarity, pictures and noise."""
+
+import numpy as np
+import pytest
+from skimage.metrics import normalized_mutual_information
+
+from fingerfit.errors import InputError
+from fingerfit.imaging.noise import add_rician, estimate_noise
+from fingerfit.imaging.pictures import Picture, read_picture, write_picture
+from fingerfit.imaging.similarity import joint_histogram, nmi, ssd
+from fingerfit.imaging.warp import Probe, backward_map, sample, spline_coefficients, warp
+from fingerfit.meshing import brick, layered_block
+
+
+def grid(count, dim=2, size=14.0):
+    spacing = np.full(dim, size / count)
+    return Picture(np.zeros((count,) * dim), spacing, np.full(dim, -1.0) + spacing / 2, np.eye(dim))
+
+
+def test_nmi_by_hand():
+    a, b = np.array([[0, 0], [1, 1]]), np.array([[0, 1], [1, 1]])
+    half, quarter = -np.log(0.5) * 0.5, -np.log(0.25) * 0.25
+    marginal_a, marginal_b = 2 * half, quarter - 0.75 * np.log(0.75)
+    joint = quarter + quarter + half
+    assert nmi(a, b, bins=2, smooth=False) == pytest.approx((marginal_a + marginal_b) / joint, rel=1e-14)
+
+
+def test_nmi_is_that_of_scikit_image(rng):
+    a = rng.normal(size=(40, 50))
+    b = a + 0.5 * rng.normal(size=a.shape)
+    assert nmi(a, b, 32, smooth=False) == pytest.approx(normalized_mutual_information(a, b, bins=32), rel=1e-12)
+
+
+def test_smooth_histogram_follows_the_intensities(rng):
+    a, b = rng.uniform(size=(30, 30)), rng.uniform(size=(30, 30))
+    assert joint_histogram(a, b, 16).sum() == pytest.approx(1.0, rel=1e-12)
+    slopes = [(nmi(a, b + h, 16, limits=(0, 2)) - nmi(a, b, 16, limits=(0, 2))) / h for h in (1e-6, 1e-7)]
+    assert slopes[0] == pytest.approx(slopes[1], rel=1e-2)
+
+
+def test_ssd():
+    assert ssd(np.array([0.0, 2.0]), np.array([1.0, 0.0])) == 2.5
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_an_affine_deformation_is_mapped_back_exactly(dim, rng):
+    mesh = layered_block(12.0, [("a", 6.0), ("b", 6.0)], 4, 2, grading=3.0) if dim == 2 else brick((12, 12, 12), (2, 3, 2))
+    frame = grid(40 if dim == 2 else 20, dim)
+    gradient = 0.1 * rng.normal(size=(dim, dim))
+    way = backward_map(mesh, mesh.points @ gradient.T, frame)
+    inverse = np.linalg.inv(np.eye(dim) + gradient)
+    pixels = np.stack(np.unravel_index(way.pixel, frame.values.shape)[::-1], axis=1)
+    expected = frame.to_points(pixels.astype(float)) @ inverse.T
+    assert frame.to_points(way.index) == pytest.approx(expected, abs=1e-9)
+    everything = np.indices(frame.values.shape)[::-1].reshape(dim, -1).T
+    back = frame.to_points(everything.astype(float)) @ inverse.T
+    assert len(way.pixel) == ((back > -1e-9) & (back < 12 + 1e-9)).all(axis=1).sum()
+    assert (way.inverted, way.overlaps) == (0, 0)
+
+
+@pytest.mark.parametrize("element", ["CPE4", "CPE6", "CPE8"])
+def test_no_displacement_gives_the_picture_back(element, rng):
+    mesh = layered_block(12.0, [("a", 12.0)], 5, 5, element)
+    frame = grid(64)
+    values = rng.uniform(size=frame.values.shape)
+    way = backward_map(mesh, np.zeros(mesh.points.shape), frame)
+    found = warp(spline_coefficients(values), -1.0, way)
+    covered = found > -1.0
+    assert found[covered] == pytest.approx(values[covered], abs=1e-9)
+    assert covered.sum() == len(way.pixel) == 54 * 54  # centres from 0.203 to 11.797 mm
+
+
+def test_inverted_and_overlapping_elements_are_reported():
+    mesh = layered_block(12.0, [("a", 12.0)], 2, 2, "CPE4")
+    u = np.zeros(mesh.points.shape)
+    u[4] = [9.0, 0.0]  # the middle node pushed out at the side
+    way = backward_map(mesh, u, grid(60))
+    assert way.inverted == 2
+    assert way.overlaps > 10
+
+
+def test_spline_is_exact_on_cubics():
+    x = np.arange(30.0)
+    coefficients = spline_coefficients(np.add.outer((x - 15) ** 3 / 100, x**2))
+    at = np.array([[12.3, 14.7], [15.0, 16.2]])
+    assert sample(coefficients, at) == pytest.approx((at[:, 1] - 15) ** 3 / 100 + at[:, 0] ** 2, rel=1e-4)
+
+
+def test_probe_reads_quadratic_fields():
+    mesh = layered_block(12.0, [("a", 12.0)], 3, 3)
+    points = np.array([[1.0, 2.0], [11.3, 7.7], [13.0, 1.0]])
+    found = Probe(mesh, points).read(mesh.points**2)
+    assert found[:2] == pytest.approx(points[:2] ** 2, abs=1e-9)
+    assert np.isnan(found[2]).all()
+
+
+def test_rician_noise_is_found_again(rng):
+    values = np.zeros((200, 200))
+    values[60:140, 60:140] = 1.0
+    noisy = add_rician(values, 0.03, rng)
+    assert estimate_noise(noisy, values == 0) == pytest.approx(0.03, rel=0.03)
+    assert estimate_noise(noisy[70:130, 70:130]) == pytest.approx(0.03, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["a.nii.gz", "a.mha", "a.nrrd"])
+def test_pictures_keep_their_place(tmp_path, name, rng):
+    picture = Picture(np.rint(rng.uniform(0, 4000, (5, 7))), np.array([0.1, 0.2]), np.array([-3.0, 4.0]), np.eye(2))
+    write_picture(tmp_path / name, picture)
+    again = read_picture(tmp_path / name)
+    assert again.same_place(picture)
+    assert (again.values == picture.values).all()
+
+
+def test_a_dicom_series_is_a_volume(tmp_path):
+    import SimpleITK as sitk
+
+    writer = sitk.ImageFileWriter()
+    writer.KeepOriginalImageUIDOn()
+    for n in range(3):
+        image = sitk.GetImageFromArray(np.full((1, 4, 5), n, dtype=np.uint16))
+        for tag, value in (
+            ("0008|0060", "MR"),
+            ("0020|000e", "1.2.3.4"),
+            ("0020|000d", "1.2.3"),
+            ("0020|0013", str(n)),
+            ("0020|0032", f"0\\0\\{2 * n}"),
+            ("0020|0037", "1\\0\\0\\0\\1\\0"),
+        ):
+            image.SetMetaData(tag, value)
+        writer.SetFileName(str(tmp_path / f"{n}.dcm"))
+        writer.Execute(image)
+    picture = read_picture(tmp_path)
+    assert picture.values.shape == (3, 4, 5)
+    assert picture.values[:, 0, 0].tolist() == [0, 1, 2]
+
+
+def test_an_empty_folder_is_no_series(tmp_path):
+    with pytest.raises(InputError, match="without a DICOM series"):
+        read_picture(tmp_path)

@@ -1,0 +1,65 @@
+"""The order of dependencies, and generated files that are up to date."""
+
+import ast
+import json
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "fingerfit"
+# low to high: a module imports only from its own line and from lines above it
+ORDER = (
+    ("errors",),
+    ("files", "keys", "units"),
+    ("guess", "mesh", "material", "study"),
+    ("fem",),
+    ("study_file",),
+    ("deck", "meshing", "mesh_io"),
+    ("solvers",),
+    ("imaging", "data"),
+    ("score", "search", "uncertainty"),
+    ("predict", "estimate", "rounds"),
+    ("settings",),
+    ("prepare", "fit", "experiment"),
+    ("report", "plots", "check", "recipes", "layout"),
+    ("commands",),
+    ("cli", "testing"),
+)
+LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
+
+
+def imports(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            if node.module == "fingerfit":
+                yield from (f"fingerfit.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_dependencies_run_one_way(path):
+    own = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    for module in imports(path):
+        assert module.split(".")[0] != "snakemake"
+        if module.startswith("fingerfit.") and own != "__init__" and not module.endswith("__version__"):
+            other = module.split(".")[1]
+            assert LEVEL[other] <= LEVEL[own], f"{own} imports {other}"
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_files_are_short(path):
+    assert len(path.read_text().splitlines()) <= 400
+
+
+def test_generated_files_are_up_to_date():
+    from fingerfit.settings import describe, schema
+
+    assert json.loads((ROOT / "workflow/schemas/config.schema.json").read_text()) == schema()
+    assert (ROOT / "docs/config.md").read_text() == describe()
+
+
+def test_the_lock_file_names_no_registry():
+    assert "://" not in (ROOT / "requirements.lock").read_text()
