@@ -81,6 +81,8 @@ def read_truth(path: Path) -> Truth:
     """
     problems: list[FingerfitError] = []
     keys = Keys(path, read_yaml(path), "", problems)
+    if problems:
+        raise Problems(problems)
     keys.known("title", "body", "material", "mesh", "solver", "displacement", "picture", "noise", "seed")
     body, noise = keys.mapping("body"), keys.mapping("noise")
     body.known("width", "thickness", "layers")

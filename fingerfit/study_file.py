@@ -37,6 +37,8 @@ def load_study(path: Path) -> Study:
     file = study_path(path)
     problems: list[FingerfitError] = []
     keys = Keys(file, read_yaml(file), "", problems)
+    if problems:
+        raise Problems(problems)
     keys.known("title", "units", "control", "steps", "pictures", "noise", "body", "boundary")
     sizes = _units(keys)
     control = keys.choice("control", ("force", "displacement"))

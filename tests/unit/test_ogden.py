@@ -30,7 +30,10 @@ def test_second_derivative_is_that_of_the_first(name):
     _, second = MATERIAL.derivatives(stretch)
     for axis in range(3):
         step = np.eye(3)[axis] * h
-        ahead, behind = MATERIAL.derivatives(stretch * np.exp(step)), MATERIAL.derivatives(stretch * np.exp(-step))
+        ahead, behind = (
+            MATERIAL.derivatives(stretch * np.exp(step)),
+            MATERIAL.derivatives(stretch * np.exp(-step)),
+        )
         assert second[:, axis] == pytest.approx((ahead[0] - behind[0]) / (2 * h), abs=2e-8)
 
 

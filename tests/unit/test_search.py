@@ -62,7 +62,9 @@ def search(plan, history=(), function=bowl):
 
 def plan(tol=1e-5, batch=2, limit=400):
     return Plan(
-        (Stage("g", "grid"), Stage("e", "equal", 1e-3, 1e-3), Stage("i", "independent", tol, tol)), batch, limit
+        (Stage("g", "grid"), Stage("e", "equal", 1e-3, 1e-3), Stage("i", "independent", tol, tol)),
+        batch,
+        limit,
     )
 
 

@@ -1,0 +1,231 @@
+"""The workflow itself, on a small study: what runs, what does not run again, and that kills do no harm."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from fingerfit.experiment import run_experiment
+from fingerfit.files import read_json
+
+ROOT = Path(__file__).resolve().parents[2]
+DESCRIPTION = {
+    "title": "small",
+    "body": {
+        "width": 12,
+        "thickness": 70,
+        "layers": [
+            {"name": "top", "height": 6, "mu": 0.03, "intensity": 0.5},
+            {"name": "bottom", "height": 6, "mu": 0.06, "intensity": 0.9},
+        ],
+    },
+    "material": {"alpha": 1.4, "poisson": 0.49},
+    "mesh": {"element": "CPE8", "across": 4, "per_layer": 3, "grading": 1},
+    "solver": "builtin",
+    "displacement": [1.0, 2.0],
+    "picture": {
+        "pixels": 96,
+        "side": 22,
+        "texture": 0.15,
+        "correlation": 0.6,
+        "noise": 0.01,
+        "pictured": [1, 2],
+    },
+    "noise": {"force": 0.001, "displacement": 0.01},
+    "seed": 3,
+}
+CONFIG = {
+    "study": "study",
+    "model": {
+        "material": {"alpha": 1.4, "poisson": 0.49},
+        "mesh": {"element": "CPE4", "across": 5, "per_layer": 4},
+        "refined": {"element": "CPE8", "across": 4, "per_layer": 2},
+        "parameters": {
+            f"mu_{n}": {"unit": "MPa", "start": 0.1, "lower": 0.005, "upper": 0.5} for n in ("top", "bottom")
+        },
+    },
+    "fit": {
+        "score": "nmi",
+        "bins": 16,
+        "replicates": 20,
+        "stages": [
+            {"name": "grid", "kind": "grid", "points": 4},
+            {"name": "independent", "kind": "independent", "tolx": 3e-3, "tolf": 3e-3},
+        ],
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with the study, fitted once."""
+    place = tmp_path_factory.mktemp("made")
+    (place / "experiment.yaml").write_text(yaml.safe_dump(DESCRIPTION))
+    run_experiment(place / "experiment.yaml", place / "study")
+    configure(place)
+    assert snakemake(place) > 5
+    return place
+
+
+@pytest.fixture
+def place(made, tmp_path):
+    """A copy of that folder, times kept."""
+    shutil.copytree(made, tmp_path / "w", symlinks=True)
+    return tmp_path / "w"
+
+
+def configure(place, **changes):
+    data = yaml.safe_load(yaml.safe_dump(CONFIG))
+    for key, value in changes.items():
+        at = data
+        *parents, last = key.split("__")
+        for parent in parents:
+            at = at[int(parent) if parent.isdigit() else parent]
+        at[last] = value
+    (place / "config.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+
+
+def command(*options):
+    profile = str(ROOT / "workflow/profiles/default")
+    return [
+        str(Path(sys.executable).parent / "snakemake"), "-s", str(ROOT / "Snakefile"), "--cores", "2",
+        "--workflow-profile", profile, *options,
+    ]  # fmt: skip
+
+
+def snakemake(place, *options, **environment):
+    """Run the workflow and return how many simulations it ran."""
+    done = subprocess.run(
+        command("--quiet", "host", *options), cwd=place, capture_output=True, text=True, env={**os.environ, **environment}
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+    return len(re.findall(r"^(?:local)?rule simulate:", done.stderr, re.MULTILINE))
+
+
+def estimate(place):
+    return (place / "results/study/base/estimate.json").read_text()
+
+
+def test_the_constants_are_found(made):
+    found = read_json(made / "results/study/base/estimate.json")
+    for name, truth in (("mu_top", 0.03), ("mu_bottom", 0.06)):
+        assert found["parameters"][name]["value"] == pytest.approx(truth, rel=0.03)
+        assert 0 < found["parameters"][name]["standard_error"] < 0.1 * truth
+    assert found["remarks"] == []
+    for figure in ("pictures", "deformed_mesh", "force", "search"):
+        assert (made / f"results/study/base/figures/{figure}.png").stat().st_size > 5000
+
+
+def test_nothing_to_do_afterwards(place):
+    done = subprocess.run(command("-n", "--quiet", "host"), cwd=place, capture_output=True, text=True)
+    assert "Nothing to be done" in done.stderr + done.stdout
+
+
+def test_the_sealed_truth_is_not_read(place):
+    before = estimate(place)
+    shutil.rmtree(place / "study/sealed")
+    assert snakemake(place) == 0
+    assert estimate(place) == before
+    shutil.rmtree(place / "results")
+    snakemake(place)
+    assert estimate(place) == before
+
+
+def test_tolerances_cost_only_new_simulations(place):
+    before = estimate(place)
+    known = len(list((place / "results/study/sims").iterdir()))
+    configure(place, fit__stages__1__tolx=1e-3, fit__stages__1__tolf=1e-3)
+    tighter = snakemake(place)
+    assert tighter == len(list((place / "results/study/sims").iterdir())) - known > 0
+    configure(place)
+    assert snakemake(place) == 0
+    assert estimate(place) == before
+
+
+def test_one_deleted_result_is_one_simulation(place):
+    before = estimate(place)
+    sims = sorted((place / "results/study/sims").iterdir())
+    (sims[2] / "solution.npz").unlink()
+    assert snakemake(place) == 1
+    shutil.rmtree(sims[3])
+    assert snakemake(place) == 1
+    assert estimate(place) == before
+
+
+def test_a_changed_mesh_runs_everything_and_back_nothing(place):
+    configure(place, model__mesh__across=4)
+    assert snakemake(place) > 5
+    configure(place)
+    assert snakemake(place) == 0
+
+
+def test_a_changed_template_runs_what_depends_on_it(place):
+    own = place / "study/own.inp.j2"
+    own.write_text((ROOT / "templates/block.inp.j2").read_text())
+    configure(place, model__template="own.inp.j2")
+    assert snakemake(place) == 0
+    own.write_text(own.read_text().replace("values are totals", "values are the totals"))
+    assert snakemake(place) > 5
+
+
+def test_another_solver_and_back(place, needs_ccx):
+    ours = read_json(place / "results/study/base/estimate.json")
+    configure(place, solver="calculix")
+    assert snakemake(place) > 5
+    theirs = read_json(place / "results/study/base/estimate.json")
+    for name, entry in ours["parameters"].items():
+        assert theirs["parameters"][name]["value"] == pytest.approx(entry["value"], rel=5e-3)
+    configure(place)
+    assert snakemake(place) == 0
+
+
+def test_two_workspaces_share_simulations(made, tmp_path):
+    counts = []
+    for name in ("a", "b"):
+        place = tmp_path / name
+        shutil.copytree(made / "study", place / "study")
+        configure(place)
+        counts.append(snakemake(place, "--cache", SNAKEMAKE_OUTPUT_CACHE=str(tmp_path / "cache")))
+    sims = list((tmp_path / "b/results/study/sims").iterdir())
+    assert counts[0] > 5
+    assert all((sim / "solution.npz").is_symlink() for sim in sims)
+
+
+@pytest.mark.parametrize("seconds", [4.0, 9.0])
+def test_killed_and_called_again(made, tmp_path, seconds):
+    place = tmp_path / "killed"
+    shutil.copytree(made / "study", place / "study")
+    configure(place)
+    with (tmp_path / "log").open("wb") as log:
+        running = subprocess.Popen(command(), cwd=place, stdout=log, stderr=log, start_new_session=True)
+        time.sleep(seconds)
+        running.kill()
+        running.wait()
+        os.killpg(running.pid, signal.SIGKILL) if _alive(running.pid) else None
+    snakemake(place)
+    assert estimate(place) == estimate(made)
+
+
+def _alive(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_a_wrong_config_is_one_line(place):
+    configure(place, fit__scor="nmi")
+    done = subprocess.run(command(), cwd=place, capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "fit.scor: found an unknown key; expected score (did you mean that?)" in done.stderr
+    assert "Traceback" not in done.stderr
