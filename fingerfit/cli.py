@@ -11,9 +11,7 @@ from fingerfit.errors import FingerfitError
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="fingerfit", description="Material constants from pictures and forces."
-    )
+    parser = argparse.ArgumentParser(prog="fingerfit", description="Material constants from pictures and forces.")
     parser.add_argument("--version", action="version", version=f"fingerfit {__version__}")
     subs = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 

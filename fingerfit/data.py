@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -79,9 +80,9 @@ class Data:
         StateError
             When the file is missing, damaged or something else.
         """
-        arrays = read_npz(path)
+        arrays: dict[str, Any] = {k: v if v.ndim else v.item() for k, v in read_npz(path).items()}
         try:
-            return cls(**{k: v if v.ndim else v.item() for k, v in arrays.items()})
+            return cls(**arrays)
         except TypeError as error:
             raise StateError(f"{path}: is not prepared data: {error}") from error
 

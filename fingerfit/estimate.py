@@ -24,14 +24,10 @@ STEP = 0.03
 
 def coordinates(parameters: tuple[Parameter, ...], values: Mapping[str, float]) -> np.ndarray:
     """Logarithms, or shares of the distance of the bounds, shape (parameters,)."""
-    return np.array(
-        [np.log(values[p.name]) if p.log else values[p.name] / (p.upper - p.lower) for p in parameters]
-    )
+    return np.array([np.log(values[p.name]) if p.log else values[p.name] / (p.upper - p.lower) for p in parameters])
 
 
-def moved(
-    parameters: tuple[Parameter, ...], values: Mapping[str, float], delta: np.ndarray
-) -> dict[str, float]:
+def moved(parameters: tuple[Parameter, ...], values: Mapping[str, float], delta: np.ndarray) -> dict[str, float]:
     """Values at a distance in those coordinates, with the digits of a guess."""
     z = coordinates(parameters, values) + delta
     return {
@@ -40,9 +36,7 @@ def moved(
     }
 
 
-def sensitivity_values(
-    parameters: tuple[Parameter, ...], best: Mapping[str, float]
-) -> dict[str, dict[str, float]]:
+def sensitivity_values(parameters: tuple[Parameter, ...], best: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """Guesses at either side of the best one, by role ``+name`` and ``-name``."""
     steps = np.eye(len(parameters)) * STEP
     return {

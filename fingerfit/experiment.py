@@ -184,9 +184,7 @@ def _pictures(truth: Truth, mesh: Mesh, outcome: Outcome) -> tuple[np.ndarray, P
     corner = np.array([truth.width - side, height - side]) / 2
     spacing = np.full(2, side / pixels)
     frame = Picture(np.zeros((pixels, pixels)), spacing, corner + spacing / 2, np.eye(2))
-    dense = Picture(
-        np.zeros((pixels * fine, pixels * fine)), spacing / fine, corner + spacing / fine / 2, np.eye(2)
-    )
+    dense = Picture(np.zeros((pixels * fine, pixels * fine)), spacing / fine, corner + spacing / fine / 2, np.eye(2))
     texture = _texture(truth, side, dense)
     intensity = np.zeros(mesh.element_count)
     for layer in truth.layers:

@@ -133,7 +133,7 @@ def next_round(fit: Fit, last: Round | None) -> Round:
     proposal = propose(evaluations, parameters, fit.settings.plan())
     scored = [e for e in history if e["score"] is not None]
     best = min(scored, key=lambda e: e["score"]) if scored else None
-    base = {
+    base: dict[str, Any] = {
         "number": last.number + 1 if last else 0,
         "solver": fit.solver,
         "meshes": {fit.mesh_names[name]: path.name for name, path in fit.mesh_files.items()},
@@ -196,11 +196,23 @@ def without_mesh_error(fit: Fit, last: Round) -> dict[str, float]:
     slopes = np.array(
         [(response(by_role["+" + p.name]) - response(by_role["-" + p.name])) / (2 * STEP) for p in parameters]
     ).T
-    finer = by_role[REFINED]
+    finer = refined_guess(fit, last)
+    if finer is None:
+        return dict(best)
     at = coordinates(parameters, finer.values) - coordinates(parameters, best)
     gap = response(finer) - response(fit.ask(best)) - slopes @ at
     error = np.linalg.lstsq(slopes, gap, rcond=1e-6)[0]
     return moved(parameters, best, -error)
+
+
+def refined_guess(fit: Fit, last: Round) -> Asked | None:
+    """The last guess that was solved on the finer mesh; None where there is none with a solution."""
+    found = None
+    for asked in last.batch:
+        path = fit.sims / asked.sim / "solution.npz"
+        if asked.role == REFINED and path.exists() and Outcome.load(path).status == CONVERGED:
+            found = asked
+    return found
 
 
 def _grid(mesh: Mesh, count: int = 24) -> np.ndarray:
@@ -233,8 +245,8 @@ def linear_model(fit: Fit, last: Round) -> LinearModel:
 
     slopes = tuple(slope(parameter.name, STEP) for parameter in parameters)
     control = slope("control", STEP)
-    if REFINED in by_role:
-        refined = by_role[REFINED]  # of several the last: it is nearest
+    refined = refined_guess(fit, last)
+    if refined is not None:
         return LinearModel(fit.prediction(refined), slopes, control, refined.values)
     if last.best is None:
         raise StateError("the search found no guess with a solution")

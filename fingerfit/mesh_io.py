@@ -61,9 +61,7 @@ def read_mesh(path: Path) -> Mesh:
     sets = {}
     for name, per_cell in found.cell_sets.items():
         chosen = [
-            np.asarray(index)
-            for cell, index in zip(found.cells, per_cell, strict=True)
-            if cell.type in _FROM_MESHIO
+            np.asarray(index) for cell, index in zip(found.cells, per_cell, strict=True) if cell.type in _FROM_MESHIO
         ]
         if len(blocks) == 1:
             sets[name.upper()] = chosen[0]

@@ -112,13 +112,13 @@ def _grid(axes: list[np.ndarray], element: str) -> Mesh:
     step = 2 if quadratic else 1
     cells = [np.arange(0, n - 1, step) for n in shape]
     corner = np.stack([c.ravel() for c in np.meshgrid(*cells, indexing="ij")], axis=1)
-    offsets = {
+    offsets: dict[int, list[tuple[int, ...]]] = {
         4: [(0, 0), (0, 1), (1, 1), (1, 0)],
         6: [(0, 0), (0, 2), (2, 2), (0, 1), (1, 2), (1, 1), (0, 0), (2, 2), (2, 0), (1, 1), (2, 1), (1, 0)],
         8: [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0)],
     }
     if dim == 3:
-        local = [(z, y, x) for z in (0, 1) for y, x in ((0, 0), (0, 1), (1, 1), (1, 0))]
+        local: list[tuple[int, ...]] = [(z, y, x) for z in (0, 1) for y, x in ((0, 0), (0, 1), (1, 1), (1, 0))]
     else:
         local = offsets[ELEMENTS[element].nodes]
     nodes = np.stack([number[tuple((corner + offset).T)] for offset in local], axis=1)

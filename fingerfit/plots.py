@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from fingerfit.data import Data
 from fingerfit.files import write_atomic
-from fingerfit.fit import REFINED, SEARCH, Fit
+from fingerfit.fit import Fit
 from fingerfit.mesh import Mesh
 from fingerfit.rounds import Round
 from fingerfit.solvers.contract import Outcome
@@ -88,7 +88,8 @@ def figure_pictures(data: Data, synthesized: np.ndarray) -> Figure:
     top = float(max(data.measured.max(), synthesized.max()))
     difference = data.measured - synthesized
     limit = float(np.quantile(np.abs(difference), 0.999)) or 1.0
-    grey = coloured = None
+    grey: Any = None
+    coloured: Any = None
     for column in range(count):
         for row, values in enumerate((data.measured[column], synthesized[column])):
             grey = panels[row, column].imshow(
@@ -149,9 +150,7 @@ def figure_search(last: Round, kind: str) -> Figure:
     upper.set_ylabel(f"score ({'-NMI' if kind == 'nmi' else kind})")
     upper.legend(frameon=False, fontsize=9)
     for colour, name in zip(COLOURS, names, strict=False):
-        lower.plot(
-            number, [e["values"][name] for e in last.history], ".-", color=colour, linewidth=0.7, label=name
-        )
+        lower.plot(number, [e["values"][name] for e in last.history], ".-", color=colour, linewidth=0.7, label=name)
     lower.set_yscale("log")
     lower.set_xlabel("guess")
     lower.set_ylabel("value")
@@ -175,7 +174,7 @@ def figure_overlay(mesh: Mesh, values: np.ndarray, frame: tuple[float, float, fl
 def plot_fit(fit: Fit, last: Round, estimate: dict[str, Any], folder: Path) -> None:
     """All figures of a finished fit, into a folder."""
     outcome = Outcome.load(fit.sims / estimate["sim"] / "solution.npz")
-    name = REFINED if REFINED in fit.mesh_files else SEARCH
+    name = estimate["sim_mesh"]
     mesh, data = fit.meshes[name], fit.data
     save(figure_forces(data, outcome), folder / "force.png")
     save(figure_search(last, fit.settings.fit.score), folder / "search.png")

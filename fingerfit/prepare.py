@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from fingerfit.data import Data
@@ -107,9 +105,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float) -> 
     if before is not None:
         covered = covers(mesh, before)
         if covered.mean() == 0:
-            raise InputError(
-                study.before or "", "picture", "no pixel on the mesh", "a picture that overlaps the body"
-            )
+            raise InputError(study.before or "", "picture", "no pixel on the mesh", "a picture that overlaps the body")
         low, size = scale_of(before.values)
         empty = _empty(before, mesh)
         noise = _picture_noise(study, before, empty) / size
@@ -179,9 +175,7 @@ def _noise(study: Study, name: str, values: np.ndarray, against: np.ndarray) -> 
         return float(given)
     known = np.isfinite(values) & np.isfinite(against)
     if known.sum() < 6:
-        raise InputError(
-            study.path, f"noise.{name}", f"estimated, from {known.sum()} steps", "a number, or 6 steps"
-        )
+        raise InputError(study.path, f"noise.{name}", f"estimated, from {known.sum()} steps", "a number, or 6 steps")
     x = against[known] / np.abs(against[known]).max()
     basis = np.stack([x, x**2, x**3], axis=1)
     residual = values[known] - basis @ np.linalg.lstsq(basis, values[known], rcond=None)[0]
@@ -209,17 +203,13 @@ def _read_pictures(
             problems.append(error)
             continue
         if not picture.same_place(before):
-            found = (
-                f"{'x'.join(map(str, picture.values.shape[::-1]))} at {np.round(picture.origin, 6).tolist()}"
-            )
+            found = f"{'x'.join(map(str, picture.values.shape[::-1]))} at {np.round(picture.origin, 6).tolist()}"
             problems.append(InputError(path, "geometry", found, f"that of {study.before.name}"))
         pictures.append(picture)
     return before, pictures
 
 
-def _read_points(
-    study: Study, mesh: Mesh, problems: list[FingerfitError]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     columns = [*"xyz"[: mesh.dim], *("u" + axis for axis in "xyz"[: mesh.dim])]
     tables, owners = [], []
     for number, step in enumerate(study.steps):
@@ -232,9 +222,7 @@ def _read_points(
                 raise InputError(step.points, "columns", ",".join(head) or "nothing", ",".join(columns))
             table = np.array([[float(cell) for cell in row.split(",")] for row in text[1:] if row.strip()])
             if table.ndim != 2 or table.shape[1] != len(columns) or not np.isfinite(table).all():
-                raise InputError(
-                    step.points, "rows", "missing or infinite numbers", f"{len(columns)} finite numbers"
-                )
+                raise InputError(step.points, "rows", "missing or infinite numbers", f"{len(columns)} finite numbers")
         except InputError as error:
             problems.append(error)
             continue

@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerfit.errors import StateError
 from fingerfit.estimate import Replicates
-from fingerfit.fit import REFINED, SEARCH, Fit, correction, linear_model, without_mesh_error
+from fingerfit.fit import REFINED, SEARCH, Fit, correction, linear_model, refined_guess, without_mesh_error
 from fingerfit.rounds import Round
 from fingerfit.uncertainty import as_json, repeat, summarise
 
@@ -22,17 +22,13 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
         When no guess had a solution.
     """
     if last.best is None:
-        raise StateError(
-            "no guess had a solution: widen or move the bounds, or look at the mesh and the forces"
-        )
+        raise StateError("no guess had a solution: widen or move the bounds, or look at the mesh and the forces")
     settings, parameters = fit.settings, fit.settings.parameters()
     model = linear_model(fit, last)
-    refined = REFINED in fit.mesh_files
+    nearest = refined_guess(fit, last)
     size = len(parameters)
-    values = without_mesh_error(fit, last) if refined else dict(last.best["values"])
-    # of the two solutions on the finer mesh the second is at the corrected guess
-    nearest = [asked for asked in last.batch if asked.role == REFINED][-1:]
-    asked = nearest[0] if nearest else fit.ask(last.best["values"])
+    values = without_mesh_error(fit, last) if nearest else dict(last.best["values"])
+    asked = nearest or fit.ask(last.best["values"])
     predictor = fit.predictor(REFINED if nearest else SEARCH)
     maps = predictor.maps(fit.outcome(asked))
     replicates = Replicates(model, fit.data, maps, settings.fit.score, settings.fit.bins, settings.fit.seed)
@@ -50,7 +46,7 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
             "names": names,
             "matrix": np.round(found.correlation, 4).tolist(),
         },
-        "remarks": list(found.remarks),
+        "remarks": [*found.remarks, *_mesh_remarks(fit, nearest is not None)],
         "score": {
             "kind": settings.fit.score,
             "search": last.best["score"],
@@ -65,9 +61,16 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
             "faults": sorted({e["message"] for e in last.history if e["score"] is not None and e["message"]}),
         },
         "simulations": {"asked": len(last.history) + len(last.batch), "run": len(everything)},
-        "mesh_correction": correction(fit, last, values) if refined else None,
+        "mesh_correction": correction(fit, last, values) if nearest else None,
         "sim": asked.sim,
+        "sim_mesh": REFINED if nearest else SEARCH,
     }
+
+
+def _mesh_remarks(fit: Fit, corrected: bool) -> list[str]:
+    if REFINED in fit.mesh_files and not corrected:
+        return ["the finer mesh has no solution at the best guess: the estimate is not corrected for its mesh"]
+    return []
 
 
 def table_of(found: dict[str, Any]) -> str:
@@ -81,9 +84,7 @@ def table_of(found: dict[str, Any]) -> str:
         low, high = entry["interval95"]
         unit = entry["unit"] if entry["unit"] != "1" else "-"
         interval = f"{low:.4g} to {high:.4g}"
-        lines.append(
-            f"{name:<14}{unit:<6}{entry['value']:>12.4g}{entry['standard_error']:>12.2g}{interval:>26}"
-        )
+        lines.append(f"{name:<14}{unit:<6}{entry['value']:>12.4g}{entry['standard_error']:>12.2g}{interval:>26}")
     search, sims = found["search"], found["simulations"]
     lines += [
         "",
@@ -91,9 +92,7 @@ def table_of(found: dict[str, Any]) -> str:
         f" {sims['asked']} simulations asked for, {sims['run']} different ones run; stop: {search['stop']}",
     ]
     if found["mesh_correction"]:
-        shift = ", ".join(
-            f"{name} {100 * np.expm1(c):+.1f} %" for name, c in found["mesh_correction"].items()
-        )
+        shift = ", ".join(f"{name} {100 * np.expm1(c):+.1f} %" for name, c in found["mesh_correction"].items())
         lines.append(f"moved by the finer mesh: {shift}")
     if search["diverged"]:
         lines.append(f"{search['diverged']} guesses had no solution")

@@ -31,9 +31,7 @@ class Prediction:
     points: np.ndarray
 
     def __add__(self, other: Prediction) -> Prediction:
-        return Prediction(
-            self.pictures + other.pictures, self.conjugate + other.conjugate, self.points + other.points
-        )
+        return Prediction(self.pictures + other.pictures, self.conjugate + other.conjugate, self.points + other.points)
 
     def __sub__(self, other: Prediction) -> Prediction:
         return self + other * -1.0
@@ -56,9 +54,7 @@ def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
     """
     if kind == "nmi":
         pairs = zip(data.measured, prediction.pictures, strict=True)
-        return -float(
-            np.mean([nmi(measured, picture, bins, limits=(0.0, 1.0)) for measured, picture in pairs])
-        )
+        return -float(np.mean([nmi(measured, picture, bins, limits=(0.0, 1.0)) for measured, picture in pairs]))
     if kind == "ssd":
         return float(np.mean([ssd(m, p) for m, p in zip(data.measured, prediction.pictures, strict=True)]))
     return 0.5 * sum(chi_square(prediction, data).values())

@@ -95,13 +95,9 @@ class FitSettings(_Strict):
     steps: list[int] | None = Field(
         default=None, description="Steps whose pictures are compared; all with a picture when left out."
     )
-    smooth: float = Field(
-        default=1.0, ge=0, description="Gaussian on all pictures, standard deviation in pixels."
-    )
+    smooth: float = Field(default=1.0, ge=0, description="Gaussian on all pictures, standard deviation in pixels.")
     bins: int = Field(default=64, ge=4, le=512, description="Bins of the joint histogram.")
-    batch: int = Field(
-        default=2, ge=1, description="Guesses tried at once; the result does not depend on it."
-    )
+    batch: int = Field(default=2, ge=1, description="Guesses tried at once; the result does not depend on it.")
     max_evaluations: int = Field(default=400, ge=1, description="The search ends after as many.")
     replicates: int = Field(
         default=60,
@@ -124,8 +120,7 @@ class Settings(_Strict):
     def parameters(self) -> tuple[Parameter, ...]:
         """Parameters in the order of the file."""
         return tuple(
-            Parameter(name, p.unit, p.lower, p.upper, p.start, p.log)
-            for name, p in self.model.parameters.items()
+            Parameter(name, p.unit, p.lower, p.upper, p.start, p.log) for name, p in self.model.parameters.items()
         )
 
     def plan(self) -> Plan:
@@ -208,22 +203,16 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
         if name.split("_")[0] not in MATERIAL:
             problems.append(unknown_key(where, "model.parameters.", name, MATERIAL))
         elif not p.lower <= p.start <= p.upper or p.lower == p.upper:
-            problems.append(
-                InputError(where, field, f"start {p.start:g}", f"{p.lower:g} to {p.upper:g}, the bounds")
-            )
+            problems.append(InputError(where, field, f"start {p.start:g}", f"{p.lower:g} to {p.upper:g}, the bounds"))
         elif p.log and p.lower <= 0:
-            problems.append(
-                InputError(where, f"{field}.lower", p.lower, "above 0, for a search in the logarithm")
-            )
+            problems.append(InputError(where, f"{field}.lower", p.lower, "above 0, for a search in the logarithm"))
     for name in settings.model.material:
         if name.split("_")[0] not in MATERIAL:
             problems.append(unknown_key(where, "model.material.", name, MATERIAL))
     return problems
 
 
-def check_against_study(
-    settings: Settings, layers: list[str], has_mesh: bool, where: Path | str = CONFIG
-) -> None:
+def check_against_study(settings: Settings, layers: list[str], has_mesh: bool, where: Path | str = CONFIG) -> None:
     """Problems of settings with a study: names of layers, mesh twice or not at all."""
     problems: list[FingerfitError] = []
     for group, names in (("parameters", settings.model.parameters), ("material", settings.model.material)):

@@ -137,17 +137,13 @@ def _steps(keys: Keys, sizes: Mapping[str, float], problems: list[FingerfitError
         with file.open(newline="", encoding="utf-8-sig") as handle:
             rows = [row for row in csv.reader(handle) if any(cell.strip() for cell in row)]
     except (OSError, UnicodeDecodeError) as error:
-        problems.append(
-            InputError(file, "steps", getattr(error, "strerror", None) or error, "a readable CSV table")
-        )
+        problems.append(InputError(file, "steps", getattr(error, "strerror", None) or error, "a readable CSV table"))
         return ()
     head = [cell.strip() for cell in rows[0]] if rows else []
     wrong = [column for column in head if column not in COLUMNS]
     if wrong or "step" not in head:
         found = wrong[0] if wrong else ",".join(head) or "an empty table"
-        problems.append(
-            InputError(file, "columns", found, "columns " + ", ".join(COLUMNS) + " (step is needed)")
-        )
+        problems.append(InputError(file, "columns", found, "columns " + ", ".join(COLUMNS) + " (step is needed)"))
         return ()
     if len(rows) < 2:
         problems.append(InputError(file, "rows", "none", "a row for each step"))
@@ -181,9 +177,7 @@ def _step(
         if not math.isfinite(value):
             problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
         elif column != "time" and value < 0:
-            problems.append(
-                InputError(file, f"row {row}, {column}", text, "0 or more: compression is positive")
-            )
+            problems.append(InputError(file, f"row {row}, {column}", text, "0 or more: compression is positive"))
         else:
             values[column] = value * sizes[kind]
     if not cells["step"].isdigit():
@@ -195,7 +189,14 @@ def _step(
         files[column] = file.parent / name if name else None
         if name and not (file.parent / name).exists():
             problems.append(InputError(file, f"row {row}, {column}", name, "a file that exists"))
-    return Step(int(cells["step"]), **values, **files)
+    return Step(
+        int(cells["step"]),
+        values["time"],
+        values["displacement"],
+        values["force"],
+        files["picture"],
+        files["points"],
+    )
 
 
 def _compare(file: Path, row: int, last: Step | None, step: Step, problems: list[FingerfitError]) -> None:
@@ -230,6 +231,4 @@ def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
 def with_gain(study: Study, gain: float) -> Study:
     """The study with the prescribed quantity multiplied."""
     name = study.control
-    return replace(
-        study, steps=tuple(replace(step, **{name: getattr(step, name) * gain}) for step in study.steps)
-    )
+    return replace(study, steps=tuple(replace(step, **{name: getattr(step, name) * gain}) for step in study.steps))

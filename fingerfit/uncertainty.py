@@ -16,9 +16,7 @@ FLAT = 1e-4
 """Curvature along a direction, relative to the steepest, below which the data do not see it."""
 
 
-def gradient_and_hessian(
-    objective: Callable[[np.ndarray], float], size: int
-) -> tuple[np.ndarray, np.ndarray]:
+def gradient_and_hessian(objective: Callable[[np.ndarray], float], size: int) -> tuple[np.ndarray, np.ndarray]:
     """Central differences at 0: shapes (size,) and (size, size)."""
     steps = np.eye(size) * WIDTH
     middle = objective(np.zeros(size))
@@ -39,9 +37,7 @@ def _positive(hessian: np.ndarray) -> np.ndarray:
     return (vectors * np.abs(values)) @ vectors.T
 
 
-def repeat(
-    draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int
-) -> tuple[np.ndarray, np.ndarray]:
+def repeat(draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Best constants of repetitions by one Newton step with their mean curvature, and that curvature.
 
     Parameters
@@ -150,9 +146,7 @@ def identifiability(hessian: np.ndarray, names: Sequence[str]) -> tuple[str, ...
     return tuple(remarks)
 
 
-def as_json(
-    uncertainty: Uncertainty, parameters: Sequence[Parameter], values: Sequence[float]
-) -> dict[str, Any]:
+def as_json(uncertainty: Uncertainty, parameters: Sequence[Parameter], values: Sequence[float]) -> dict[str, Any]:
     """Entries of estimate.json by parameter."""
     entries = {}
     for n, (parameter, value) in enumerate(zip(parameters, values, strict=True)):

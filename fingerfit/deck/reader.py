@@ -14,8 +14,24 @@ from fingerfit.material.ogden import Ogden
 from fingerfit.mesh import Block, Mesh
 
 IGNORED = frozenset(
-    "HEADING PREPRINT RESTART OUTPUT NODE_OUTPUT ELEMENT_OUTPUT NODE_PRINT EL_PRINT NODE_FILE EL_FILE "
-    "FILE_FORMAT CONTACT_OUTPUT ENERGY_OUTPUT ENERGY_FILE ENERGY_PRINT MONITOR".split()
+    [
+        "HEADING",
+        "PREPRINT",
+        "RESTART",
+        "OUTPUT",
+        "NODE_OUTPUT",
+        "ELEMENT_OUTPUT",
+        "NODE_PRINT",
+        "EL_PRINT",
+        "NODE_FILE",
+        "EL_FILE",
+        "FILE_FORMAT",
+        "CONTACT_OUTPUT",
+        "ENERGY_OUTPUT",
+        "ENERGY_FILE",
+        "ENERGY_PRINT",
+        "MONITOR",
+    ]
 )
 """Keywords that change nothing in the answer."""
 
@@ -270,9 +286,7 @@ class _Reader:
         d = tuple(values[2 * order :])
         if min(d) <= 0 or min(values[1 : 2 * order : 2], key=abs) == 0:
             raise card.error(values, "alpha other than 0 and D above 0")
-        self.materials[self.material] = Ogden(
-            tuple(values[0 : 2 * order : 2]), tuple(values[1 : 2 * order : 2]), d
-        )
+        self.materials[self.material] = Ogden(tuple(values[0 : 2 * order : 2]), tuple(values[1 : 2 * order : 2]), d)
 
     def on_solid_section(self, card: _Card) -> None:
         card.allow("ELSET", "MATERIAL")
@@ -309,7 +323,7 @@ class _Reader:
         card.allow()
         rows = card.rows()
         for line, row in rows:
-            count, terms = card.whole(row[0], line), []
+            count, terms = card.whole(row[0], line), list[tuple[int, int, float]]()
             while len(terms) < count:
                 line, row = next(rows, (line, []))
                 if not row:

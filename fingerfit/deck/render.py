@@ -42,9 +42,7 @@ def render_deck(template: str, context: Mapping[str, Any], folders: Sequence[Pat
     try:
         text = environment.get_template(template).render(context)
     except jinja2.TemplateSyntaxError as error:
-        raise InputError(
-            error.filename or template, f"line {error.lineno}", error.message, "valid Jinja"
-        ) from error
+        raise InputError(error.filename or template, f"line {error.lineno}", error.message, "valid Jinja") from error
     except jinja2.TemplateNotFound as error:
         expected = "a template in " + " or ".join(map(str, folders))
         raise InputError(template, "template", f"no file {error.message}", expected) from error

@@ -48,9 +48,7 @@ class Body:
         jacobian = np.einsum("eni,gnj->egij", corners, local)
         determinant = np.linalg.det(jacobian)
         if determinant.min() <= 0:
-            raise ValueError(
-                f"element {int(determinant.min(axis=1).argmin())} is inverted in the reference state"
-            )
+            raise ValueError(f"element {int(determinant.min(axis=1).argmin())} is inverted in the reference state")
         self.dim = points.shape[1]
         self.material = material
         self.connectivity = connectivity
@@ -121,10 +119,7 @@ class Body:
         if not tangent:
             return force, np.empty(0)
         pairs = [(a, b) for a in range(dim) for b in range(a + 1, dim)]
-        shear = [
-            g[..., :, None, b] * fa[..., None, :, a] + g[..., :, None, a] * fa[..., None, :, b]
-            for a, b in pairs
-        ]
+        shear = [g[..., :, None, b] * fa[..., None, :, a] + g[..., :, None, a] * fa[..., None, :, b] for a, b in pairs]
         rows = [*np.moveaxis(normal, -1, 0), *shear]
         b = np.stack(rows, axis=2).reshape(count, gauss, len(rows), nodes * dim)
         d = np.zeros((count, gauss, len(rows), len(rows)))

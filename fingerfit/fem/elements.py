@@ -62,9 +62,7 @@ def triangle(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shape functions of the triangle of 6 nodes over 0 <= r, s and r + s <= 1; shapes as in `linear`."""
     r, s = xi[:, 0], xi[:, 1]
     t = 1 - r - s
-    values = np.stack(
-        [t * (2 * t - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * r * t, 4 * r * s, 4 * s * t], axis=1
-    )
+    values = np.stack([t * (2 * t - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * r * t, 4 * r * s, 4 * s * t], axis=1)
     zero = np.zeros_like(r)
     by_r = np.stack([1 - 4 * t, 4 * r - 1, zero, 4 * (t - r), 4 * s, -4 * s], axis=1)
     by_s = np.stack([1 - 4 * t, zero, 4 * s - 1, -4 * r, 4 * r, 4 * (t - s)], axis=1)

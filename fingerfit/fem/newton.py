@@ -42,9 +42,7 @@ class Load:
 
     def between(self, other: Load, share: float) -> Load:
         """Load on the straight way to `other`."""
-        return Load(
-            self.given + share * (other.given - self.given), self.force + share * (other.force - self.force)
-        )
+        return Load(self.given + share * (other.given - self.given), self.force + share * (other.force - self.force))
 
 
 class Newton:

@@ -71,9 +71,7 @@ class System:
     def reduce(self, full: np.ndarray) -> np.ndarray:
         """Forces on all degrees of freedom to forces on the unknowns."""
         chosen = self.unknown >= 0
-        return np.bincount(
-            self.unknown[chosen], weights=(full * self.factor)[chosen], minlength=len(self.free)
-        )
+        return np.bincount(self.unknown[chosen], weights=(full * self.factor)[chosen], minlength=len(self.free))
 
     def gather(self, forces: list[np.ndarray]) -> np.ndarray:
         """Element forces to nodal forces, shape (size,)."""

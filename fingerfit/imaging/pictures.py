@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,4 +114,4 @@ def write_picture(path: Path, picture: Picture, kind: Any = np.uint16) -> None:
             sitk.WriteImage(image, str(temporary), useCompression=True)
         except RuntimeError as error:
             raise FingerfitError(f"{path}: cannot be written") from error
-        os.replace(temporary, path)
+        temporary.replace(path)

@@ -81,9 +81,7 @@ def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture) -> Backwa
     chosen[1:] = flat[order][1:] != flat[order][:-1]
     kept = order[chosen]
     deep = np.bincount(flat[depth < _DEEP], minlength=1)
-    return BackwardMap(
-        flat[kept], source[kept], element[kept], frame.values.shape, inverted, int((deep > 1).sum())
-    )
+    return BackwardMap(flat[kept], source[kept], element[kept], frame.values.shape, inverted, int((deep > 1).sum()))
 
 
 def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> int:

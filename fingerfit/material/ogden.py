@@ -92,8 +92,6 @@ def spread(materials: Sequence[Ogden], counts: Sequence[int]) -> Ogden:
     """
 
     def column(name: str) -> tuple:
-        return tuple(
-            np.repeat(row, counts) for row in zip(*[getattr(m, name) for m in materials], strict=True)
-        )
+        return tuple(np.repeat(row, counts) for row in zip(*[getattr(m, name) for m in materials], strict=True))
 
     return Ogden(column("mu"), column("alpha"), column("d"))

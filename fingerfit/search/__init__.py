@@ -82,7 +82,7 @@ def propose(history: Sequence[Evaluation], parameters: tuple[Parameter, ...], pl
     """
     space = Space(parameters)
     known = {e.point: np.inf if e.value is None or not np.isfinite(e.value) else e.value for e in history}
-    best, used = space.coordinates([p.start for p in parameters]), set()
+    best, used = space.coordinates([p.start for p in parameters]), set[Point]()
     for stage in plan.stages:
         running = run_stage(stage, space, best)
         request, iteration = next(running)
@@ -96,9 +96,7 @@ def propose(history: Sequence[Evaluation], parameters: tuple[Parameter, ...], pl
                 return Proposal(batch, stage.name, iteration, space.point(best), None, len(used))
             used.update(needed)
             if len(used) > plan.max_evaluations:
-                return Proposal(
-                    (), stage.name, iteration, space.point(best), "evaluations used up", len(used)
-                )
+                return Proposal((), stage.name, iteration, space.point(best), "evaluations used up", len(used))
             try:
                 request, iteration = running.send([known[point] for point in needed])
             except StopIteration as finished:

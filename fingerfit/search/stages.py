@@ -63,9 +63,7 @@ class Space:
     def point(self, z: np.ndarray) -> Point:
         """Values in their units, with the digits of a guess."""
         return tuple(
-            round_value(
-                min(max(float(np.exp(x)) if p.log else p.lower + x * (p.upper - p.lower), p.lower), p.upper)
-            )
+            round_value(min(max(float(np.exp(x)) if p.log else p.lower + x * (p.upper - p.lower), p.lower), p.upper))
             for p, x in zip(self.parameters, z, strict=True)
         )
 
@@ -86,9 +84,7 @@ class Space:
 Search = Generator[tuple[Request, str, int], list[float], tuple[Point, str]]
 
 
-def run_stage(
-    stage: Stage, space: Space, start: np.ndarray
-) -> Generator[tuple[Request, int], list[float], np.ndarray]:
+def run_stage(stage: Stage, space: Space, start: np.ndarray) -> Generator[tuple[Request, int], list[float], np.ndarray]:
     """One stage from `start`; returns the best coordinates."""
     if stage.kind == "grid":
         return (yield from _grid(stage, space, start))
@@ -111,12 +107,10 @@ def run_stage(
     return best
 
 
-def _grid(
-    stage: Stage, space: Space, start: np.ndarray
-) -> Generator[tuple[Request, int], list[float], np.ndarray]:
+def _grid(stage: Stage, space: Space, start: np.ndarray) -> Generator[tuple[Request, int], list[float], np.ndarray]:
     first = next(p for p, tied in zip(space.parameters, space.tied, strict=True) if tied)
     ends = (np.log(first.lower), np.log(first.upper)) if first.log else (0.0, 1.0)
-    inner = np.linspace(*ends, stage.points + 2)[1:-1]
+    inner = np.linspace(ends[0], ends[1], stage.points + 2)[1:-1]
     points = tuple(space.alike(start, common) for common in inner)
     values = yield Request(points), 0
     return points[int(np.argmin(values))]

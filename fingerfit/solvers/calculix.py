@@ -25,9 +25,7 @@ class CalculixSolver:
     """Adapter of CalculiX; the executable is `ccx` on the path, or what FINGERFIT_CCX names."""
 
     name = "calculix"
-    capabilities = Capabilities(
-        elements=frozenset({"CPE4", "CPE6", "CPE8", "CPE8R", "C3D8"}), dialect="calculix"
-    )
+    capabilities = Capabilities(elements=frozenset({"CPE4", "CPE6", "CPE8", "CPE8R", "C3D8"}), dialect="calculix")
 
     def identity(self) -> dict[str, Any]:
         """Name and version.
@@ -44,9 +42,7 @@ class CalculixSolver:
         _executable()
         for block in read_deck(deck).mesh.blocks:
             if block.element not in self.capabilities.elements:
-                raise InputError(
-                    deck, "*ELEMENT", block.element, "one of " + ", ".join(self.capabilities.elements)
-                )
+                raise InputError(deck, "*ELEMENT", block.element, "one of " + ", ".join(self.capabilities.elements))
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Run ccx in a temporary folder inside `workdir`.
@@ -87,9 +83,7 @@ def _outcome(found: list[dict[str, np.ndarray]], mesh: Any, wanted: int) -> Outc
         # equilibrium: the base holds what the indenter pushes
         reaction[step] = -tables["BOTTOM"][:, 1 : 1 + dim].sum(axis=0)
     status = CONVERGED if len(found) == wanted else DIVERGED
-    message = (
-        f"{wanted} steps" if status == CONVERGED else f"no equilibrium in step {len(found) + 1} of {wanted}"
-    )
+    message = f"{wanted} steps" if status == CONVERGED else f"no equilibrium in step {len(found) + 1} of {wanted}"
     return Outcome(status, displacement, reaction, displacement[:, mesh.node_sets["INDENTER"][0]], message)
 
 
@@ -127,9 +121,7 @@ def _copy(deck: Path, folder: Path) -> None:
 
 
 def _diverged(output: str) -> bool:
-    return any(
-        sign in output for sign in ("too many cutbacks", "increment size smaller", "best solution", "diverg")
-    )
+    return any(sign in output for sign in ("too many cutbacks", "increment size smaller", "best solution", "diverg"))
 
 
 def _read_dat(text: str, steps: int) -> list[dict[str, np.ndarray]]:

@@ -186,9 +186,7 @@ def test_the_study_itself_is_fine(place, capsys):
 
 
 def test_all_problems_at_once(place, capsys):
-    study(lambda d: (d["units"].update(force="lbf"), d.update(control="x"), d["body"].update(width=-1)))(
-        place
-    )
+    study(lambda d: (d["units"].update(force="lbf"), d.update(control="x"), d["body"].update(width=-1)))(place)
     text(STEPS, ",14,", ",nan,")(place)
     assert main(["check", "study"]) == 1
     assert len(errors(capsys)) == 4

@@ -28,9 +28,7 @@ def test_nmi_by_hand():
 def test_nmi_is_that_of_scikit_image(rng):
     a = rng.normal(size=(40, 50))
     b = a + 0.5 * rng.normal(size=a.shape)
-    assert nmi(a, b, 32, smooth=False) == pytest.approx(
-        normalized_mutual_information(a, b, bins=32), rel=1e-12
-    )
+    assert nmi(a, b, 32, smooth=False) == pytest.approx(normalized_mutual_information(a, b, bins=32), rel=1e-12)
 
 
 def test_smooth_histogram_follows_the_intensities(rng):
@@ -47,9 +45,7 @@ def test_ssd():
 @pytest.mark.parametrize("dim", [2, 3])
 def test_an_affine_deformation_is_mapped_back_exactly(dim, rng):
     mesh = (
-        layered_block(12.0, [("a", 6.0), ("b", 6.0)], 4, 2, grading=3.0)
-        if dim == 2
-        else brick((12, 12, 12), (2, 3, 2))
+        layered_block(12.0, [("a", 6.0), ("b", 6.0)], 4, 2, grading=3.0) if dim == 2 else brick((12, 12, 12), (2, 3, 2))
     )
     frame = grid(40 if dim == 2 else 20, dim)
     gradient = 0.1 * rng.normal(size=(dim, dim))
@@ -110,9 +106,7 @@ def test_rician_noise_is_found_again(rng):
 
 @pytest.mark.parametrize("name", ["a.nii.gz", "a.mha", "a.nrrd"])
 def test_pictures_keep_their_place(tmp_path, name, rng):
-    picture = Picture(
-        np.rint(rng.uniform(0, 4000, (5, 7))), np.array([0.1, 0.2]), np.array([-3.0, 4.0]), np.eye(2)
-    )
+    picture = Picture(np.rint(rng.uniform(0, 4000, (5, 7))), np.array([0.1, 0.2]), np.array([-3.0, 4.0]), np.eye(2))
     write_picture(tmp_path / name, picture)
     again = read_picture(tmp_path / name)
     assert again.same_place(picture)

@@ -31,7 +31,7 @@ def ogden(mu=0.03, alpha=1.4, nu=0.495) -> Ogden:
 @pytest.mark.parametrize("element", ["CPE4", "CPE6", "CPE8", "CPE8R"])
 def test_homogeneous_plane_strain_compression(write_deck, tmp_path, element):
     study = phantom("displacement", [1.2, 3.0], "slides", "slides")
-    deck, mesh = write_deck(study, layered_block(12.0, LAYERS, 3, 1, element), ALIKE)
+    deck, _ = write_deck(study, layered_block(12.0, LAYERS, 3, 1, element), ALIKE)
     outcome = BuiltinSolver().solve(deck, tmp_path)
     assert outcome.status == CONVERGED
     for step, u in enumerate((1.2, 3.0)):

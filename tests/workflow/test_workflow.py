@@ -47,8 +47,8 @@ CONFIG = {
     "study": "study",
     "model": {
         "material": {"alpha": 1.4, "poisson": 0.49},
-        "mesh": {"element": "CPE4", "across": 5, "per_layer": 4},
-        "refined": {"element": "CPE8", "across": 4, "per_layer": 2},
+        "mesh": {"element": "CPE8", "across": 3, "per_layer": 2},
+        "refined": {"element": "CPE8", "across": 4, "per_layer": 3},
         "parameters": {
             f"mu_{n}": {"unit": "MPa", "start": 0.1, "lower": 0.005, "upper": 0.5} for n in ("top", "bottom")
         },
@@ -162,7 +162,7 @@ def test_one_deleted_result_is_one_simulation(place):
 
 
 def test_a_changed_mesh_runs_everything_and_back_nothing(place):
-    configure(place, model__mesh__across=4)
+    configure(place, model__mesh__across=2)
     assert snakemake(place) > 5
     configure(place)
     assert snakemake(place) == 0
