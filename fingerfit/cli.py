@@ -29,7 +29,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("description", type=Path, help="experiment.yaml")
     sub.add_argument("--out", type=Path, required=True, help="folder of the study")
 
-    sub = command("ecoflex", "make a study of uniaxial compression tests")
+    sub = command("ecoflex", "make a study of uniaxial compression tests (docs/ecoflex.md)")
     sub.add_argument("tests", type=Path, nargs="+", help="the authors' CSV files, one for each test")
     sub.add_argument("--out", type=Path, required=True, help="folder of the study")
 

@@ -190,6 +190,7 @@ def test_another_solver_and_back(place, needs_ccx):
 
 def test_two_workspaces_share_simulations(made, tmp_path):
     counts = []
+    (tmp_path / "cache").mkdir()
     for name in ("a", "b"):
         place = tmp_path / name
         shutil.copytree(made / "study", place / "study")

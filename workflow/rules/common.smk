@@ -16,6 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 try:
     SETTINGS = load_settings(config)
     PARTS = {stage: layout.settings_of(SETTINGS, stage) for stage in layout.SOURCES}
+    FIGURE_NAMES = layout.figures(SETTINGS)
 except FingerfitError as error:
     raise WorkflowError(str(error))
 
@@ -23,7 +24,7 @@ STUDY = str(layout.study_folder(SETTINGS))  # simulations, shared by the models 
 MODEL = str(layout.model_folder(SETTINGS))  # rounds, estimate, figures
 SETTINGS_FILE = layout.write_settings(SETTINGS, Path(MODEL) / "settings.json")
 WALK = Walk(Path(STUDY), Path(MODEL))
-FIGURES = [f"{MODEL}/figures/{name}.png" for name in layout.figures(SETTINGS)]
+FIGURES = [f"{MODEL}/figures/{name}.png" for name in FIGURE_NAMES]
 MESHES = {"mesh": f"{MODEL}/mesh.inp"}
 if SETTINGS.model.refined:
     MESHES["refined"] = f"{MODEL}/refined.inp"
