@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test setup lint clean benchmark
+.PHONY: help run test setup lint clean
 
 PYTHON ?= python3
 CORES ?= 2
@@ -27,10 +27,6 @@ lint: setup  ## style, types, rules
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/snakefmt --check Snakefile workflow
-	$(BIN)/snakemake --lint
-
-benchmark: setup  ## the long batteries (tables in benchmarks/)
-	$(BIN)/python benchmarks/noise_realisations.py
 
 clean:  ## remove results, not the environment
 	rm -rf results .snakemake

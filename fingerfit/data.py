@@ -29,7 +29,7 @@ class Data:
     before : ndarray, shape (ny, nx) or (nz, ny, nx)
         Smoothed and scaled picture before compression; empty when there are no pictures.
     coefficients : ndarray, like `before`
-        Its cubic B-spline coefficients.
+        Cubic B-spline coefficients of the scaled picture before compression, not smoothed: that follows the warp.
     measured : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
         Smoothed and scaled pictures during compression.
     picture_step : ndarray of int, shape (pictures,)

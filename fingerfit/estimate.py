@@ -15,6 +15,7 @@ import numpy as np
 
 from fingerfit.data import Data
 from fingerfit.guess import Parameter, round_value
+from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
 from fingerfit.score import Prediction, score
 
@@ -106,8 +107,8 @@ class Replicates:
         pictures = shift.pictures
         measured = base.pictures
         if data.measured.size:
-            noise = spline_coefficients(self._picture_noise(data.before.shape))
-            pictures = pictures + np.array([warp(noise, 0.0, way) for way in self.maps])
+            noise = spline_coefficients(self._gauss(data.before.shape, data.picture_noise))
+            pictures = pictures + np.array([smooth(warp(noise, 0.0, way), data.smooth) for way in self.maps])
             measured = measured + np.array([self._picture_noise(p.shape) for p in base.pictures])
         offset = Prediction(pictures, shift.conjugate, shift.points)
         conjugate, spread = data.conjugate
@@ -126,10 +127,7 @@ class Replicates:
         return self.rng.normal(0.0, spread, shape) if spread > 0 else np.zeros(shape)
 
     def _picture_noise(self, shape: tuple[int, ...]) -> np.ndarray:
-        from scipy.ndimage import gaussian_filter
-
-        noise = self._gauss(shape, self.data.picture_noise)
-        return gaussian_filter(noise, self.data.smooth) if self.data.smooth > 0 else noise
+        return smooth(self._gauss(shape, self.data.picture_noise), self.data.smooth)
 
     def _control_noise(self) -> np.ndarray:
         size = np.abs(self.data.controlled)

@@ -8,6 +8,7 @@ import numpy as np
 
 from fingerfit.data import Data
 from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.warp import BackwardMap, Probe, backward_map, warp
 from fingerfit.mesh import Mesh
 from fingerfit.score import Prediction
@@ -52,7 +53,8 @@ class Predictor:
         if outcome.status != CONVERGED or outcome.steps < len(data.step):
             return None
         maps = self.maps(outcome)
-        synthesized = [warp(data.coefficients, data.background, way) for way in maps]
+        # smoothed after the warp: its border is then as soft as that of the measured picture
+        synthesized = [smooth(warp(data.coefficients, data.background, way), data.smooth) for way in maps]
         pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
         axis = self.mesh.dim - 1
         conjugate = outcome.indenter if data.control == "force" else outcome.reaction

@@ -99,7 +99,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float) -> 
     points = _read_points(study, mesh, problems)
     if problems:
         raise Problems(problems)
-    values = np.zeros((0,) * mesh.dim)
+    values = raw = np.zeros((0,) * mesh.dim)
     measured = np.zeros((0, *values.shape))
     noise, background = 0.0, 0.0
     if before is not None:
@@ -109,7 +109,8 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float) -> 
         low, size = scale_of(before.values)
         empty = _empty(before, mesh)
         noise = _picture_noise(study, before, empty) / size
-        values = smooth((before.values - low) / size, sigma)
+        raw = (before.values - low) / size
+        values = smooth(raw, sigma)
         measured = np.array([smooth((p.values - low) / size, sigma) for p in pictures])
         background = float(np.median(values[empty])) if empty.any() else float(values.min())
     from fingerfit.imaging.warp import spline_coefficients
@@ -127,7 +128,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float) -> 
         picture_noise=noise,
         points_noise=float(study.noise.points or 0.0) if study.noise.points != ESTIMATED else 0.0,
         before=values,
-        coefficients=spline_coefficients(values) if values.size else values,
+        coefficients=spline_coefficients(raw) if raw.size else raw,
         measured=measured,
         picture_step=np.array(used if before is not None else [], dtype=int),
         spacing=before.spacing if before else np.ones(mesh.dim),

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 from skimage.metrics import normalized_mutual_information
 
 from fingerfit.errors import InputError
 from fingerfit.imaging.noise import add_rician, estimate_noise
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
+from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.similarity import joint_histogram, nmi, ssd
 from fingerfit.imaging.warp import Probe, backward_map, sample, spline_coefficients, warp
 from fingerfit.meshing import brick, layered_block
@@ -36,6 +38,12 @@ def test_smooth_histogram_follows_the_intensities(rng):
     assert joint_histogram(a, b, 16).sum() == pytest.approx(1.0, rel=1e-12)
     slopes = [(nmi(a, b + h, 16, limits=(0, 2)) - nmi(a, b, 16, limits=(0, 2))) / h for h in (1e-6, 1e-7)]
     assert slopes[0] == pytest.approx(slopes[1], rel=1e-2)
+
+
+@pytest.mark.parametrize("shape", [(20, 31), (9, 12, 15)])
+def test_smoothing_is_that_of_scipy(shape, rng):
+    values = rng.normal(size=shape)
+    assert smooth(values, 1.3) == pytest.approx(gaussian_filter(values, 1.3), abs=1e-13)
 
 
 def test_ssd():

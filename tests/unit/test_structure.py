@@ -24,7 +24,7 @@ ORDER = (
     ("prepare", "fit", "experiment"),
     ("report", "plots", "check", "recipes", "layout"),
     ("commands",),
-    ("cli", "testing"),
+    ("cli",),
 )
 LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
 

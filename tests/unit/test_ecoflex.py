@@ -1,0 +1,41 @@
+"""The recipe for other people's compression tests; the data themselves are not part of the project."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+
+from fingerfit.errors import InputError
+from fingerfit.recipes.ecoflex import make_study, read_test
+from fingerfit.study_file import load_study
+
+DATA = Path(__file__).resolve().parents[3] / "shared/real/ecoflex_compression/EF10_50T"
+
+
+def test_wrong_columns_are_told(tmp_path):
+    (tmp_path / "a.csv").write_text("Time (s),Load (N)\n0,1\n")
+    with pytest.raises(InputError, match="Compression"):
+        read_test(tmp_path / "a.csv")
+
+
+def test_a_study_from_the_authors_files(tmp_path):
+    if not DATA.is_dir():
+        pytest.skip("the measured data (shared/real/ecoflex_compression) are not here")
+    make_study(sorted(DATA.glob("*.csv")), tmp_path)
+    study = load_study(tmp_path)
+    assert len(study.steps) == 20
+    assert study.steps[-1].displacement == pytest.approx(20.0, abs=0.01)
+    moved = np.array([step.displacement for step in study.steps])
+    force = np.array([step.force for step in study.steps])
+
+    def uniaxial(u, mu, alpha):
+        """Incompressible Ogden: nominal stress 2 mu / alpha (l^(alpha-1) - l^(-alpha/2-1)), MPa, on the area."""
+        stretch = 1 - u / 30
+        stress = 2 * mu / alpha * (stretch ** (alpha - 1) - stretch ** (-alpha / 2 - 1))
+        return -stress * np.pi * 25**2
+
+    (mu, alpha), _ = curve_fit(uniaxial, moved, force, p0=(0.004, 4.0))
+    # the finite element fit of docs/ecoflex.md, with poisson 0.499
+    assert mu == pytest.approx(0.00403, rel=0.02)
+    assert alpha == pytest.approx(5.12, rel=0.02)
