@@ -6,7 +6,8 @@ from pathlib import Path
 
 from fingerfit.imaging.pictures import read_picture
 from fingerfit.prepare import make_mesh, prepare
-from fingerfit.settings import check_against_study, load_settings
+from fingerfit.settings import load_settings
+from fingerfit.settings_check import check_against_study
 from fingerfit.study import Study
 from fingerfit.study_file import load_study, study_path
 
@@ -30,7 +31,7 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
     """
     study = load_study(path)
     settings = load_settings(config)
-    check_against_study(settings, study.layer_names, study.body.mesh is not None, config)
+    check_against_study(settings, study, config)
     mesh = make_mesh(study, settings.model.mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth)
     lines = [

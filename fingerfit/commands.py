@@ -32,12 +32,13 @@ def prepare(args: argparse.Namespace) -> None:
     from fingerfit.files import write_text
     from fingerfit.mesh_io import format_mesh
     from fingerfit.prepare import make_mesh, prepare
-    from fingerfit.settings import check_against_study, load_settings
+    from fingerfit.settings import load_settings
+    from fingerfit.settings_check import check_against_study
     from fingerfit.study_file import load_study
 
     settings = load_settings(args.settings)
     study = load_study(Path(settings.study))
-    check_against_study(settings, study.layer_names, study.body.mesh is not None)
+    check_against_study(settings, study)
     mesh = make_mesh(study, settings.model.mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth)
     write_text(args.mesh, format_mesh(mesh))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,25 @@ from typing import Any
 from fingerfit.errors import FingerfitError, InputError
 
 _NEEDED = object()
+
+
+@functools.cache
+def _loader() -> Any:
+    """PyYAML's safe loader that refuses a key given twice and takes 1e-3 for a number, as YAML 1.2 does."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+            seen = set()
+            for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+                if key.value in seen:
+                    raise yaml.constructor.ConstructorError(None, None, f"key {key.value} twice", key.start_mark)
+                seen.add(key.value)
+            return super().construct_mapping(node, deep)
+
+    number = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+    return Loader
 
 
 def read_yaml(path: Path) -> Any:
@@ -24,7 +45,7 @@ def read_yaml(path: Path) -> Any:
     import yaml
 
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return yaml.load(path.read_text(encoding="utf-8"), _loader())
     except OSError as error:
         raise InputError(path, "file", error.strerror, "a readable YAML file") from error
     except UnicodeDecodeError as error:
@@ -33,6 +54,8 @@ def read_yaml(path: Path) -> Any:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}" if mark else "file"
         raise InputError(path, line, getattr(error, "problem", None) or error, "valid YAML") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(path, "file", error, "valid YAML") from error
 
 
 def unknown_key(where: Path | str, prefix: str, key: str, known: Sequence[str]) -> InputError:
@@ -62,8 +85,8 @@ class Keys:
         if not isinstance(data, dict):
             found = "nothing" if data is None else data
             problems.append(InputError(where, prefix.rstrip(".") or "file", found, "keys and values"))
-            data = {}
-        self.data: dict[str, Any] = data
+        self.broken = not isinstance(data, dict)
+        self.data: dict[str, Any] = {} if self.broken else data
 
     def wrong(self, key: str, found: object, expected: str) -> None:
         """Note a problem."""
@@ -79,7 +102,8 @@ class Keys:
         value = self.data.get(key)
         if value is None:
             if default is _NEEDED:
-                self.wrong(key, "nothing", expected)
+                if not self.broken:  # one line is enough
+                    self.wrong(key, "nothing", expected)
                 return None
             return default
         return value
@@ -87,7 +111,9 @@ class Keys:
     def mapping(self, key: str, default: Any = _NEEDED) -> Keys:
         """A mapping inside."""
         value = self._get(key, default, "keys and values")
-        return Keys(self.where, {} if value is None else value, f"{self.prefix}{key}.", self.problems)
+        inner = Keys(self.where, {} if value is None else value, f"{self.prefix}{key}.", self.problems)
+        inner.broken |= value is None and default is _NEEDED
+        return inner
 
     def items(self, key: str) -> list[Any]:
         """A list inside."""
@@ -98,10 +124,10 @@ class Keys:
         return value or []
 
     def text(self, key: str, default: Any = _NEEDED) -> str | None:
-        """A text."""
+        """A text of one line that is not empty."""
         value = self._get(key, default, "a text")
-        if value is not None and not isinstance(value, str):
-            self.wrong(key, value, "a text")
+        if value is not None and not (isinstance(value, str) and value.strip() and value.isprintable()):
+            self.wrong(key, "an empty text" if value == "" else repr(value), "a text of one line")
             return None
         return value
 
@@ -136,4 +162,9 @@ class Keys:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # whole numbers of hundreds of digits
+        return False

@@ -46,7 +46,11 @@ def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
 
 
 def _named(mesh: Mesh, study: Study) -> Mesh:
-    """A user's mesh with its element sets named as the layers."""
+    """A user's mesh in mm with its element sets named as the layers and its node sets as the templates want them.
+
+    ``INDENTER`` (one node of ``TOP``) and, for a base that slides in the plane, ``MIDDLE`` are chosen when the mesh
+    does not name them.
+    """
     sets = {name.upper(): index for name, index in mesh.element_sets.items()}
     problems: list[FingerfitError] = []
     chosen = {}
@@ -57,13 +61,23 @@ def _named(mesh: Mesh, study: Study) -> Mesh:
                                        "one of " + ", ".join(sorted(sets))))  # fmt: skip
         else:
             chosen[layer.name.upper()] = sets[name]
-    for name in ("BOTTOM", "TOP", "INDENTER"):
-        if name not in mesh.node_sets:
-            problems.append(InputError(study.body.mesh or "", f"node set {name}", "nothing",
-                                       "node sets BOTTOM, TOP and INDENTER (one node of TOP)"))  # fmt: skip
+    nodes = dict(mesh.node_sets)
+    wanted = {"BOTTOM": study.base_nodes, "TOP": study.indenter_nodes}
+    if mesh.dim == 3 and study.base == "slides":
+        wanted |= {"X0": "X0", "Y0": "Y0"}
+    for name, own in wanted.items():
+        if len(nodes.get(own, ())) == 0:
+            expected = "one of " + ", ".join(sorted(nodes)) if nodes else "node sets in the mesh"
+            problems.append(InputError(study.body.mesh or "", f"node set {own}", "nothing", expected))
+        else:
+            nodes[name] = nodes[own]
     if problems:
         raise Problems(problems)
-    return Mesh(mesh.points, mesh.blocks, mesh.node_sets, chosen)
+    nodes.setdefault("INDENTER", nodes["TOP"][:1])
+    if mesh.dim == 2:
+        x = mesh.points[nodes["BOTTOM"], 0]
+        nodes.setdefault("MIDDLE", nodes["BOTTOM"][[np.abs(x - x.mean()).argmin()]])
+    return Mesh(mesh.points * study.length, mesh.blocks, nodes, chosen)
 
 
 def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float) -> Data:

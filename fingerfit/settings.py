@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic_core import PydanticCustomError
 
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.guess import Parameter
@@ -15,18 +17,30 @@ from fingerfit.search import Plan, Stage
 
 CONFIG = "config.yaml"
 MATERIAL = ("mu", "alpha", "poisson")
+PLAIN = r"^[\w./+@~:,=-]+$"
+"""Paths and names that need no quotes in a shell and are no patterns to Snakemake."""
+UNITS = {"mu": "MPa", "alpha": "1", "poisson": "1"}
+LIMITS = {"mu": (0.0, math.inf), "alpha": (-math.inf, math.inf), "poisson": (-1.0, 0.5)}
 
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_for_numbers(cls, value: Any, info: Any) -> Any:
+        inside = value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]
+        if cls.model_fields[info.field_name].annotation is not bool and any(isinstance(v, bool) for v in inside):
+            raise PydanticCustomError("truth", "a value that is not true or false")
+        return value
 
 
 class MeshSettings(_Strict):
     """Mesh of a block or brick that the study describes."""
 
     element: Literal["CPE4", "CPE6", "CPE8", "CPE8R", "C3D8"] = Field(description="Element type.")
-    across: int = Field(ge=1, description="Elements over the width (bricks: along each side).")
-    per_layer: int = Field(ge=1, description="Elements over the height of each layer.")
+    across: int = Field(ge=1, le=1000, description="Elements over the width (bricks: along each side).")
+    per_layer: int = Field(ge=1, le=1000, description="Elements over the height of each layer.")
     grading: float = Field(
         default=1.0,
         ge=1.0,
@@ -71,7 +85,7 @@ class ModelSettings(_Strict):
 class StageSettings(_Strict):
     """A stage of the search."""
 
-    name: str = Field(description="For reports.")
+    name: str = Field(pattern=r"^[\w +-]+$", description="For reports.")
     kind: Literal["grid", "equal", "independent"] = Field(
         description="grid: forward analyses, all mu alike; equal: simplex, all mu alike; independent: simplex."
     )
@@ -111,8 +125,8 @@ class FitSettings(_Strict):
 class Settings(_Strict):
     """config.yaml."""
 
-    study: str = Field(description="Folder of the study.")
-    results: str = Field(default="results", description="Folder of all results.")
+    study: str = Field(pattern=PLAIN, description="Folder of the study.")
+    results: str = Field(default="results", pattern=PLAIN, description="Folder of all results.")
     solver: str = Field(default="builtin", description="builtin, calculix, or another one that is installed.")
     model: ModelSettings = Field(description="The model of the body.")
     fit: FitSettings = Field(description="How the model is fitted.")
@@ -163,6 +177,8 @@ def _explain(where: Path | str, details: Any) -> FingerfitError:
         return unknown_key(where, "".join(f"{p}." for p in parents), str(key), _known(parents))
     if details["type"] == "missing":
         return InputError(where, field, "nothing", "a value: " + _describe(details["loc"]))
+    if details["type"] == "string_pattern_mismatch":
+        return InputError(where, field, repr(details["input"]), "letters, digits and . / _ + - only, no spaces")
     return InputError(where, field, details["input"], details["msg"].replace("Input should be ", ""))
 
 
@@ -200,32 +216,42 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
         problems.append(FingerfitError(f"{where}: {error}"))
     for name, p in settings.model.parameters.items():
         field = f"model.parameters.{name}"
-        if name.split("_")[0] not in MATERIAL:
+        quantity = name.partition("_")[0]
+        if not _is_constant(name):
             problems.append(unknown_key(where, "model.parameters.", name, MATERIAL))
+        elif p.unit != UNITS[quantity]:
+            problems.append(InputError(where, f"{field}.unit", p.unit, UNITS[quantity]))
         elif not p.lower <= p.start <= p.upper or p.lower == p.upper:
             problems.append(InputError(where, field, f"start {p.start:g}", f"{p.lower:g} to {p.upper:g}, the bounds"))
         elif p.log and p.lower <= 0:
             problems.append(InputError(where, f"{field}.lower", p.lower, "above 0, for a search in the logarithm"))
-    for name in settings.model.material:
-        if name.split("_")[0] not in MATERIAL:
+        else:
+            problems += _impossible(where, f"{field}.lower", quantity, p.lower)
+            problems += _impossible(where, f"{field}.upper", quantity, p.upper)
+            if quantity == "alpha" and p.lower < 0 < p.upper:
+                problems.append(InputError(where, field, f"{p.lower:g} to {p.upper:g}", "bounds without 0 between"))
+    for name, value in settings.model.material.items():
+        if not _is_constant(name):
             problems.append(unknown_key(where, "model.material.", name, MATERIAL))
+        else:
+            problems += _impossible(where, f"model.material.{name}", name.partition("_")[0], value)
+    names = [stage.name for stage in settings.fit.stages]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        problems.append(InputError(where, "fit.stages", f"{name} twice", "a name of its own for each stage"))
     return problems
 
 
-def check_against_study(settings: Settings, layers: list[str], has_mesh: bool, where: Path | str = CONFIG) -> None:
-    """Problems of settings with a study: names of layers, mesh twice or not at all."""
-    problems: list[FingerfitError] = []
-    for group, names in (("parameters", settings.model.parameters), ("material", settings.model.material)):
-        for name in names:
-            layer = name.partition("_")[2]
-            if layer and layer not in layers:
-                expected = "a layer of the study: " + ", ".join(layers)
-                problems.append(InputError(where, f"model.{group}.{name}", f"layer {layer}", expected))
-    if has_mesh == (settings.model.mesh is not None):
-        found = "a mesh, and one in the study" if has_mesh else "nothing"
-        problems.append(InputError(where, "model.mesh", found, "one mesh: here or in the study"))
-    if problems:
-        raise Problems(problems)
+def _is_constant(name: str) -> bool:
+    quantity, joint, layer = name.partition("_")
+    return quantity in MATERIAL and bool(joint) == bool(layer)
+
+
+def _impossible(where: Path | str, field: str, quantity: str, value: float) -> list[FingerfitError]:
+    low, high = LIMITS[quantity]
+    if low < value < high and not (quantity == "alpha" and value == 0):
+        return []
+    expected = {"mu": "above 0", "alpha": "not 0", "poisson": "between -1 and 0.5"}[quantity]
+    return [InputError(where, field, f"{value:g}", expected)]
 
 
 def schema() -> dict[str, Any]:

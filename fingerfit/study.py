@@ -97,6 +97,8 @@ class Study:
     body : Body
     base, indenter : str
         ``held`` or ``slides``; ``glued`` or ``slides``.
+    base_nodes, indenter_nodes : str
+        Node sets of a user's mesh at the base and under the indenter.
     length : float
         Size of the study's unit of length, for tables of points.
     """
@@ -111,6 +113,8 @@ class Study:
     base: str
     indenter: str
     length: float = 1.0
+    base_nodes: str = "BOTTOM"
+    indenter_nodes: str = "TOP"
 
     @property
     def layer_names(self) -> list[str]:

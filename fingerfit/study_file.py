@@ -44,6 +44,8 @@ def load_study(path: Path) -> Study:
     control = keys.choice("control", ("force", "displacement"))
     boundary = keys.mapping("boundary")
     boundary.known("base", "indenter")
+    base, base_nodes = _side(boundary, "base", ("held", "slides"), "BOTTOM")
+    indenter, indenter_nodes = _side(boundary, "indenter", ("glued", "slides"), "TOP")
     pictures = keys.mapping("pictures", {})
     pictures.known("before", "noise")
     before = pictures.text("before", None)
@@ -55,9 +57,11 @@ def load_study(path: Path) -> Study:
         before=file.parent / before if before else None,
         noise=_noise(keys.mapping("noise", {}), pictures, sizes),
         body=_body(keys.mapping("body"), sizes, file),
-        base=boundary.choice("base", ("held", "slides")),
-        indenter=boundary.choice("indenter", ("glued", "slides")),
+        base=base,
+        indenter=indenter,
         length=sizes["length"],
+        base_nodes=base_nodes,
+        indenter_nodes=indenter_nodes,
     )
     if not problems:
         _cross_check(study, problems)
@@ -73,15 +77,26 @@ def _units(keys: Keys) -> dict[str, float]:
     for kind in ("length", "force", "time"):
         name = units.text(kind)
         try:
-            sizes[kind] = factor(kind, name or "", keys.where, f"units.{kind}") if name else 1.0
+            sizes[kind] = factor(kind, name, keys.where, f"units.{kind}") if name else 1.0
         except InputError as error:
             keys.problems.append(error)
             sizes[kind] = 1.0
     return sizes
 
 
+def _side(boundary: Keys, key: str, kinds: tuple[str, ...], nodes: str) -> tuple[str, str]:
+    """Kind of a boundary and its node set: ``base: held``, or ``base: {nodes: SET, kind: held}``."""
+    if not isinstance(boundary.data.get(key), dict):
+        return boundary.choice(key, kinds), nodes
+    side = boundary.mapping(key)
+    side.known("nodes", "kind")
+    return side.choice("kind", kinds), (side.text("nodes") or nodes).upper()
+
+
 def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
     noise.known("force", "displacement", "points")
+    if noise.data.get("points") == ESTIMATED:
+        noise.wrong("points", ESTIMATED, "a number: the noise of points cannot be estimated")
 
     def spread(keys: Keys, name: str, size: float) -> float | str | None:
         if keys.data.get(name) in (None, ESTIMATED):
@@ -113,8 +128,16 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
         block = mesh is None and brick is None
         height = layer.number("height", above=0.0) if block else None
         layers.append(Layer(name, height * size if height else None, layer.text("elements", name.upper())))
-    if not layers:
+    if body.data.get("layers") == []:
         body.wrong("layers", "none", "at least one layer")
+    if (mesh is not None) + (brick is not None) + ("width" in body.data) > 1:
+        found = " and ".join(key for key in ("width", "brick", "mesh") if key in body.data)
+        body.problems.append(InputError(file, "body", found, "one of width (with layers), brick, mesh"))
+    if brick is not None and len(layers) > 1:
+        body.wrong("layers", f"{len(layers)} layers", "one layer in a brick")
+    if brick is not None and min(brick) <= 0:
+        body.wrong("brick", list(brick), "3 lengths above 0")
+        brick = None
     width = body.number("width", above=0.0) if mesh is None and brick is None else None
     origin = body.numbers("origin", 2, (0.0, 0.0)) or (0.0, 0.0)
     thickness = body.number("thickness", above=0.0) if brick is None else 1.0
@@ -140,7 +163,7 @@ def _steps(keys: Keys, sizes: Mapping[str, float], problems: list[FingerfitError
         problems.append(InputError(file, "steps", getattr(error, "strerror", None) or error, "a readable CSV table"))
         return ()
     head = [cell.strip() for cell in rows[0]] if rows else []
-    wrong = [column for column in head if column not in COLUMNS]
+    wrong = [column for n, column in enumerate(head) if column not in COLUMNS or column in head[:n]]
     if wrong or "step" not in head:
         found = wrong[0] if wrong else ",".join(head) or "an empty table"
         problems.append(InputError(file, "columns", found, "columns " + ", ".join(COLUMNS) + " (step is needed)"))
@@ -174,20 +197,21 @@ def _step(
             value = float(text)
         except ValueError:
             value = math.nan
+        value = math.nan if "_" in text else value  # Python reads 1_0 as 10
         if not math.isfinite(value):
             problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
         elif column != "time" and value < 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "0 or more: compression is positive"))
         else:
             values[column] = value * sizes[kind]
-    if not cells["step"].isdigit():
+    if not cells["step"].isdecimal() or len(cells["step"]) > 9:
         problems.append(InputError(file, f"row {row}, step", cells["step"] or "nothing", "a whole number"))
         return None
     files = {}
     for column in ("picture", "points"):
         name = cells.get(column, "")
         files[column] = file.parent / name if name else None
-        if name and not (file.parent / name).exists():
+        if name and not (name.isprintable() and (file.parent / name).exists()):
             problems.append(InputError(file, f"row {row}, {column}", name, "a file that exists"))
     return Step(
         int(cells["step"]),

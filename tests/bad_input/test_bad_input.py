@@ -120,7 +120,7 @@ CASES = {
     "table without rows": (lambda p: (p / STEPS).write_text("step,force\n"), "rows: found none"),
     "layer of no height": (study(lambda d: d["body"]["layers"][0].update(height=0)), "layers.0.height: found 0"),
     "layer twice": (study(lambda d: d["body"]["layers"][0].update(name="bottom")), "layers.1.name: found bottom"),
-    "mesh file missing": (study(lambda d: d["body"].update(mesh="m.inp")), "body.mesh: found m.inp"),
+    "mesh file missing": (study(lambda d: (d["body"].update(mesh="m.inp"), d["body"].pop("width"))), "body.mesh: found m.inp"),
     "broken YAML": (lambda p: (p / "study/study.yaml").write_text("a: [1,\n"), "study.yaml: line 2"),
     "tab in YAML": (lambda p: (p / "study/study.yaml").write_text("a:\n\tb: 1\n"), "study.yaml: line 2"),
     "YAML that would run": (

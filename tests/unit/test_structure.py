@@ -21,7 +21,7 @@ ORDER = (
     ("score", "search", "uncertainty"),
     ("predict", "estimate", "rounds"),
     ("settings",),
-    ("prepare", "fit", "experiment"),
+    ("prepare", "fit", "experiment", "settings_check"),
     ("report", "plots", "check", "recipes", "layout"),
     ("commands",),
     ("cli",),

@@ -1,0 +1,79 @@
+"""Settings against the study that they are for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.settings import CONFIG, MATERIAL, Settings
+from fingerfit.study import Study
+
+
+def check_against_study(settings: Settings, study: Study, where: Path | str = CONFIG) -> None:
+    """Problems of settings with a study.
+
+    Raises
+    ------
+    Problems
+        Constants of layers that the study does not have, constants that are missing or without effect, a mesh twice
+        or not at all or of another dimension, a score without the data it compares.
+    """
+    layers = study.layer_names
+    problems: list[FingerfitError] = _missing_data(settings, study, where)
+    model = settings.model
+    strange: set[str] = set()
+    for group, names in (("parameters", model.parameters), ("material", model.material)):
+        for name in names:
+            quantity, _, layer = name.partition("_")
+            if layer and layer not in layers:
+                strange.add(quantity)
+                expected = "a layer of the study: " + ", ".join(layers)
+                problems.append(InputError(where, f"model.{group}.{name}", f"layer {layer}", expected))
+    given = {**model.material, **model.parameters}
+    for quantity in (quantity for quantity in MATERIAL if quantity not in strange):
+        without = [layer for layer in layers if quantity not in given and f"{quantity}_{layer}" not in given]
+        if without:
+            expected = f"a value of {quantity} for " + (", ".join(without) if without != layers else "the layers")
+            problems.append(InputError(where, f"model.material.{quantity}", "nothing", expected))
+        if quantity in model.parameters and all(f"{quantity}_{layer}" in model.parameters for layer in layers):
+            problems.append(
+                InputError(
+                    where,
+                    f"model.parameters.{quantity}",
+                    "a constant that no layer uses",
+                    "no such key, or a layer without one of its own",
+                )
+            )
+    has_mesh = study.body.mesh is not None
+    if has_mesh == (model.mesh is not None):
+        found = "a mesh, and one in the study" if has_mesh else "nothing"
+        problems.append(InputError(where, "model.mesh", found, "one mesh: here or in the study"))
+    if has_mesh and model.refined is not None:
+        problems.append(InputError(where, "model.refined", "a mesh", "no such key: the study brings its mesh"))
+    for key, mesh in (("mesh", model.mesh), ("refined", model.refined)):
+        solid = study.body.brick is not None
+        if mesh is not None and not has_mesh and (mesh.element == "C3D8") != solid:
+            expected = "C3D8, for a brick" if solid else "CPE4, CPE6, CPE8 or CPE8R, for a block in the plane"
+            problems.append(InputError(where, f"model.{key}.element", mesh.element, expected))
+    if problems:
+        raise Problems(problems)
+
+
+def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
+    fit, pictured = settings.fit, [step.number for step in study.steps if step.picture]
+    missing = [number for number in fit.steps or [] if number not in pictured]
+    problems: list[FingerfitError] = [
+        InputError(where, "fit.steps", f"step {number}", f"steps with a picture: {pictured or 'there are none'}")
+        for number in missing
+    ]
+    if problems:
+        return problems
+    pictured = pictured if fit.steps is None else fit.steps
+    conjugate = "displacement" if study.control == "force" else "force"
+    measured = any(getattr(step, conjugate) is not None for step in study.steps)
+    if fit.score != "likelihood" and not pictured:
+        return [InputError(where, "fit.score", fit.score, "likelihood, since no pictures are compared")]
+    pointed = study.noise.points is not None and any(step.points for step in study.steps)
+    if fit.score == "likelihood" and not (pictured or pointed or (measured and getattr(study.noise, conjugate))):
+        return [InputError(study.path, f"noise.{conjugate}", "nothing", "a number, which the likelihood needs")]
+    return []
