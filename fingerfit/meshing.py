@@ -74,8 +74,8 @@ def layered_block(
     return Mesh(mesh.points, mesh.blocks, mesh.node_sets, sets)
 
 
-def brick(size: Sequence[float], elements: Sequence[int], name: str = "body") -> Mesh:
-    """Brick of C3D8 with a corner at the origin; the indenter pushes along -z.
+def brick(size: Sequence[float], elements: Sequence[int], name: str = "body", element: str = "C3D8") -> Mesh:
+    """Brick with a corner at the origin; the indenter pushes along -z.
 
     Parameters
     ----------
@@ -85,13 +85,15 @@ def brick(size: Sequence[float], elements: Sequence[int], name: str = "body") ->
         Along each axis.
     name : str
         Of its only layer.
+    element : str
+        ``C3D8`` or ``C3D8H``.
 
     Returns
     -------
     Mesh
         Node sets BOTTOM, TOP, INDENTER (one node of TOP), X0 and Y0 (planes of symmetry).
     """
-    mesh = _grid([s * graded(n, 1.0) for s, n in zip(size, elements, strict=True)], "C3D8")
+    mesh = _grid([s * graded(n, 1.0) for s, n in zip(size, elements, strict=True)], element)
     return Mesh(mesh.points, mesh.blocks, mesh.node_sets, {name.upper(): np.arange(mesh.element_count)})
 
 

@@ -38,7 +38,9 @@ class _Strict(BaseModel):
 class MeshSettings(_Strict):
     """Mesh of a block or brick that the study describes."""
 
-    element: Literal["CPE4", "CPE6", "CPE8", "CPE8R", "C3D8"] = Field(description="Element type.")
+    element: Literal["CPE4", "CPE4H", "CPE6", "CPE8", "CPE8H", "CPE8R", "CPE8RH", "C3D8", "C3D8H"] = Field(
+        description="Element type; those with H have a pressure field of their own and need `solver: builtin`."
+    )
     across: int = Field(ge=1, le=1000, description="Elements over the width (bricks: along each side).")
     per_layer: int = Field(ge=1, le=1000, description="Elements over the height of each layer.")
     grading: float = Field(

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.fem.elements import ELEMENTS
 from fingerfit.settings import CONFIG, MATERIAL, Settings
+from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Study
 
 
@@ -51,9 +53,13 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
     if has_mesh and model.refined is not None:
         problems.append(InputError(where, "model.refined", "a mesh", "no such key: the study brings its mesh"))
     for key, mesh in (("mesh", model.mesh), ("refined", model.refined)):
-        solid = study.body.brick is not None
-        if mesh is not None and not has_mesh and (mesh.element == "C3D8") != solid:
-            expected = "C3D8, for a brick" if solid else "CPE4, CPE6, CPE8 or CPE8R, for a block in the plane"
+        if mesh is None or has_mesh:
+            continue
+        dim = 3 if study.body.brick is not None else 2
+        usable = sorted(e for e in get_solver(settings.solver).capabilities.elements if ELEMENTS[e].dim == dim)
+        if mesh.element not in usable:
+            body = "a brick" if dim == 3 else "a block in the plane"
+            expected = f"{', '.join(usable)}, for {body} and solver {settings.solver}"
             problems.append(InputError(where, f"model.{key}.element", mesh.element, expected))
     if problems:
         raise Problems(problems)

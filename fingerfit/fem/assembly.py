@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.fem.elements import rule, shape
+from fingerfit.fem.elements import ELEMENTS, rule, shape
 from fingerfit.material.ogden import Ogden
 
 _CLOSE = 1e-6
@@ -54,6 +54,7 @@ class Body:
         self.connectivity = connectivity
         self.gradient = np.einsum("gnj,egji->egni", local, np.linalg.inv(jacobian))
         self.weight = determinant * weights * thickness[:, None]
+        self.pressure = _projection(element, xi, self.weight)
         self.dofs = (connectivity[:, :, None] * self.dim + np.arange(self.dim)).reshape(len(connectivity), -1)
 
     def _stretches(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -84,7 +85,18 @@ class Body:
         if state is None:
             return np.inf
         stretch = np.sqrt(state[1]).reshape(-1, 3)
-        return float((self.material.energy(stretch) * self.weight.ravel()).sum())
+        if self.pressure is None:
+            density = self.material.energy(stretch)
+        else:
+            volume = self._project(stretch.prod(axis=-1))
+            density = self.material.deviatoric_energy(stretch) + self.material.volumetric(volume)[0]
+        return float((density * self.weight.ravel()).sum())
+
+    def _project(self, values: np.ndarray) -> np.ndarray:
+        """Values at the integration points, flat, replaced by the pressure field that is nearest to them."""
+        if self.pressure is None:
+            return values
+        return (self.pressure @ values.reshape(self.weight.shape)[..., None]).ravel()
 
     def forces(self, u: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray] | None:
         """Element forces and stiffnesses.
@@ -107,7 +119,17 @@ class Body:
             return None
         f, squared, directions = state
         dim, (count, gauss) = self.dim, f.shape[:2]
-        first, second = self.material.derivatives(np.sqrt(squared).reshape(-1, 3))
+        stretch = np.sqrt(squared).reshape(-1, 3)
+        bulk = None
+        if self.pressure is None:
+            first, second = self.material.derivatives(stretch)
+        else:
+            jacobian = stretch.prod(axis=-1)
+            first, second = self.material.deviatoric_derivatives(stretch)
+            _, pressure, bulk = self.material.volumetric(self._project(jacobian))
+            pressure = self._project(pressure) * jacobian
+            first += pressure[:, None]
+            second += pressure[:, None, None]
         first, second = first.reshape(count, gauss, 3), second.reshape(count, gauss, 3, 3)
         stress = first / squared
         g = self.gradient @ directions
@@ -133,12 +155,30 @@ class Body:
         db = d @ b
         flat = (count, gauss * len(rows), nodes * dim)
         stiffness = np.swapaxes(b.reshape(flat), 1, 2) @ db.reshape(flat)
+        if bulk is not None:
+            volume = (normal / squared[:, :, None, None, :dim]).sum(axis=-1).reshape(count, gauss, -1)
+            volume = self.pressure @ (volume * stretch.prod(axis=-1).reshape(count, gauss, 1))
+            stiffness += np.swapaxes(volume, 1, 2) @ (volume * (bulk.reshape(count, gauss) * self.weight)[..., None])
         scaled = (g * weighted[..., None, :]).swapaxes(1, 2).reshape(count, nodes, -1)
         geometric = scaled @ g.swapaxes(1, 2).reshape(count, nodes, -1).swapaxes(1, 2)
         view = stiffness.reshape(count, nodes, dim, nodes, dim)
         for axis in range(dim):
             view[:, :, axis, :, axis] += geometric
         return force, stiffness
+
+
+def _projection(element: str, xi: np.ndarray, weight: np.ndarray) -> np.ndarray | None:
+    """Least-squares projection of values at the points on a hybrid element's pressure field.
+
+    Shape (elements, points, points); None for elements without a pressure of their own. The field is eliminated in
+    each element (Simo, Taylor and Pister 1985): it takes the place of the volume ratio in the energy.
+    """
+    terms = ELEMENTS[element].pressure
+    if not terms:
+        return None
+    basis = np.column_stack([np.ones(len(xi)), xi])[:, :terms]
+    weighted = basis.T[None] * weight[:, None, :]
+    return basis @ np.linalg.solve(weighted @ basis, weighted)
 
 
 def _divided(

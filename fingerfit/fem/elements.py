@@ -113,19 +113,26 @@ class Element:
         Space dimensions and number of nodes.
     order : int
         Gauss points per direction.
+    pressure : int
+        Terms of the element's own pressure field in a hybrid element: 1, constant; 1 + dim, linear; 0 otherwise.
     """
 
     dim: int
     nodes: int
     order: int
+    pressure: int = 0
 
 
 ELEMENTS = {
     "CPE4": Element(2, 4, 2),
+    "CPE4H": Element(2, 4, 2, 1),
     "CPE6": Element(2, 6, 2),
     "CPE8": Element(2, 8, 3),
+    "CPE8H": Element(2, 8, 3, 3),
     "CPE8R": Element(2, 8, 2),
+    "CPE8RH": Element(2, 8, 2, 3),
     "C3D8": Element(3, 8, 2),
+    "C3D8H": Element(3, 8, 2, 1),
 }
 
 

@@ -32,16 +32,7 @@ class Ogden:
 
     def energy(self, stretch: np.ndarray) -> np.ndarray:
         """Strain energy density in MPa for principal stretches of shape (..., 3)."""
-        jacobian = stretch.prod(axis=-1)
-        logarithm = np.log(stretch)
-        logarithm -= logarithm.mean(axis=-1, keepdims=True)
-        total = np.zeros(jacobian.shape)
-        for mu, alpha in zip(self.mu, self.alpha, strict=True):
-            power = np.exp(np.asarray(alpha)[..., None] * logarithm)
-            total += 2 * mu / np.square(alpha) * (power.sum(axis=-1) - 3)
-        for order, d in enumerate(self.d, 1):
-            total += (jacobian - 1) ** (2 * order) / d
-        return total
+        return self.deviatoric_energy(stretch) + self.volumetric(stretch.prod(axis=-1))[0]
 
     def derivatives(self, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of the energy by the logarithms e of the principal stretches.
@@ -57,7 +48,25 @@ class Ogden:
         second : ndarray, shape (..., 3, 3)
             d2W/de_a de_b in MPa.
         """
+        first, second = self.deviatoric_derivatives(stretch)
         jacobian = stretch.prod(axis=-1)
+        _, pressure, bulk = self.volumetric(jacobian)
+        first += (pressure * jacobian)[..., None]
+        second += (pressure * jacobian + bulk * jacobian**2)[..., None, None]
+        return first, second
+
+    def deviatoric_energy(self, stretch: np.ndarray) -> np.ndarray:
+        """Energy density of the deviatoric part alone, as `energy`."""
+        logarithm = np.log(stretch)
+        logarithm -= logarithm.mean(axis=-1, keepdims=True)
+        total = np.zeros(stretch.shape[:-1])
+        for mu, alpha in zip(self.mu, self.alpha, strict=True):
+            power = np.exp(np.asarray(alpha)[..., None] * logarithm)
+            total += 2 * mu / np.square(alpha) * (power.sum(axis=-1) - 3)
+        return total
+
+    def deviatoric_derivatives(self, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of the deviatoric part alone, as `derivatives`."""
         logarithm = np.log(stretch)
         logarithm -= logarithm.mean(axis=-1, keepdims=True)
         first = np.zeros(stretch.shape)
@@ -71,13 +80,18 @@ class Ogden:
             pair = (mean[..., None] - power[..., :, None] - power[..., None, :]) / 3
             second += 2 * mu[..., None] * pair
             second[..., index, index] += 2 * mu * power
+        return first, second
+
+    def volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Energy density U(J) of the volumetric part with its first and second derivative, MPa."""
         gap = jacobian - 1
+        energy, pressure, bulk = np.zeros(gap.shape), np.zeros(gap.shape), np.zeros(gap.shape)
         for order, d in enumerate(self.d, 1):
             n = 2 * order
-            first += (n / d * gap ** (n - 1) * jacobian)[..., None]
-            stiffness = n / d * (gap ** (n - 1) * jacobian + (n - 1) * gap ** (n - 2) * jacobian**2)
-            second += stiffness[..., None, None]
-        return first, second
+            energy += gap**n / d
+            pressure += n / d * gap ** (n - 1)
+            bulk += n * (n - 1) / d * gap ** (n - 2)
+        return energy, pressure, bulk
 
 
 def spread(materials: Sequence[Ogden], counts: Sequence[int]) -> Ogden:

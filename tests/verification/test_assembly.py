@@ -12,8 +12,8 @@ MATERIAL = Ogden((0.03,), (1.4,), (0.6,))
 
 
 def body_of(element, distort=0.0, seed=3):
-    if element == "C3D8":
-        mesh = brick((2.0, 1.0, 1.5), (2, 1, 2))
+    if ELEMENTS[element].dim == 3:
+        mesh = brick((2.0, 1.0, 1.5), (2, 1, 2), element=element)
     else:
         mesh = layered_block(2.0, [("a", 1.0), ("b", 1.0)], 2, 1, element)
     points = mesh.points + distort * np.random.default_rng(seed).uniform(-1, 1, mesh.points.shape)
