@@ -59,7 +59,7 @@ def _fit(args: argparse.Namespace) -> Fit:
 
 def propose(args: argparse.Namespace) -> None:
     """Score the last round and ask for the next guesses."""
-    from fingerfit.fit import next_round
+    from fingerfit.course import next_round
     from fingerfit.rounds import Round
 
     fit = _fit(args)

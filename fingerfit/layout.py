@@ -33,6 +33,8 @@ _FIT = (
     "deck/render.py",
     "estimate.py",
     "fit.py",
+    "refine.py",
+    "course.py",
     "guess.py",
     "predict.py",
     "rounds.py",

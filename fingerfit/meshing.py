@@ -97,6 +97,12 @@ def brick(size: Sequence[float], elements: Sequence[int], name: str = "body", el
     return Mesh(mesh.points, mesh.blocks, mesh.node_sets, {name.upper(): np.arange(mesh.element_count)})
 
 
+def _turn(offset: tuple[int, ...]) -> tuple[int, ...]:
+    """Place in a cell of 3 x 3 nodes, (row, column), after a quarter turn."""
+    row, column = offset
+    return column, 2 - row
+
+
 def _grid(axes: list[np.ndarray], element: str) -> Mesh:
     """Structured mesh; nodes are numbered along the first axis first."""
     dim = len(axes)
@@ -125,7 +131,11 @@ def _grid(axes: list[np.ndarray], element: str) -> Mesh:
         local = offsets[ELEMENTS[element].nodes]
     nodes = np.stack([number[tuple((corner + offset).T)] for offset in local], axis=1)
     if element == "CPE6":
-        nodes = nodes.reshape(-1, 6)
+        # the cut runs into the corners of the block, where a lone triangle would be held on two sides
+        turned = np.stack([number[tuple((corner + _turn(offset)).T)] for offset in local], axis=1)
+        middle = (np.array(shape) - 1) / 2
+        other = ((corner + 1 < middle).sum(axis=1) == 1)[:, None]
+        nodes = np.where(other, turned, nodes).reshape(-1, 6)
     top = number[-1][used[-1]].ravel()
     sets = {"BOTTOM": number[0][used[0]].ravel(), "TOP": top, "INDENTER": top[len(top) // 2 :][:1]}
     if dim == 2:

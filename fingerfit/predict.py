@@ -14,6 +14,9 @@ from fingerfit.mesh import Mesh
 from fingerfit.score import Prediction
 from fingerfit.solvers.contract import CONVERGED, Outcome
 
+MARGIN = 1.5
+"""Pixels beyond the body that move with it: as far as its border is soft in a picture."""
+
 
 @dataclass(frozen=True)
 class Faults:
@@ -67,4 +70,5 @@ class Predictor:
 
     def maps(self, outcome: Outcome) -> list[BackwardMap]:
         """Backward maps of the pictures' steps."""
-        return [backward_map(self.mesh, outcome.displacement[s], self._frame) for s in self.data.picture_step]
+        steps = self.data.picture_step
+        return [backward_map(self.mesh, outcome.displacement[step], self._frame, MARGIN) for step in steps]

@@ -8,7 +8,8 @@ import numpy as np
 
 from fingerfit.errors import StateError
 from fingerfit.estimate import Replicates
-from fingerfit.fit import REFINED, SEARCH, Fit, correction, linear_model, refined_guess, without_mesh_error
+from fingerfit.fit import REFINED, Fit
+from fingerfit.refine import mesh_error, mesh_of, minimum, on_search_mesh
 from fingerfit.rounds import Round
 from fingerfit.uncertainty import as_json, repeat, summarise
 
@@ -24,17 +25,14 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
     if last.best is None:
         raise StateError("no guess had a solution: widen or move the bounds, or look at the mesh and the forces")
     settings, parameters = fit.settings, fit.settings.parameters()
-    model = linear_model(fit, last)
-    nearest = refined_guess(fit, last)
-    size = len(parameters)
-    values = without_mesh_error(fit, last) if nearest else dict(last.best["values"])
-    asked = nearest or fit.ask(last.best["values"])
-    predictor = fit.predictor(REFINED if nearest else SEARCH)
-    maps = predictor.maps(fit.outcome(asked))
-    replicates = Replicates(model, fit.data, maps, settings.fit.score, settings.fit.bins, settings.fit.seed)
+    best = minimum(fit, last)
+    mesh = mesh_of(fit, best.base)
+    maps = fit.predictor(mesh).maps(fit.outcome(best.base))
+    size, values = len(parameters), best.values
+    replicates = Replicates(best.model, fit.data, maps, settings.fit.score, settings.fit.bins, settings.fit.seed)
     shifts, hessian = repeat(replicates.draw, size, settings.fit.replicates)
     point = [values[p.name] for p in parameters]
-    found = summarise(shifts, hessian, parameters, point)
+    found = summarise(shifts, hessian, parameters, point, mesh_error(fit, last, best))
     names = [p.name for p in parameters]
     everything = {e["sim"] for e in last.history} | {a.sim for a in last.batch}
     return {
@@ -46,11 +44,11 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
             "names": names,
             "matrix": np.round(found.correlation, 4).tolist(),
         },
-        "remarks": [*found.remarks, *_mesh_remarks(fit, nearest is not None)],
+        "remarks": [*found.remarks, *_mesh_remarks(fit, mesh)],
         "score": {
             "kind": settings.fit.score,
             "search": last.best["score"],
-            "final": fit.score(model.base),
+            "final": fit.score(best.model.base),
         },
         "search": {
             "best": last.best["values"],
@@ -61,15 +59,15 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
             "faults": sorted({e["message"] for e in last.history if e["score"] is not None and e["message"]}),
         },
         "simulations": {"asked": len(last.history) + len(last.batch), "run": len(everything)},
-        "mesh_correction": correction(fit, last, values) if nearest else None,
-        "sim": asked.sim,
-        "sim_mesh": REFINED if nearest else SEARCH,
+        "search_mesh": on_search_mesh(fit, last).values if mesh == REFINED else None,
+        "sim": best.base.sim,
+        "sim_mesh": mesh,
     }
 
 
-def _mesh_remarks(fit: Fit, corrected: bool) -> list[str]:
-    if REFINED in fit.mesh_files and not corrected:
-        return ["the finer mesh has no solution at the best guess: the estimate is not corrected for its mesh"]
+def _mesh_remarks(fit: Fit, mesh: str) -> list[str]:
+    if REFINED in fit.mesh_files and mesh != REFINED:
+        return ["the finer mesh has no solution at the best guess: the estimate is that of the search mesh"]
     return []
 
 
@@ -78,21 +76,25 @@ def table_of(found: dict[str, Any]) -> str:
     lines = [
         f"{found['study']}, model {found['model']}, solver {found['solver']['name']}",
         "",
-        f"{'constant':<14}{'unit':<6}{'estimate':>12}{'std. error':>12}{'95 % interval':>26}",
+        f"{'constant':<14}{'unit':<6}{'estimate':>12}{'std. error':>12}{'mesh error':>12}{'95 % interval':>26}",
     ]
     for name, entry in found["parameters"].items():
         low, high = entry["interval95"]
         unit = entry["unit"] if entry["unit"] != "1" else "-"
+        mesh = f"{entry['mesh_error']:.2g}" if found["search_mesh"] else "-"
         interval = f"{low:.4g} to {high:.4g}"
-        lines.append(f"{name:<14}{unit:<6}{entry['value']:>12.4g}{entry['standard_error']:>12.2g}{interval:>26}")
+        lines.append(
+            f"{name:<14}{unit:<6}{entry['value']:>12.4g}{entry['standard_error']:>12.2g}{mesh:>12}{interval:>26}"
+        )
     search, sims = found["search"], found["simulations"]
     lines += [
         "",
         f"score {found['score']['kind']} {found['score']['final']:.6f}; {search['rounds']} rounds,"
         f" {sims['asked']} simulations asked for, {sims['run']} different ones run; stop: {search['stop']}",
     ]
-    if found["mesh_correction"]:
-        shift = ", ".join(f"{name} {100 * np.expm1(c):+.1f} %" for name, c in found["mesh_correction"].items())
+    if found["search_mesh"]:
+        moves = [(name, entry["value"] / found["search_mesh"][name] - 1) for name, entry in found["parameters"].items()]
+        shift = ", ".join(f"{name} {100 * move:+.1f} %" for name, move in moves)
         lines.append(f"moved by the finer mesh: {shift}")
     if search["diverged"]:
         lines.append(f"{search['diverged']} guesses had no solution")

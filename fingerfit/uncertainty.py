@@ -37,6 +37,36 @@ def _positive(hessian: np.ndarray) -> np.ndarray:
     return (vectors * np.abs(values)) @ vectors.T
 
 
+def minimise(objective: Callable[[np.ndarray], float], size: int, reach: float = 0.15) -> np.ndarray:
+    """Minimum of a smooth score near 0 by Newton steps with the curvature at 0, shape (size,).
+
+    Directions that the score does not see are not moved along.
+
+    Parameters
+    ----------
+    objective : callable
+        Of shape (size,).
+    size : int
+    reach : float
+        Longest step.
+    """
+    gradient, hessian = gradient_and_hessian(objective, size)
+    inverse = np.linalg.pinv(_positive(hessian), rcond=FLAT, hermitian=True)
+    at, value = np.zeros(size), objective(np.zeros(size))
+    for _ in range(20):
+        step = -inverse @ gradient
+        step *= min(1.0, reach / max(np.abs(step).max(initial=0.0), 1e-300))
+        while np.abs(step).max(initial=0.0) > 1e-5 and not objective(at + step) < value:
+            step = step / 2
+        if np.abs(step).max(initial=0.0) <= 1e-5:
+            break
+        at = at + step
+        value = objective(at)
+        steps = np.eye(size) * WIDTH
+        gradient = np.array([(objective(at + s) - objective(at - s)) / (2 * WIDTH) for s in steps])
+    return at
+
+
 def repeat(draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Best constants of repetitions by one Newton step with their mean curvature, and that curvature.
 
@@ -68,8 +98,10 @@ class Uncertainty:
     ----------
     relative : ndarray, shape (parameters,)
         Standard errors in search coordinates: of the logarithm.
+    mesh : ndarray, shape (parameters,)
+        Error of the mesh that is left, in search coordinates; 0 where it is not known.
     interval : ndarray, shape (parameters, 2)
-        95 % interval, in units.
+        95 % interval, in units: noise and mesh.
     correlation : ndarray, shape (parameters, parameters)
     bias : ndarray, shape (parameters,)
         Mean shift of the repetitions: what noise alone does to the estimate.
@@ -78,6 +110,7 @@ class Uncertainty:
     """
 
     relative: np.ndarray
+    mesh: np.ndarray
     interval: np.ndarray
     correlation: np.ndarray
     bias: np.ndarray
@@ -85,7 +118,11 @@ class Uncertainty:
 
 
 def summarise(
-    shifts: np.ndarray, hessian: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]
+    shifts: np.ndarray,
+    hessian: np.ndarray,
+    parameters: Sequence[Parameter],
+    values: Sequence[float],
+    mesh: np.ndarray | None = None,
 ) -> Uncertainty:
     """Uncertainty from repetitions.
 
@@ -97,7 +134,10 @@ def summarise(
         Curvature of the score.
     parameters, values
         What was estimated, values in units.
+    mesh : ndarray, shape (parameters,), optional
+        Error of the mesh, in search coordinates.
     """
+    mesh = np.zeros(len(parameters)) if mesh is None else mesh
     count = len(shifts)
     covariance = np.atleast_2d(np.cov(shifts, rowvar=False))
     spread = np.sqrt(np.diag(covariance))
@@ -105,9 +145,11 @@ def summarise(
     # quantile 97.5 % of Student's t with count - 1 degrees of freedom (Abramowitz and Stegun 26.7.5)
     z = 1.959964
     t = z + (z**3 + z) / (4 * (count - 1)) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * (count - 1) ** 2)
-    interval = np.array([_ends(p, v, t * s) for p, v, s in zip(parameters, values, spread, strict=True)])
+    half = np.hypot(t * spread, mesh)
+    interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
     return Uncertainty(
         spread,
+        mesh,
         interval,
         covariance / np.outer(scale, scale),
         shifts.mean(axis=0),
@@ -156,6 +198,7 @@ def as_json(uncertainty: Uncertainty, parameters: Sequence[Parameter], values: S
             "value": float(value),
             "unit": parameter.unit,
             "standard_error": float(uncertainty.relative[n] * size),
+            "mesh_error": float(uncertainty.mesh[n] * size),
             "interval95": [float(low), float(high)],
         }
     return entries

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerfit.fem.elements import distance, middle, rule, shape
+from fingerfit.fem.elements import distance, rule, shape
+from fingerfit.imaging.inverse import local_coordinates
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh import Mesh
 
-_INSIDE = 1 + 1e-6
 _DEEP = 1 - 1e-3
-_ITERATIONS = 12
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class BackwardMap:
     overlaps: int = 0
 
 
-def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture) -> BackwardMap:
+def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture, margin: float = 0.0) -> BackwardMap:
     """Map of the pixels of `frame` back to the reference state.
 
     Parameters
@@ -60,6 +59,9 @@ def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture) -> Backwa
         mm.
     frame : Picture
         Only its pixel grid is used.
+    margin : float
+        Pixels as near to the deformed body, in pixels, are mapped too, by its border elements carried on: the soft
+        border of the picture before compression then moves along with the body.
     """
     deformed = frame.to_index(mesh.points + displacement)
     reference = frame.to_index(mesh.points)
@@ -68,11 +70,13 @@ def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture) -> Backwa
     for block in mesh.blocks:
         corners = deformed[block.nodes]
         inverted += _count_inverted(block.element, corners, reference[block.nodes])
-        element, pixel = _candidates(corners, size)
-        xi, inside = _invert(block.element, corners[element], pixel.astype(float))
-        element, pixel, xi = element[inside], pixel[inside], xi[inside]
+        element, pixel = _candidates(corners, size, margin)
+        xi, outside = local_coordinates(block.element, corners, element, pixel.astype(float), margin)
+        near = np.isfinite(outside)
+        element, pixel, xi, outside = element[near], pixel[near], xi[near], outside[near]
         source = np.einsum("pn,pni->pi", shape(block.element, xi)[0], reference[block.nodes][element])
-        found.append((element + first, pixel, source, distance(block.element, xi)))
+        depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(block.element, xi), 1.0))
+        found.append((element + first, pixel, source, depth))
         first += len(block.nodes)
     element, pixel, source, depth = (np.concatenate(part) for part in zip(*found, strict=True))
     flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), frame.values.shape)
@@ -90,9 +94,10 @@ def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> in
     return int(((det[0] * np.sign(det[1])) <= 0).any(axis=1).sum())
 
 
-def _candidates(corners: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _candidates(corners: np.ndarray, size: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of element and pixel whose bounding boxes meet: shapes (pairs,) and (pairs, dim)."""
-    slack = 0.1 * np.ptp(corners, axis=1) if corners.shape[1] in (6, 8) and corners.shape[2] == 2 else 1e-6
+    curved = corners.shape[1] > 2 ** corners.shape[2]
+    slack = margin + (0.1 * np.ptp(corners, axis=1) if curved else 1e-6)
     low = np.clip(np.ceil(corners.min(axis=1) - slack), 0, size).astype(np.int64)
     high = np.clip(np.floor(corners.max(axis=1) + slack) + 1, 0, size).astype(np.int64)
     extent = np.maximum(high - low, 0)
@@ -103,47 +108,6 @@ def _candidates(corners: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.n
     for axis in range(corners.shape[2]):
         local, pixel[:, axis] = np.divmod(local, extent[element, axis])
     return element, pixel + low[element]
-
-
-def _invert(kind: str, corners: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Local coordinates of targets in their elements, and whether they lie inside.
-
-    `corners` has shape (pairs, nodes, dim), `target` (pairs, dim).
-    """
-    xi = np.tile(middle(kind), (len(target), 1))
-    inside = np.zeros(len(target), dtype=bool)
-    active = np.arange(len(target))
-    for iteration in range(_ITERATIONS):
-        values, gradients = shape(kind, xi[active])
-        nodes = corners[active].swapaxes(1, 2)
-        gap = target[active] - (nodes @ values[..., None])[..., 0]
-        move, det = _solve(nodes @ gradients, gap)
-        xi[active] += np.clip(move, -1.0, 1.0)
-        # Newton's error after a move is of the order of its square
-        done = np.abs(move).max(axis=1) < 1e-4
-        inside[active[done]] = (distance(kind, xi[active[done]]) <= _INSIDE) & (det[done] != 0)
-        # far away after a step or two: the pixel is in another element
-        limit = 4.0 if iteration == 0 else 2.5
-        active = active[~done & (distance(kind, xi[active]) < limit) & (det != 0)]
-        if not len(active):
-            break
-    return xi, inside
-
-
-def _solve(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Solutions of many small systems by Cramer's rule and their determinants; zero where these vanish."""
-    if matrix.shape[1] == 2:
-        a, b, c, d = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 0], matrix[:, 1, 1]
-        det = a * d - b * c
-        x, y = right[:, 0], right[:, 1]
-        move = np.stack([d * x - b * y, a * y - c * x], axis=1)
-    else:
-        columns = [matrix[:, :, k] for k in range(3)]
-        crosses = [np.cross(columns[k - 2], columns[k - 1]) for k in range(3)]
-        det = (columns[0] * crosses[0]).sum(axis=1)
-        move = np.stack([(right * cross).sum(axis=1) for cross in crosses], axis=1)
-    det = np.where(np.abs(det) > 1e-12, det, 0.0)
-    return np.divide(move, det[:, None], out=np.zeros_like(move), where=det[:, None] != 0), det
 
 
 def spline_coefficients(values: np.ndarray) -> np.ndarray:
@@ -227,7 +191,8 @@ class Probe:
             low, high = corners.min(axis=1) - 1e-9, corners.max(axis=1) + 1e-9
             near = ((low[:, None] <= points) & (points <= high[:, None])).all(axis=2)
             element, point = np.nonzero(near)
-            xi, inside = _invert(block.element, corners[element], points[point])
+            xi, outside = local_coordinates(block.element, corners, element, points[point])
+            inside = outside == 0
             element, point = element[inside], point[inside]
             self._nodes[point, : block.nodes.shape[1]] = block.nodes[element]
             self._weights[point] = 0.0

@@ -1,0 +1,61 @@
+"""The course of a fit: score what was simulated, ask the search, render the decks of the next guesses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fingerfit.fit import FINAL, SEARCH, SENSITIVITY, Fit
+from fingerfit.predict import Predictor
+from fingerfit.refine import around_best, refine_round
+from fingerfit.rounds import Asked, Round
+from fingerfit.search import Evaluation, propose
+
+
+def next_round(fit: Fit, last: Round | None) -> Round:
+    """Score the batch of the last round and ask for the next guesses, or say stop.
+
+    Parameters
+    ----------
+    fit : Fit
+    last : Round or None
+        The round before; None for the first.
+    """
+    if last is not None and last.stage in (SENSITIVITY, FINAL):
+        return refine_round(fit, last)
+    parameters = fit.settings.parameters()
+    names = [parameter.name for parameter in parameters]
+    history = list(last.history) if last else []
+    if last:
+        predictor = fit.predictor(SEARCH)
+        history += [_evaluate(fit, asked, predictor) for asked in last.batch]
+    evaluations = [Evaluation(tuple(e["values"][n] for n in names), e["score"]) for e in history]
+    proposal = propose(evaluations, parameters, fit.settings.plan())
+    scored = [e for e in history if e["score"] is not None]
+    best = min(scored, key=lambda e: e["score"]) if scored else None
+    base: dict[str, Any] = {
+        "number": last.number + 1 if last else 0,
+        "solver": fit.solver,
+        "meshes": {fit.mesh_names[name]: path.name for name, path in fit.mesh_files.items()},
+        "history": history,
+        "best": best,
+    }
+    if proposal.stop is None:
+        batch = [fit.ask(dict(zip(names, point, strict=True))) for point in proposal.batch]
+        return Round(stage=proposal.stage, stop=None, batch=batch, **base)
+    if best is None:
+        return Round(stage=proposal.stage, stop="no guess has a solution", **base)
+    return around_best(fit, base, best["values"], proposal.stop)
+
+
+def _evaluate(fit: Fit, asked: Asked, predictor: Predictor) -> dict[str, Any]:
+    """Score one simulated guess: its entry of the history."""
+    outcome = fit.outcome(asked)
+    predicted = predictor.predict(outcome)
+    entry: dict[str, Any] = {"values": asked.values, "sim": asked.sim, "score": None}
+    if predicted is None:
+        return {**entry, "message": outcome.message}
+    prediction, faults = predicted
+    entry = {**entry, "score": fit.score(prediction), "message": ""}
+    if faults.inverted or faults.overlaps:
+        entry["message"] = f"{faults.inverted} inverted elements, {faults.overlaps} pixels claimed twice"
+    return entry

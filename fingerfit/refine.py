@@ -1,0 +1,144 @@
+"""What follows a search: slopes around its best guess, the finer mesh, and the way to the minimum of the score.
+
+Around the best guess of the search mesh the prediction is linear in the logarithms of the constants. With the
+solution of the finer mesh as its base this linear model is moved to the minimum of the very score that was used,
+and solved again there, until the moves are small (docs/decisions/0003-two-meshes.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.errors import StateError
+from fingerfit.estimate import STEP, LinearModel, coordinates, moved, sensitivity_values
+from fingerfit.fit import FINAL, REFINED, SEARCH, SENSITIVITY, Fit
+from fingerfit.rounds import Asked, Round
+from fingerfit.score import Prediction
+from fingerfit.solvers.contract import CONVERGED, Outcome
+from fingerfit.uncertainty import minimise
+
+CLOSE = 0.05
+"""A longer move, in the logarithm, is checked by another solution."""
+SOLUTIONS = 4
+"""At most as many on the finest mesh."""
+ORDER = 1.2
+"""Order of convergence of displacements at a glued corner: twice the exponent of its singularity (Williams 1952)."""
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where the finest solution and the slopes say that the minimum of the score is.
+
+    Parameters
+    ----------
+    values : dict
+        Constants at the minimum, in their units.
+    base : Asked
+        The simulation that the linear model is built on.
+    model : LinearModel
+    move : float
+        Longest move from the base to the minimum, in the logarithm or as a share of the distance of the bounds.
+    """
+
+    values: dict[str, float]
+    base: Asked
+    model: LinearModel
+    move: float
+
+
+def around_best(fit: Fit, base: Mapping[str, object], best: Mapping[str, float], reason: str) -> Round:
+    """The round that asks for the slopes around the best guess, and for the finest solution there."""
+    parameters = fit.settings.parameters()
+    # the costly one first: it runs beside the others
+    batch = [fit.ask(best, FINAL)]
+    batch += [fit.ask(values, role) for role, values in sensitivity_values(parameters, best).items()]
+    batch += [fit.ask(best, "+control", 1.0 + STEP), fit.ask(best, "-control", 1.0 - STEP)]
+    return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=reason, **base)  # type: ignore[arg-type]
+
+
+def refine_round(fit: Fit, last: Round) -> Round:
+    """The round after slopes or a finest solution are known: solve at the minimum of the linear model."""
+    found = minimum(fit, last)
+    asked = fit.ask(found.values, FINAL)
+    solutions = sum(a.role == FINAL for a in last.batch)
+    lost = solutions > 1 and _diverged(fit, last.batch[-1])
+    enough = found.move <= CLOSE or solutions + 1 >= SOLUTIONS or lost
+    return Round(
+        number=last.number + 1,
+        stage=FINAL,
+        stop=last.reason if enough else None,
+        solver=last.solver,
+        meshes=last.meshes,
+        history=last.history,
+        batch=last.batch if lost else [*last.batch, asked],
+        best=last.best,
+        reason=last.reason,
+    )
+
+
+def minimum(fit: Fit, last: Round) -> Minimum:
+    """Minimum of the score on the finest mesh that has a solution."""
+    finest = [asked for asked in last.batch if asked.role == FINAL and not _diverged(fit, asked)]
+    return _minimum(fit, last, finest[-1] if finest else fit.ask(_best(last)))
+
+
+def on_search_mesh(fit: Fit, last: Round) -> Minimum:
+    """Minimum of the score on the mesh of the search."""
+    return _minimum(fit, last, fit.ask(_best(last)))
+
+
+def mesh_error(fit: Fit, last: Round, found: Minimum) -> np.ndarray | None:
+    """Error of the finest mesh that is left, by constant, shape (parameters,) in search coordinates.
+
+    What the finer mesh changed, continued with the order of convergence of a glued corner (Richardson; Roache
+    1994 gives the way of reporting it). None without a finer mesh.
+    """
+    if mesh_of(fit, found.base) != REFINED:
+        return None
+    parameters = fit.settings.parameters()
+    change = coordinates(parameters, found.values) - coordinates(parameters, on_search_mesh(fit, last).values)
+    coarse, fine = fit.meshes[SEARCH], fit.meshes[REFINED]
+    ratio = (fine.element_count / coarse.element_count) ** (1 / coarse.dim)
+    return np.abs(change) / max(ratio**ORDER - 1.0, 0.1)
+
+
+def mesh_of(fit: Fit, asked: Asked) -> str:
+    """Which mesh a simulation has."""
+    return REFINED if fit.mesh_names.get(REFINED) == asked.mesh else SEARCH
+
+
+def _minimum(fit: Fit, last: Round, base: Asked) -> Minimum:
+    parameters = fit.settings.parameters()
+    model = _linear_model(fit, last, base)
+    delta = minimise(lambda d: fit.score(model.at(d)), len(parameters))
+    return Minimum(moved(parameters, base.values, delta), base, model, float(np.abs(delta).max(initial=0.0)))
+
+
+def _linear_model(fit: Fit, last: Round, base: Asked) -> LinearModel:
+    by_role = {asked.role: asked for asked in last.batch}
+
+    def slope(name: str) -> Prediction:
+        sides = [by_role[sign + name] for sign in "+-"]
+        lost = [_diverged(fit, side) for side in sides]
+        if all(lost):
+            raise StateError(f"no solution on either side of the best guess in {name}")
+        # one-sided where one side has no solution
+        middle = fit.ask(_best(last))
+        ahead, behind = [fit.prediction(middle if gone else side) for side, gone in zip(sides, lost, strict=True)]
+        return (ahead - behind) * (1 / (STEP * (2 - sum(lost))))
+
+    slopes = tuple(slope(parameter.name) for parameter in fit.settings.parameters())
+    return LinearModel(fit.prediction(base), slopes, slope("control"), base.values)
+
+
+def _best(last: Round) -> dict[str, float]:
+    if last.best is None:
+        raise StateError("the search found no guess with a solution")
+    return dict(last.best["values"])
+
+
+def _diverged(fit: Fit, asked: Asked) -> bool:
+    return Outcome.load(fit.sims / asked.sim / "solution.npz").status != CONVERGED
