@@ -33,7 +33,7 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
     settings = load_settings(config)
     check_against_study(settings, study, config)
     mesh = make_mesh(study, settings.model.mesh)
-    data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth)
+    data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     lines = [
         f"{study_path(path)}: {study.title}",
         f"control: {study.control}; base {study.base}, indenter {study.indenter}",

@@ -63,8 +63,8 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--out", type=Path, required=True)
         if name == "estimate":
             sub.add_argument("--table", type=Path, required=True)
-        if name == "plot":
-            sub.add_argument("--estimate", type=Path, required=True)
+        if name == "propose":
+            sub.add_argument("--threads", type=int, default=1)
     return parser
 
 

@@ -40,7 +40,7 @@ def prepare(args: argparse.Namespace) -> None:
     study = load_study(Path(settings.study))
     check_against_study(settings, study)
     mesh = make_mesh(study, settings.model.mesh)
-    data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth)
+    data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     write_text(args.mesh, format_mesh(mesh))
     if args.refined:
         write_text(args.refined, format_mesh(make_mesh(study, settings.model.refined)))
@@ -63,7 +63,7 @@ def propose(args: argparse.Namespace) -> None:
     from fingerfit.rounds import Round
 
     fit = _fit(args)
-    current = next_round(fit, Round.load(args.last) if args.last else None)
+    current = next_round(fit, Round.load(args.last) if args.last else None, args.threads)
     current.save(args.out)
     known = sum((args.sims / asked.sim / "solution.npz").exists() for asked in current.batch)
     best = "" if current.best is None else f"best {fit.settings.fit.score} {current.best['score']:.6f}, "
@@ -89,11 +89,10 @@ def estimate(args: argparse.Namespace) -> None:
 
 def plot(args: argparse.Namespace) -> None:
     """Figures of a finished fit."""
-    from fingerfit.files import read_json
     from fingerfit.plots import plot_fit
     from fingerfit.rounds import Round
 
-    plot_fit(_fit(args), Round.load(args.last), read_json(args.estimate), args.out)
+    plot_fit(_fit(args), Round.load(args.last), args.out)
 
 
 def check(args: argparse.Namespace) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import multiprocessing
 from typing import Any
 
 from fingerfit.fit import FINAL, SEARCH, SENSITIVITY, Fit
@@ -11,7 +13,7 @@ from fingerfit.rounds import Asked, Round
 from fingerfit.search import Evaluation, propose
 
 
-def next_round(fit: Fit, last: Round | None) -> Round:
+def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
     """Score the batch of the last round and ask for the next guesses, or say stop.
 
     Parameters
@@ -19,6 +21,8 @@ def next_round(fit: Fit, last: Round | None) -> Round:
     fit : Fit
     last : Round or None
         The round before; None for the first.
+    threads : int
+        Processes that warp and score the guesses of the last batch.
     """
     if last is not None and last.stage in (SENSITIVITY, FINAL):
         return refine_round(fit, last)
@@ -26,8 +30,7 @@ def next_round(fit: Fit, last: Round | None) -> Round:
     names = [parameter.name for parameter in parameters]
     history = list(last.history) if last else []
     if last:
-        predictor = fit.predictor(SEARCH)
-        history += [_evaluate(fit, asked, predictor) for asked in last.batch]
+        history += _evaluate_all(fit, last.batch, threads)
     evaluations = [Evaluation(tuple(e["values"][n] for n in names), e["score"]) for e in history]
     proposal = propose(evaluations, parameters, fit.settings.plan())
     scored = [e for e in history if e["score"] is not None]
@@ -45,6 +48,15 @@ def next_round(fit: Fit, last: Round | None) -> Round:
     if best is None:
         return Round(stage=proposal.stage, stop="no guess has a solution", **base)
     return around_best(fit, base, best["values"], proposal.stop)
+
+
+def _evaluate_all(fit: Fit, batch: list[Asked], threads: int) -> list[dict[str, Any]]:
+    evaluate = functools.partial(_evaluate, fit, predictor=fit.predictor(SEARCH))
+    if threads < 2 or len(batch) < 2:
+        return [evaluate(asked) for asked in batch]
+    # forked, so that nothing is read or imported twice
+    with multiprocessing.get_context("fork").Pool(min(threads, len(batch))) as pool:
+        return pool.map(evaluate, batch)
 
 
 def _evaluate(fit: Fit, asked: Asked, predictor: Predictor) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -49,6 +49,7 @@ class Fit:
     data: Data
     mesh_files: dict[str, Path]
     sims: Path
+    _predictions: dict[str, Prediction] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def study(self) -> Study:
@@ -97,10 +98,12 @@ class Fit:
 
     def prediction(self, asked: Asked) -> Prediction:
         """Prediction of a guess that must have a solution."""
-        predicted = self.predictor(self._mesh(asked.role)).predict(self.outcome(asked))
-        if predicted is None:
-            raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
-        return predicted[0]
+        if asked.sim not in self._predictions:
+            predicted = self.predictor(self._mesh(asked.role)).predict(self.outcome(asked))
+            if predicted is None:
+                raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
+            self._predictions[asked.sim] = predicted[0]
+        return self._predictions[asked.sim]
 
     def score(self, prediction: Prediction) -> float:
         """Score of a prediction."""

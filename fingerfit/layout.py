@@ -44,7 +44,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "prepare": (*_READ, *_MESH, "prepare.py"),
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
-    "plot": ("plots.py", "predict.py", "imaging"),
+    "plot": (*_FIT, "plots.py"),
 }
 
 
@@ -63,7 +63,7 @@ def settings_of(settings: Settings, stage: str) -> str:
     """The settings that a stage depends on, as one line of JSON."""
     every = settings.model_dump(mode="json")
     fit = every["fit"]
-    pictures = {name: fit[name] for name in ("steps", "smooth")}
+    pictures = {name: fit[name] for name in ("steps", "smooth", "crop")}
     chosen: dict[str, Any] = {
         "prepare": {
             "study": every["study"],

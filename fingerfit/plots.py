@@ -14,6 +14,7 @@ from fingerfit.data import Data
 from fingerfit.files import write_atomic
 from fingerfit.fit import Fit
 from fingerfit.mesh import Mesh
+from fingerfit.refine import finest, mesh_of
 from fingerfit.rounds import Round
 from fingerfit.solvers.contract import Outcome
 
@@ -171,10 +172,10 @@ def figure_overlay(mesh: Mesh, values: np.ndarray, frame: tuple[float, float, fl
     return figure
 
 
-def plot_fit(fit: Fit, last: Round, estimate: dict[str, Any], folder: Path) -> None:
+def plot_fit(fit: Fit, last: Round, folder: Path) -> None:
     """All figures of a finished fit, into a folder."""
-    outcome = Outcome.load(fit.sims / estimate["sim"] / "solution.npz")
-    name = estimate["sim_mesh"]
+    shown = finest(fit, last)
+    outcome, name = fit.outcome(shown), mesh_of(fit, shown)
     mesh, data = fit.meshes[name], fit.data
     save(figure_forces(data, outcome), folder / "force.png")
     save(figure_search(last, fit.settings.fit.score), folder / "search.png")

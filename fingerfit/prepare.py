@@ -80,7 +80,7 @@ def _named(mesh: Mesh, study: Study) -> Mesh:
     return Mesh(mesh.points * study.length, mesh.blocks, nodes, chosen)
 
 
-def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float) -> Data:
+def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, crop: float) -> Data:
     """Read, check, smooth and scale all measurements of a study.
 
     Parameters
@@ -92,6 +92,8 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float) -> 
         Steps whose pictures are compared; None for all that have one.
     sigma : float
         Gaussian, pixels.
+    crop : float
+        How far beyond the undeformed body the pictures are compared, as a share of its extent.
 
     Raises
     ------
@@ -123,6 +125,8 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float) -> 
         low, size = scale_of(before.values)
         empty = _empty(before, mesh)
         noise = _picture_noise(study, before, empty) / size
+        before, *pictures = [picture.crop(mesh.points, crop) for picture in (before, *pictures)]
+        empty = _empty(before, mesh)
         raw = (before.values - low) / size
         values = smooth(raw, sigma)
         measured = np.array([smooth((p.values - low) / size, sigma) for p in pictures])

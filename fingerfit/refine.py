@@ -81,8 +81,13 @@ def refine_round(fit: Fit, last: Round) -> Round:
 
 def minimum(fit: Fit, last: Round) -> Minimum:
     """Minimum of the score on the finest mesh that has a solution."""
-    finest = [asked for asked in last.batch if asked.role == FINAL and not _diverged(fit, asked)]
-    return _minimum(fit, last, finest[-1] if finest else fit.ask(_best(last)))
+    return _minimum(fit, last, finest(fit, last))
+
+
+def finest(fit: Fit, last: Round) -> Asked:
+    """The last simulation on the finest mesh that has a solution, or the best guess of the search."""
+    solved = [asked for asked in last.batch if asked.role == FINAL and not _diverged(fit, asked)]
+    return solved[-1] if solved else fit.ask(_best(last))
 
 
 def on_search_mesh(fit: Fit, last: Round) -> Minimum:
@@ -90,16 +95,22 @@ def on_search_mesh(fit: Fit, last: Round) -> Minimum:
     return _minimum(fit, last, fit.ask(_best(last)))
 
 
-def mesh_error(fit: Fit, last: Round, found: Minimum) -> np.ndarray | None:
+def mesh_error(fit: Fit, found: Minimum, searched: Minimum) -> np.ndarray | None:
     """Error of the finest mesh that is left, by constant, shape (parameters,) in search coordinates.
 
     What the finer mesh changed, continued with the order of convergence of a glued corner (Richardson; Roache
     1994 gives the way of reporting it). None without a finer mesh.
+
+    Parameters
+    ----------
+    fit : Fit
+    found, searched : Minimum
+        On the finest mesh and on that of the search.
     """
     if mesh_of(fit, found.base) != REFINED:
         return None
     parameters = fit.settings.parameters()
-    change = coordinates(parameters, found.values) - coordinates(parameters, on_search_mesh(fit, last).values)
+    change = coordinates(parameters, found.values) - coordinates(parameters, searched.values)
     coarse, fine = fit.meshes[SEARCH], fit.meshes[REFINED]
     ratio = (fine.element_count / coarse.element_count) ** (1 / coarse.dim)
     return np.abs(change) / max(ratio**ORDER - 1.0, 0.1)

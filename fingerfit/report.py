@@ -27,12 +27,13 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
     settings, parameters = fit.settings, fit.settings.parameters()
     best = minimum(fit, last)
     mesh = mesh_of(fit, best.base)
+    searched = on_search_mesh(fit, last) if mesh == REFINED else best
     maps = fit.predictor(mesh).maps(fit.outcome(best.base))
     size, values = len(parameters), best.values
     replicates = Replicates(best.model, fit.data, maps, settings.fit.score, settings.fit.bins, settings.fit.seed)
     shifts, hessian = repeat(replicates.draw, size, settings.fit.replicates)
     point = [values[p.name] for p in parameters]
-    found = summarise(shifts, hessian, parameters, point, mesh_error(fit, last, best))
+    found = summarise(shifts, hessian, parameters, point, mesh_error(fit, best, searched))
     names = [p.name for p in parameters]
     everything = {e["sim"] for e in last.history} | {a.sim for a in last.batch}
     return {
@@ -59,7 +60,7 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
             "faults": sorted({e["message"] for e in last.history if e["score"] is not None and e["message"]}),
         },
         "simulations": {"asked": len(last.history) + len(last.batch), "run": len(everything)},
-        "search_mesh": on_search_mesh(fit, last).values if mesh == REFINED else None,
+        "search_mesh": searched.values if mesh == REFINED else None,
         "sim": best.base.sim,
         "sim_mesh": mesh,
     }

@@ -112,7 +112,12 @@ class FitSettings(_Strict):
         default=None, description="Steps whose pictures are compared; all with a picture when left out."
     )
     smooth: float = Field(default=1.0, ge=0, description="Gaussian on all pictures, standard deviation in pixels.")
-    bins: int = Field(default=64, ge=4, le=512, description="Bins of the joint histogram.")
+    crop: float = Field(
+        default=0.3,
+        ge=0.05,
+        description="How far beyond the undeformed body pictures are compared, as a share of its extent on each side.",
+    )
+    bins: int = Field(default=32, ge=4, le=512, description="Bins of the joint histogram.")
     batch: int = Field(default=2, ge=1, description="Guesses tried at once; the result does not depend on it.")
     max_evaluations: int = Field(default=400, ge=1, description="The search ends after as many.")
     replicates: int = Field(

@@ -44,6 +44,17 @@ class Picture:
         """Points in mm of pixel indices (x, y[, z]), both of shape (points, dim)."""
         return self.origin + (index * self.spacing) @ self.direction.T
 
+    def crop(self, points: np.ndarray, share: float) -> Picture:
+        """The part around points of shape (points, dim), by a share of their extent wider on each side."""
+        index = self.to_index(points)
+        low, high = index.min(axis=0), index.max(axis=0)
+        size = np.array(self.values.shape[::-1])
+        first = np.clip(np.floor(low - share * (high - low)), 0, size - 1).astype(int)
+        last = np.clip(np.ceil(high + share * (high - low)) + 1, first + 1, size).astype(int)
+        window = tuple(slice(a, b) for a, b in zip(first[::-1], last[::-1], strict=True))
+        origin = self.to_points(first[None].astype(float))[0]
+        return Picture(self.values[window], self.spacing, origin, self.direction)
+
     def same_place(self, other: Picture) -> bool:
         """Whether the other picture has the same pixels in space."""
         return self.values.shape == other.values.shape and all(

@@ -25,8 +25,8 @@ rule estimate:
 rule plot:
     # The figures: deformed mesh, pictures, force against displacement, course of the search.
     input:
+        rounds_and_solutions,
         settings=ancient(SETTINGS_FILE),
-        estimate=f"{MODEL}/estimate.json",
         data=f"{MODEL}/prepared.npz",
         **MESHES,
         last=last_round,
@@ -41,4 +41,4 @@ rule plot:
         mem_mb=1000,
     shell:
         "fingerfit plot {input.settings} --data {input.data} {MESH_OPTIONS} --sims {STUDY}/sims --last {input.last}"
-        " --estimate {input.estimate} --out {MODEL}/figures 2> {log}"
+        " --out {MODEL}/figures 2> {log}"

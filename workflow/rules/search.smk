@@ -18,12 +18,12 @@ checkpoint propose:
         settings=PARTS["propose"],
         last=last_option,
         code=layout.fingerprint("propose"),
-    threads: 1
+    threads: 2
     resources:
         mem_mb=1000,
     shell:
         "fingerfit propose {input.settings} --data {input.data} {MESH_OPTIONS} --sims {STUDY}/sims"
-        " {params.last} --out {output} 2> {log}"
+        " {params.last} --out {output} --threads {threads} 2> {log}"
 
 
 rule simulate:
