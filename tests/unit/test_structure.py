@@ -22,6 +22,8 @@ ORDER = (
     ("predict", "estimate", "rounds"),
     ("settings",),
     ("prepare", "fit", "experiment", "settings_check"),
+    ("refine",),
+    ("course",),
     ("report", "plots", "check", "recipes", "layout"),
     ("commands",),
     ("cli",),
