@@ -16,7 +16,7 @@ from fingerfit.fem.elements import ELEMENTS, rule
 from fingerfit.fem.newton import Load, Newton
 from fingerfit.fem.system import System
 from fingerfit.files import digest
-from fingerfit.material.ogden import spread
+from fingerfit.material.spread import spread
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -34,18 +34,28 @@ def _fingerprint() -> str:
 
 
 class BuiltinSolver:
-    """Adapter of the built-in solver."""
+    """Adapter of the built-in solver.
+
+    Parameters
+    ----------
+    averaged : bool
+        Whether linear quadrilaterals and bricks average the change of volume, as in ABAQUS; CalculiX does not.
+    """
 
     name = "builtin"
     capabilities = Capabilities(elements=frozenset(ELEMENTS))
 
+    def __init__(self, averaged: bool = True) -> None:
+        self.averaged = averaged
+
     def identity(self) -> dict[str, Any]:
         """Name, version and a hash of the sources that make the answer."""
-        return {"name": self.name, "version": __version__, "fingerprint": _fingerprint()}
+        identity: dict[str, Any] = {"name": self.name, "version": __version__, "fingerprint": _fingerprint()}
+        return identity if self.averaged else {**identity, "averaged": False}
 
     def check(self, deck: Path) -> None:
         """Read the deck; InputError for what is not understood."""
-        _build(read_deck(deck), deck)
+        _build(read_deck(deck), deck, self.averaged)
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Solve a deck; nothing is written to `workdir`, one thread is used.
@@ -56,7 +66,7 @@ class BuiltinSolver:
             For a deck that is not understood.
         """
         read = read_deck(deck)
-        system, indenter = _build(read, deck)
+        system, indenter = _build(read, deck, self.averaged)
         dim = read.mesh.dim
         newton = Newton(system)
         displacement, reaction, moved, iterations = [], [], [], []
@@ -92,7 +102,7 @@ def _load(step: DeckStep, deck: Deck, dim: int) -> Load:
     return load
 
 
-def _build(deck: Deck, path: Path) -> tuple[System, np.ndarray]:
+def _build(deck: Deck, path: Path, averaged: bool) -> tuple[System, np.ndarray]:
     mesh, dim = deck.mesh, deck.mesh.dim
     section_of = np.full(mesh.element_count, -1)
     for number, section in enumerate(deck.sections):
@@ -108,7 +118,7 @@ def _build(deck: Deck, path: Path) -> tuple[System, np.ndarray]:
         thickness = np.array([deck.sections[s].thickness if dim == 2 else 1.0 for s in chosen])
         material = spread(materials, [gauss] * len(chosen))
         try:
-            bodies.append(Body(block.element, mesh.points, block.nodes, material, thickness))
+            bodies.append(Body(block.element, mesh.points, block.nodes, material, thickness, averaged=averaged))
         except ValueError as error:
             raise InputError(path, "*ELEMENT", error, "elements with positive Jacobian") from error
     prescribed = np.zeros(mesh.points.size, dtype=bool)
@@ -121,11 +131,11 @@ def _build(deck: Deck, path: Path) -> tuple[System, np.ndarray]:
         if len(terms) != 2:
             raise InputError(path, "*EQUATION", f"{len(terms)} terms", "two terms")
         (slave, i, a), (master, j, b) = terms
-        ties[slave * dim + i] = (master * dim + j, -b / a)
+        ties[slave * dim + i] = [(master * dim + j, -b / a)]
     indenter = mesh.node_sets.get("INDENTER")
     if indenter is None or len(indenter) != 1:
         raise InputError(path, "*NSET", "no node set INDENTER of one node", "the indenter's reference node")
-    chained = [slave for slave, (master, _) in ties.items() if master in ties or prescribed[slave]]
+    chained = [slave for slave, [(master, _)] in ties.items() if master in ties or prescribed[slave]]
     if chained:
         raise InputError(path, "*EQUATION", f"node {chained[0] // dim + 1} is tied twice or prescribed",
                          "slaves that are free")  # fmt: skip
