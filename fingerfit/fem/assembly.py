@@ -119,7 +119,7 @@ class Body:
     def _strain(self, u: np.ndarray) -> Strain | None:
         """Deformation; None where J <= 0."""
         dim = self.dim
-        local = u.reshape(-1, dim)[self.connectivity]
+        local = u[self.dofs].reshape(*self.connectivity.shape, dim)
         f = np.swapaxes(local, 1, 2)[:, None] @ self.gradient
         f[..., range(dim), range(dim)] += 1.0
         if not np.isfinite(f).all() or np.linalg.det(f).min() <= 0:

@@ -95,6 +95,7 @@ class Newton:
         """Go on with other constraints, from the present displacements."""
         self.system = system
         self.state = State(self.state.u[system.free], self.state.u, self.state.internal)
+        self.load = Load(np.where(system.prescribed, self.state.u, 0.0), self.load.force)
         self._before = None
 
     def advance(self, target: Load | Callable[[float], Load], increments: Increments | float = 1.0) -> tuple[bool, int]:
@@ -186,7 +187,7 @@ class Newton:
         evaluation = system.evaluate(state.u)
         if evaluation is None:
             return None
-        move = system.expand(np.zeros(len(system.free)), load.given - self.load.given)
+        move = system.along(state.u, load.given - self.load.given)
         residual = system.reduce(system.push(evaluation, move) - load.force)
         step = system.solve(system.matrix(evaluation), -residual)
         if step is None:

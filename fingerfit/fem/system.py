@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from fingerfit.fem.rigid import RigidBody
+
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
@@ -76,6 +78,8 @@ class System:
         Slave to its masters with factors: u_slave = sum factor * u_master. Masters may be slaves of others.
     terms : sequence of Term
         What else has forces.
+    rigid : sequence of RigidBody
+        Bodies that turn; their nodes are slaves.
 
     Raises
     ------
@@ -90,9 +94,18 @@ class System:
         prescribed: np.ndarray,
         ties: Mapping[int, Sequence[tuple[int, float]]],
         terms: Sequence[Term] = (),
+        rigid: Sequence[RigidBody] = (),
     ) -> None:
-        self.bodies, self.size, self.terms = bodies, size, list(terms)
+        self.bodies, self.size, self.terms, self.rigid = bodies, size, list(terms), list(rigid)
+        turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
+        if set(turning) & set(ties):
+            raise ValueError(min(set(turning) & set(ties)))
+        if prescribed[turning].any():
+            raise ValueError(turning[int(prescribed[turning].argmax())])
         resolved = _resolve(ties, prescribed)
+        for slave, masters in resolved.items():
+            if {master for master, _ in masters} & set(turning):
+                raise ValueError(slave)
         touched = np.zeros(size, dtype=bool)
         for body in bodies:
             touched[body.dofs.ravel()] = True
@@ -101,19 +114,24 @@ class System:
         for slave, masters in resolved.items():
             for master, _ in masters:
                 touched[master] |= touched[slave]
+        for body in self.rigid:
+            touched[body.reference] = touched[body.rotation] = True
         free = touched & ~prescribed
+        free[turning] = False
         free[list(resolved)] = False
+        self.prescribed = prescribed
         self.free = np.flatnonzero(free)
         number = np.full(size, -1)
         number[self.free] = np.arange(len(self.free))
         self.master, self.factor = np.arange(size), np.ones(size)
-        self.simple = all(len(masters) == 1 for masters in resolved.values())
+        self.simple = not self.rigid and all(len(masters) == 1 for masters in resolved.values())
         if self.simple:
             for slave, masters in resolved.items():
                 self.master[slave], self.factor[slave] = masters[0]
         self._resolved = resolved
         self.unknown = number[self.master]
         self._map: tuple[Any, Any] | None = None
+        self._angles = np.zeros(size)
         self._symmetric = all(term.symmetric for term in self.terms)
         self._prepare()
 
@@ -136,12 +154,23 @@ class System:
         self._pointers = np.searchsorted(unique // max(count, 1), np.arange(count + 1)).astype(np.int32)
 
     def _maps(self) -> tuple[Any, Any]:
-        """All displacements as linear functions: of all independent ones, shape (size, size), and of the unknowns."""
+        """Slopes of all displacements, by all independent ones, shape (size, size), and by the unknowns."""
         if self._map is None:
             from scipy.sparse import csc_matrix
 
             rows, columns, values = [], [], []
+            turning = set()
+            for body in self.rigid:
+                turning |= set(body.dofs.ravel().tolist())
+                slopes = body.slopes(self._angles[body.rotation])
+                for node, by_rotation in zip(body.dofs, slopes, strict=True):
+                    for dof, reference, slope in zip(node, body.reference, by_rotation, strict=True):
+                        rows += [dof] * (1 + len(slope))
+                        columns += [reference, *body.rotation]
+                        values += [1.0, *slope]
             for dof in range(self.size):
+                if dof in turning:
+                    continue
                 for master, factor in self._resolved.get(dof, ((dof, 1.0),)):
                     rows.append(dof)
                     columns.append(master)
@@ -154,7 +183,28 @@ class System:
         """All displacements from the unknowns and the given ones (zero elsewhere)."""
         full = given.copy()
         full[self.free] = q
-        return self.factor * full[self.master] if self.simple else self._maps()[0] @ full
+        if self.simple:
+            return self.factor * full[self.master]
+        if not self.rigid:
+            return self._maps()[0] @ full
+        self._turn_to(full)
+        for body in self.rigid:
+            full[body.dofs] = body.place(full)
+        for slave, masters in self._resolved.items():
+            full[slave] = sum(factor * full[master] for master, factor in masters)
+        return full
+
+    def _turn_to(self, full: np.ndarray) -> None:
+        """Let slopes be those at other rotations."""
+        if self.rigid and not np.array_equal(self._angles, full):
+            self._angles, self._map = full.copy(), None
+
+    def along(self, u: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Change of all displacements, to first order, with a change of the given ones at displacements `u`."""
+        if not self.rigid:
+            return self.expand(np.zeros(len(self.free)), change)
+        self._turn_to(u)
+        return self._maps()[0] @ change
 
     def reduce(self, full: np.ndarray) -> np.ndarray:
         """Forces on all degrees of freedom to forces on the unknowns."""
@@ -216,6 +266,10 @@ class System:
             matrix = matrix + coo_matrix((data, (rows, columns)), shape=matrix.shape).tocsc()
         if not self.simple:
             to_unknowns = self._maps()[1]
+            for body in self.rigid:
+                block = body.curvature(self._angles[body.rotation], evaluation.internal[body.dofs])
+                rows, columns = (part.ravel() for part in np.meshgrid(body.rotation, body.rotation, indexing="ij"))
+                matrix = matrix + coo_matrix((block.ravel(), (rows, columns)), shape=matrix.shape).tocsc()
             matrix = (to_unknowns.T @ matrix @ to_unknowns).tocsc()
         return matrix
 
