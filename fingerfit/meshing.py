@@ -125,7 +125,7 @@ def _grid(axes: list[np.ndarray], element: str) -> Mesh:
     if dim == 2:
         sets["MIDDLE"] = sets["BOTTOM"][len(sets["BOTTOM"]) // 2 :][:1]
     else:
-        sets |= {"X0": number[:, :, 0].ravel(), "Y0": number[:, 0, :].ravel()}
+        sets |= {"X0": number[:, :, 0][used[:, :, 0]], "Y0": number[:, 0, :][used[:, 0, :]]}
     return Mesh(points, (Block(element, nodes),), sets)
 
 

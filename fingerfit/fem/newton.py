@@ -82,10 +82,12 @@ class Newton:
     ----------
     system : System
         Elements and constraints.
+    floor : float
+        N; residuals below `TOLERANCE` times this are none, for bodies that come to rest without any force.
     """
 
-    def __init__(self, system: System) -> None:
-        self.system = system
+    def __init__(self, system: System, floor: float = 0.0) -> None:
+        self.system, self.floor = system, max(floor, 1e-300)
         zero = np.zeros(system.size)
         self.state = State(np.zeros(len(system.free)), zero, zero)
         self.load = Load(zero, zero)
@@ -165,7 +167,7 @@ class Newton:
                 return None, iteration
             internal = evaluation.internal
             residual = system.reduce(internal - load.force)
-            scale = max(np.abs(internal).max(), np.abs(load.force).max(), 1e-300)
+            scale = max(np.abs(internal).max(), np.abs(load.force).max(), self.floor)
             error = np.abs(residual).max() / scale if len(residual) else 0.0
             if error < TOLERANCE:
                 return State(q, u, internal), iteration

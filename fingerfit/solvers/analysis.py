@@ -10,6 +10,7 @@ import numpy as np
 
 from fingerfit.deck.content import Deck, DeckStep
 from fingerfit.fem.newton import Increments, Load, Newton
+from fingerfit.fem.system import System
 from fingerfit.solvers.model import Model
 
 
@@ -49,7 +50,7 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepRes
             if dof >= 0:
                 prescribed[dof] = True
         if newton is None:
-            newton = Newton(model.system(prescribed))
+            newton = _start(model.system(prescribed), bool(deck.initial))
         elif not np.array_equal(prescribed, newton.system.prescribed):
             newton.change(model.system(prescribed))
         with np.errstate(all="ignore"):
@@ -59,6 +60,12 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepRes
         yield StepResult(arrived, state.u[:nodal].reshape(shape), state.internal[:nodal].reshape(shape), used)
         if not arrived:
             return
+
+
+def _start(system: System, stressed: bool) -> Newton:
+    """At rest; with initial stresses, their forces are what residuals are measured by."""
+    evaluation = system.evaluate(np.zeros(system.size), tangent=False) if stressed else None
+    return Newton(system, 0.0 if evaluation is None else float(np.abs(evaluation.internal).max()))
 
 
 def _increments(deck: Deck, step: DeckStep) -> Increments:

@@ -30,11 +30,12 @@ def add_contacts(model: Model) -> None:
                 model.path, "*CONTACT PAIR", pair.master, "an analytical surface of a *RIGID BODY as master"
             )
         nodes = model.nodes_of(pair.slave)
-        surface = rigid_surface(deck.surfaces[pair.master], points[nodes])
+        faces = model.faces(pair.slave)
+        behind = np.unique(np.concatenate([nodes, *(connectivity for _, connectivity, _, _ in faces)]))
+        surface = rigid_surface(deck.surfaces[pair.master], points[behind])
         if surface is None:
             expected = "a line, a circle or their sweep: a plane, a cylinder or a sphere on its axis"
             raise InputError(model.path, f"*SURFACE {pair.master}", "another profile", expected)
-        faces = model.faces(pair.slave)
         if faces:
             sampling, areas = sample_faces(collect_faces(points, faces), points, pair.at_nodes)
         else:
@@ -69,7 +70,7 @@ def rigid_surface(surface: Surface, slaves: np.ndarray) -> RigidSurface | None:
     surface : Surface
         With a profile of one LINE or CIRCL.
     slaves : ndarray, shape (nodes, dim)
-        Positions of slave nodes, mm.
+        Positions of the nodes of slave elements, mm.
 
     Returns
     -------
