@@ -22,7 +22,7 @@ ORDER = (
     ("predict", "estimate", "rounds"),
     ("settings",),
     ("prepare", "fit", "experiment", "settings_check"),
-    ("report", "plots", "check", "recipes", "layout"),
+    ("report", "plots", "check", "recipes", "layout", "testing"),
     ("commands",),
     ("cli",),
 )
