@@ -25,6 +25,9 @@ class Card:
         return InputError(self.path, f"line {line or self.line}, *{self.name}", found, expected)
 
     def allow(self, *names: str) -> None:
+        """Refuse other parameters; those that are written without blanks get their names."""
+        known = {squeeze(name): name for name in names}
+        self.options = {known.get(squeeze(option), option): value for option, value in self.options.items()}
         for option in self.options:
             if option not in names:
                 raise self.error(option, "one of " + ", ".join(names) if names else "no parameter")
@@ -117,3 +120,8 @@ def _keyword(path: Path, line: int, text: str) -> Card:
             key, _, value = part.partition("=")
             options[" ".join(key.upper().split())] = value.strip().strip('"')
     return Card(path, line, " ".join(name.upper().split()), options)
+
+
+def squeeze(name: str) -> str:
+    """A keyword as CalculiX compares it: without blanks, in upper case."""
+    return "".join(name.upper().split())

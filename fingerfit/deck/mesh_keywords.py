@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.deck.cards import Card
+from fingerfit.deck.cards import Card, squeeze
 from fingerfit.deck.state import Handler, Key, Reading
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.fem.rigid import rotation_matrix
@@ -138,7 +138,7 @@ def on_end_assembly(reading: Reading, card: Card) -> None:
 def dispatch(reading: Reading, card: Card) -> None:
     """Hand a card to its keyword; cards of a part wait for its instances."""
     if reading.part is not None:
-        if card.name == "END PART":
+        if squeeze(card.name) == "ENDPART":
             reading.part = None
         else:
             reading.part.append(card)

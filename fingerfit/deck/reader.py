@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fingerfit.deck import material_keywords, mesh_keywords, model_keywords, step_keywords
-from fingerfit.deck.cards import Card, read_cards
+from fingerfit.deck.cards import Card, read_cards, squeeze
 from fingerfit.deck.content import Deck, DeckStep, Rigid, Section, Spring
 from fingerfit.deck.state import Handler, Key, Reading
 from fingerfit.errors import InputError
@@ -50,12 +50,16 @@ KEYWORDS: dict[str, Handler] = {
 }
 
 
+_NAMES = {squeeze(name): name for name in (*KEYWORDS, *IGNORED)}
+
+
 def _handle(reading: Reading, card: Card) -> None:
-    if card.name in IGNORED:
+    name = _NAMES.get(squeeze(card.name), card.name)
+    if name in IGNORED:
         return
-    if card.name not in KEYWORDS:
+    if name not in KEYWORDS:
         raise card.error("an unknown keyword", "a keyword that the built-in solver has")
-    KEYWORDS[card.name](reading, card)
+    KEYWORDS[name](reading, card)
 
 
 def read_deck(path: Path) -> Deck:
@@ -99,12 +103,14 @@ def _finish(reading: Reading) -> Deck:
         if pair.interaction not in reading.laws:
             raise InputError(reading.path, "*CONTACT PAIR", pair.interaction, "an interaction that is defined")
     faces = _Faces(reading, mesh, numbers)
-    for name, chosen in reading.faces.items():
-        reading.surfaces[name].faces = faces.numbered(chosen, name)
+    for surface, chosen in reading.faces.items():
+        reading.surfaces[surface].faces = faces.numbered(chosen, surface)
     for step, pressures in zip(reading.steps, reading.pressures, strict=True):
-        for (key, face), value in pressures.items():
+        for (key, face), (value, name) in pressures.items():
             for found in faces.numbered([(key, face)], "*DLOAD"):
                 step.pressure[found] = value
+                if name is not None:
+                    step.curve["P", found] = name
     initial = {numbers[key]: values for keys, values in reading.initial for key in keys if key in numbers}
     return Deck(
         mesh,

@@ -56,7 +56,7 @@ class Reading:
     initial: list[tuple[list[Key], list[float]]] = field(default_factory=list)
     amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     fixed: dict[tuple[int, int], float] = field(default_factory=dict)
-    pressures: list[dict[tuple[Key, int | None], float]] = field(default_factory=list)
+    pressures: list[dict[tuple[Key, int | None], tuple[float, str | None]]] = field(default_factory=list)
     steps: list[DeckStep] = field(default_factory=list)
     step: DeckStep | None = None
     finite: bool | None = None

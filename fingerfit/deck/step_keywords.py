@@ -30,7 +30,9 @@ def on_step(reading: Reading, card: Card) -> None:
     last = reading.steps[-1] if reading.steps else DeckStep(dict(reading.fixed))
     reading.step = DeckStep(_ends(reading, last, "U", last.displacement), _ends(reading, last, "F", last.force))
     reading.step.finite = finite
-    reading.pressures.append(dict(reading.pressures[-1]) if reading.pressures else {})
+    before = reading.pressures[-1] if reading.pressures else {}
+    ends = {face: _end(reading, last, value, name) for face, (value, name) in before.items()}
+    reading.pressures.append({face: (value, None) for face, value in ends.items()})
     amplitude = card.options.get("AMPLITUDE", "").upper()
     if amplitude not in ("", "RAMP", "STEP"):
         raise card.error(amplitude, "RAMP or STEP")
@@ -39,12 +41,11 @@ def on_step(reading: Reading, card: Card) -> None:
 
 def _ends(reading: Reading, step: DeckStep, kind: str, values: dict) -> dict:
     """What loads are at the end of a step, their amplitudes taken into account."""
-    found = {}
-    for key, value in values.items():
-        name = step.curve.get((kind, key))
-        factor = 1.0 if name is None else float(np.interp(step.period, *reading.amplitudes[name]))
-        found[key] = factor * value
-    return found
+    return {key: _end(reading, step, value, step.curve.get((kind, key))) for key, value in values.items()}
+
+
+def _end(reading: Reading, step: DeckStep, value: float, name: str | None) -> float:
+    return value if name is None else value * float(np.interp(step.period, *reading.amplitudes[name]))
 
 
 def _procedure(reading: Reading, card: Card) -> DeckStep:
@@ -135,19 +136,19 @@ def on_cload(reading: Reading, card: Card) -> None:
 
 def on_dload(reading: Reading, card: Card) -> None:
     """Pressure on faces of elements."""
-    card.allow("OP")
-    pressures = _pressures(reading, card)
+    card.allow("OP", "AMPLITUDE")
+    pressures, curve = _pressures(reading, card), _curve(reading, card)
     for line, row in card.rows():
         if len(row) != 3 or row[1][:1].upper() != "P" or not row[1][1:].isdigit():
             raise card.error(row, "an element, P1 to P6 and a pressure", line)
         for key in reading.keys(card, row[0], line, reading.elsets, "an element"):
-            pressures[key, int(row[1][1:]) - 1] = card.number(row[2], line)
+            pressures[key, int(row[1][1:]) - 1] = card.number(row[2], line), curve
 
 
 def on_dsload(reading: Reading, card: Card) -> None:
     """Pressure on a surface."""
-    card.allow("OP")
-    pressures = _pressures(reading, card)
+    card.allow("OP", "AMPLITUDE")
+    pressures, curve = _pressures(reading, card), _curve(reading, card)
     for line, row in card.rows():
         if len(row) != 3 or row[1].upper() != "P":
             raise card.error(row, "a surface, P and a pressure", line)
@@ -155,7 +156,7 @@ def on_dsload(reading: Reading, card: Card) -> None:
         if found is None:
             raise card.error(row[0], "a surface of elements defined before", line)
         for face in reading.faces[found]:
-            pressures[face] = card.number(row[2], line)
+            pressures[face] = card.number(row[2], line), curve
 
 
 def _pressures(reading: Reading, card: Card) -> dict:

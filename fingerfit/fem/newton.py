@@ -167,7 +167,7 @@ class Newton:
                 return None, iteration
             internal = evaluation.internal
             residual = system.reduce(internal - load.force)
-            scale = max(np.abs(internal).max(), np.abs(load.force).max(), self.floor)
+            scale = max(evaluation.largest, np.abs(load.force).max(), self.floor)
             error = np.abs(residual).max() / scale if len(residual) else 0.0
             if error < TOLERANCE:
                 return State(q, u, internal), iteration

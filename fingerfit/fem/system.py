@@ -56,9 +56,10 @@ class Term(Protocol):
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Internal forces with the stiffnesses they came with."""
+    """Internal forces with the stiffnesses they came with; the largest force of any part alone, N."""
 
     internal: np.ndarray
+    largest: float
     blocks: list[np.ndarray]
     extra: list[Contribution]
 
@@ -225,21 +226,24 @@ class System:
 
     def evaluate(self, u: np.ndarray, tangent: bool = True) -> Evaluation | None:
         """Internal forces of all parts; None where any of them is impossible."""
-        total = np.zeros(self.size)
+        total, largest = np.zeros(self.size), 0.0
         blocks, extra = [], []
         for body in self.bodies:
             found = body.forces(u, tangent)
             if found is None:
                 return None
-            total += np.bincount(body.dofs.ravel(), weights=found[0].ravel(), minlength=self.size)
+            force = np.bincount(body.dofs.ravel(), weights=found[0].ravel(), minlength=self.size)
+            largest = max(largest, float(np.abs(force).max()))
+            total += force
             blocks.append(found[1])
         for term in self.terms:
             added = term.forces(u, tangent)
             if added is None:
                 return None
+            largest = max(largest, float(np.abs(added.force).max()))
             total += added.force
             extra.append(added)
-        return Evaluation(total, blocks, extra)
+        return Evaluation(total, largest, blocks, extra)
 
     def energy(self, u: np.ndarray) -> float:
         """Energy of all parts, N mm."""

@@ -103,8 +103,12 @@ def _path(model: Model, step: DeckStep, newton: Newton) -> Callable[[float], Loa
             for dof, times, values in factors:
                 now[dof] = end[dof] * np.interp(share * step.period, times, values)
             found.append(now)
-        for (term, _), first, last in zip(model.pressures, from_pressure, to_pressure, strict=True):
+        for (term, keys), first, last in zip(model.pressures, from_pressure, to_pressure, strict=True):
             term.value = first + part * (last - first)
+            for n, key in enumerate(keys):
+                name = step.curve.get(("P", key))
+                if name is not None:
+                    term.value[n] = last[n] * np.interp(share * step.period, *amplitudes[name])
             if not model.finite:
                 found[1] = found[1] - term.forces(np.zeros(model.size)).force
         return Load(found[0], found[1])

@@ -160,6 +160,27 @@ def test_an_amplitude_with_a_peak_within_the_step(run):
     assert steps[1].displacement[1, 0] == pytest.approx(0.05)
 
 
+def test_an_amplitude_of_a_pressure(run):
+    amplitude = "*AMPLITUDE, NAME=UP\n0., 0., 1., 0.25\n"
+    surface = "*SURFACE, NAME=RIGHT\nE, S2\n"
+    load = "*STEP\n*STATIC\n*DSLOAD, AMPLITUDE=UP\nRIGHT, P, -0.8\n*END STEP\n*STEP\n*STATIC\n*END STEP\n"
+    _, steps = run(amplitude + SQUARE + surface + ELASTIC + HELD + load)
+    assert [step.displacement[2, 0] for step in steps] == pytest.approx([0.2 / 10 * 2] * 2)
+
+
+def test_a_sheet_pulled_by_pressures_only_comes_to_rest(run):
+    """All forces balance in each node: residuals are measured by the parts' own forces."""
+    surfaces = "*SURFACE, NAME=ENDS\nE, S2\nE, S4\n"
+    load = "*STEP, NLGEOM\n*STATIC\n*DSLOAD\nENDS, P, -0.4\n*END STEP\n"
+    _, steps = run(SQUARE + surfaces + ELASTIC + "*BOUNDARY\n1, 1, 2\n2, 2\n" + load)
+    assert last(steps)[2, 0] == pytest.approx(0.08, rel=0.1)
+
+
+def test_keywords_without_blanks(run):
+    deck = (SQUARE + ELASTIC + HELD + PULL).replace("*SOLID SECTION", "*SOLIDSECTION").replace("*END STEP", "*ENDSTEP")
+    assert last(run(deck)[1])[2, 0] == pytest.approx(0.08)
+
+
 def test_prescribed_in_a_later_step_only(run):
     first = "*STEP, NLGEOM\n*STATIC\n*CLOAD\n2, 1, 0.05\n3, 1, 0.05\n*END STEP\n"
     second = "*STEP, NLGEOM\n*STATIC\n*BOUNDARY\n2, 1, 1, 0.1\n*END STEP\n"
