@@ -9,14 +9,6 @@ import numpy as np
 from fingerfit.deck.cards import Card
 from fingerfit.deck.content import Orientation, Section
 from fingerfit.deck.state import Handler, Reading
-from fingerfit.fem.rigid import rotation_matrix
-from fingerfit.material.elastic import Elastic
-from fingerfit.material.holzapfel import Holzapfel
-from fingerfit.material.mooney_rivlin import MooneyRivlin
-from fingerfit.material.neo_hooke import NeoHooke
-from fingerfit.material.ogden import Ogden
-from fingerfit.material.prony import Prony
-from fingerfit.material.yeoh import Yeoh
 
 _MODELS = ("OGDEN", "NEO HOOKE", "MOONEY-RIVLIN", "YEOH")
 
@@ -43,16 +35,25 @@ def on_hyperelastic(reading: Reading, card: Card) -> None:
             "YEOH": "C10, C20, C30, D1, D2, D3",
         }
         raise card.error(f"{len(values)} constants", f"{count}: {order_of[model]}")
+    # each material is loaded when a deck names it
     if model == "OGDEN":
+        from fingerfit.material.ogden import Ogden
+
         if min(values[1 : 2 * order : 2], key=abs) == 0:
             raise card.error(values, "alpha other than 0 and D above 0")
         d = _compressibility(card, values[2 * order :])
         material: object = Ogden(tuple(values[0 : 2 * order : 2]), tuple(values[1 : 2 * order : 2]), d)
     elif model == "NEO HOOKE":
+        from fingerfit.material.neo_hooke import NeoHooke
+
         material = NeoHooke(values[0], _compressibility(card, values[1:]))
     elif model == "MOONEY-RIVLIN":
+        from fingerfit.material.mooney_rivlin import MooneyRivlin
+
         material = MooneyRivlin(values[0], values[1], _compressibility(card, values[2:]))
     else:
+        from fingerfit.material.yeoh import Yeoh
+
         material = Yeoh(tuple(values[:3]), _compressibility(card, values[3:]))
     reading.materials[reading.material] = _moduli(card, material)
 
@@ -68,6 +69,8 @@ def _compressibility(card: Card, values: list[float]) -> tuple[float, ...]:
 
 def _moduli(card: Card, material):  # type: ignore[no-untyped-def]
     """Keep whether constants are those of a fast or of a slow load, for *VISCOELASTIC after it."""
+    from fingerfit.material.prony import Prony
+
     moduli = card.options.get("MODULI", "LONG TERM").upper()
     if moduli not in ("LONG TERM", "INSTANTANEOUS"):
         raise card.error(moduli, "LONG TERM or INSTANTANEOUS")
@@ -75,6 +78,8 @@ def _moduli(card: Card, material):  # type: ignore[no-untyped-def]
 
 
 def on_elastic(reading: Reading, card: Card) -> None:
+    from fingerfit.material.elastic import Elastic
+
     card.allow("TYPE", "MODULI")
     if card.options.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
         raise card.error(card.options["TYPE"], "ISOTROPIC")
@@ -85,6 +90,8 @@ def on_elastic(reading: Reading, card: Card) -> None:
 
 
 def on_anisotropic_hyperelastic(reading: Reading, card: Card) -> None:
+    from fingerfit.material.holzapfel import Holzapfel
+
     card.allow("HOLZAPFEL", "LOCAL DIRECTIONS", "MODULI")
     if "HOLZAPFEL" not in card.options:
         raise card.error(", ".join(card.options) or "nothing", "HOLZAPFEL")
@@ -97,6 +104,8 @@ def on_anisotropic_hyperelastic(reading: Reading, card: Card) -> None:
 
 
 def on_viscoelastic(reading: Reading, card: Card) -> None:
+    from fingerfit.material.prony import Prony
+
     card.allow("TIME")
     if card.options.get("TIME", "").upper() != "PRONY":
         raise card.error(card.options.get("TIME", "nothing"), "TIME=PRONY")
@@ -123,6 +132,8 @@ def on_density(reading: Reading, card: Card) -> None:
 
 
 def on_orientation(reading: Reading, card: Card) -> None:
+    from fingerfit.fem.rigid import rotation_matrix
+
     card.allow("NAME", "SYSTEM", "DEFINITION", "LOCAL DIRECTIONS")
     if card.options.get("SYSTEM", "RECTANGULAR").upper() not in ("RECTANGULAR", "R"):
         raise card.error(card.options["SYSTEM"], "RECTANGULAR")

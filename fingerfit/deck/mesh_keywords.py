@@ -7,7 +7,6 @@ import numpy as np
 from fingerfit.deck.cards import Card, squeeze
 from fingerfit.deck.state import Handler, Key, Reading
 from fingerfit.fem.elements import ELEMENTS
-from fingerfit.fem.rigid import rotation_matrix
 
 OTHERS = {"R2D2": 2, "RAX2": 2, "R3D3": 3, "R3D4": 4, "SPRING1": 1, "SPRING2": 2}
 """Elements without a mesh of their own: of rigid bodies, and springs; with their number of nodes."""
@@ -110,6 +109,8 @@ def on_instance(reading: Reading, card: Card) -> None:
 
 def on_end_instance(reading: Reading, card: Card) -> None:
     """Put the nodes of the instance where its data lines say: translation, then rotation about an axis."""
+    from fingerfit.fem.rigid import rotation_matrix
+
     if reading.placed is None:
         raise card.error("no instance", "*INSTANCE before it")
     instance, first = reading.placed

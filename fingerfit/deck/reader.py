@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fingerfit.deck import material_keywords, mesh_keywords, model_keywords, step_keywords
+from fingerfit.deck import material_keywords, mesh_keywords, step_keywords
 from fingerfit.deck.cards import Card, read_cards, squeeze
 from fingerfit.deck.content import Deck, DeckStep, Rigid, Section, Spring
 from fingerfit.deck.state import Handler, Key, Reading
@@ -42,10 +42,32 @@ IGNORED = frozenset(
 )
 """Keywords that change nothing in the answer."""
 
+LATER = (
+    "EQUATION",
+    "RIGID BODY",
+    "SURFACE",
+    "SURFACE INTERACTION",
+    "SURFACE BEHAVIOR",
+    "FRICTION",
+    "CONTACT PAIR",
+    "TIE",
+    "SPRING",
+    "INITIAL CONDITIONS",
+    "AMPLITUDE",
+)
+"""Keywords whose module is loaded when a deck has one of them."""
+
+
+def _handle_later(reading: Reading, card: Card) -> None:
+    from fingerfit.deck.model_keywords import KEYWORDS as RARE
+
+    RARE[_NAMES[squeeze(card.name)]](reading, card)
+
+
 KEYWORDS: dict[str, Handler] = {
     **mesh_keywords.KEYWORDS,
     **material_keywords.KEYWORDS,
-    **model_keywords.KEYWORDS,
+    **dict.fromkeys(LATER, _handle_later),
     **step_keywords.KEYWORDS,
 }
 

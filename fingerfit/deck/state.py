@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ Key = int | tuple[str, int]
 """Label, or instance and label."""
 
 
-@dataclass
 class Reading:
     """State of the reader.
 
@@ -27,39 +25,39 @@ class Reading:
     at the end, because blocks are sorted by type; until then surfaces and springs have their keys.
     """
 
-    path: Path
-    handle: Callable[[Reading, Card], None]
-    scope: str = ""
-    labels: list[tuple[str, int]] = field(default_factory=list)
-    coordinates: list[list[float]] = field(default_factory=list)
-    index: dict[Key, int] = field(default_factory=dict)
-    elements: dict[str, list[tuple[Key, list[Key]]]] = field(default_factory=dict)
-    others: dict[Key, tuple[str, list[Key]]] = field(default_factory=dict)
-    nsets: dict[str, list[Key]] = field(default_factory=dict)
-    elsets: dict[str, list[Key]] = field(default_factory=dict)
-    parts: dict[str, list[Card]] = field(default_factory=dict)
-    part: list[Card] | None = None
-    placed: tuple[Card, int] | None = None
-    materials: dict[str, Any] = field(default_factory=dict)
-    material: str = ""
-    orientations: dict[str, Orientation] = field(default_factory=dict)
-    sections: list[Section] = field(default_factory=list)
-    equations: list[list[tuple[int, int, float]]] = field(default_factory=list)
-    springs: list[tuple[str, int, int, float, Card]] = field(default_factory=list)
-    surfaces: dict[str, Surface] = field(default_factory=dict)
-    faces: dict[str, list[tuple[Key, int | None]]] = field(default_factory=dict)
-    rigid: list[tuple[int, int, list[int], list[Key], str]] = field(default_factory=list)
-    laws: dict[str, Law] = field(default_factory=dict)
-    law: str = ""
-    contacts: list[ContactPair] = field(default_factory=list)
-    ties: list[Tie] = field(default_factory=list)
-    initial: list[tuple[list[Key], list[float]]] = field(default_factory=list)
-    amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
-    fixed: dict[tuple[int, int], float] = field(default_factory=dict)
-    pressures: list[dict[tuple[Key, int | None], tuple[float, str | None]]] = field(default_factory=list)
-    steps: list[DeckStep] = field(default_factory=list)
-    step: DeckStep | None = None
-    finite: bool | None = None
+    def __init__(self, path: Path, handle: Callable[[Reading, Card], None]) -> None:
+        self.path, self.handle = path, handle
+        self.scope: str = ""
+        self.labels: list[tuple[str, int]] = []
+        self.coordinates: list[list[float]] = []
+        self.index: dict[Key, int] = {}
+        self.elements: dict[str, list[tuple[Key, list[Key]]]] = {}
+        self.others: dict[Key, tuple[str, list[Key]]] = {}
+        self.nsets: dict[str, list[Key]] = {}
+        self.elsets: dict[str, list[Key]] = {}
+        self.parts: dict[str, list[Card]] = {}
+        self.part: list[Card] | None = None
+        self.placed: tuple[Card, int] | None = None
+        self.materials: dict[str, Any] = {}
+        self.material: str = ""
+        self.orientations: dict[str, Orientation] = {}
+        self.sections: list[Section] = []
+        self.equations: list[list[tuple[int, int, float]]] = []
+        self.springs: list[tuple[str, int, int, float, Card]] = []
+        self.surfaces: dict[str, Surface] = {}
+        self.faces: dict[str, list[tuple[Key, int | None]]] = {}
+        self.rigid: list[tuple[int, int, list[int], list[Key], str]] = []
+        self.laws: dict[str, Law] = {}
+        self.law: str = ""
+        self.contacts: list[ContactPair] = []
+        self.ties: list[Tie] = []
+        self.initial: list[tuple[list[Key], list[float]]] = []
+        self.amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.fixed: dict[tuple[int, int], float] = {}
+        self.pressures: list[dict[tuple[Key, int | None], tuple[float, str | None]]] = []
+        self.steps: list[DeckStep] = []
+        self.step: DeckStep | None = None
+        self.finite: bool | None = None
 
     def key(self, label: int) -> Key:
         """Key of a label in the present instance."""

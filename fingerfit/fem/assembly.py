@@ -16,7 +16,6 @@ import numpy as np
 
 from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, STRESS, rule, shape
 from fingerfit.fem.response import Points, divided
-from fingerfit.material.prony import History
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,11 @@ class Body:
         self.points = Points(material, self.pressure is None and not kind.nodal)
         if initial is not None:
             self.points.initial = np.repeat(initial, len(xi), axis=0)
-        self.history = None if material.prony is None else History(material.prony, self.weight.size)
+        self.history = None
+        if material.prony is not None:
+            from fingerfit.material.prony import History
+
+            self.history = History(material.prony, self.weight.size)
         self.begin(0.0)
 
     def begin(self, dt: float, relaxed: bool = False) -> None:

@@ -7,12 +7,14 @@ have. Where the volume is averaged over an element, its part of the tangent coup
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from fingerfit.material.invariant import FIRST, SECOND, invariant_part, rotate
-from fingerfit.material.prony import Increment
+
+if TYPE_CHECKING:
+    from fingerfit.material.prony import Increment
 
 _CLOSE = 1e-6
 """Relative difference of squared stretches below which the limit of the divided difference is used."""

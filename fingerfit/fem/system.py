@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from fingerfit.fem.rigid import RigidBody
-
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
+
+    from fingerfit.fem.rigid import RigidBody
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,14 @@ splits into a deviatoric and a volumetric part. Up to a few per cent of strain t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fingerfit.material.isotropic import Isotropic, column
-from fingerfit.material.prony import Prony
+
+if TYPE_CHECKING:
+    from fingerfit.material.prony import Prony
 
 
 @dataclass(frozen=True)

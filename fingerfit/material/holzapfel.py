@@ -8,11 +8,14 @@ E_f = kappa (I1 - 3) + (1 - 3 kappa) (I4f - 1) of the deviatoric C; <E> is E whe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fingerfit.material.isotropic import Isotropic, Tensor, column, deviatoric, power_sum
-from fingerfit.material.prony import Prony
+
+if TYPE_CHECKING:
+    from fingerfit.material.prony import Prony
 
 
 @dataclass(frozen=True)

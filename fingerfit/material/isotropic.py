@@ -7,11 +7,12 @@ Elastic Deformations, section 6.1.4), the same way for every material.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from fingerfit.material.prony import Prony
+if TYPE_CHECKING:
+    from fingerfit.material.prony import Prony
 
 
 class Isotropic:

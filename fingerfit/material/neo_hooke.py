@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fingerfit.material.isotropic import Isotropic, column, deviatoric, polynomial, power_sum
-from fingerfit.material.prony import Prony
+
+if TYPE_CHECKING:
+    from fingerfit.material.prony import Prony
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,14 @@ deviatoric stretches l = J^(-1/3) lambda, as ABAQUS and CalculiX define it (Calc
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fingerfit.material.isotropic import Isotropic, polynomial
-from fingerfit.material.prony import Prony
+
+if TYPE_CHECKING:
+    from fingerfit.material.prony import Prony
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,7 @@ from fingerfit.deck.content import Deck
 from fingerfit.errors import InputError
 from fingerfit.fem.assembly import Body
 from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, rule
-from fingerfit.fem.linear import LinearBody
-from fingerfit.fem.rigid import RigidBody
 from fingerfit.fem.system import System
-from fingerfit.material.elastic import Elastic
-from fingerfit.material.holzapfel import Holzapfel
 from fingerfit.material.spread import spread, structure_of
 
 
@@ -53,7 +49,7 @@ class Model:
         self.nodal = deck.mesh.points.size
         self._extra: dict[tuple[int, int], int] = {}
         self.ties: dict[int, list[tuple[int, float]]] = {}
-        self.rigid: list[RigidBody] = []
+        self.rigid: list[Any] = []
         self.bodies: list[Any] = []
         self.terms: list[Any] = []
         self.pressures: list[tuple[Any, list[tuple[int, int]]]] = []
@@ -101,9 +97,9 @@ class Model:
         """Material of a section, its fibres in global directions."""
         given = self.deck.sections[section]
         material = self.deck.materials[given.material]
-        if not self.finite and (not isinstance(material, Elastic) or material.prony is not None):
+        if not self.finite and (type(material).__name__ != "Elastic" or material.prony is not None):
             raise InputError(self.path, "*STEP", "no NLGEOM", "NLGEOM: only *ELASTIC is for small strain")
-        if isinstance(material, Holzapfel) and given.orientation:
+        if hasattr(material, "directions") and given.orientation:
             local = self.deck.orientations[given.orientation]
             vectors = np.array(local.directions or material.directions) @ local.axes
             material = replace(material, directions=tuple(map(tuple, vectors.tolist())))
@@ -153,13 +149,19 @@ class Model:
             body = Body(element, points, nodes, everywhere, thickness, initial, averaged)
         except ValueError as error:
             raise InputError(self.path, "*ELEMENT", error, "elements with positive Jacobian") from error
-        self.bodies.append(body if self.finite else LinearBody(body))
+        term = None
         if ELEMENTS[element].nodal:
-            from fingerfit.fem.linear import LinearTerm
             from fingerfit.fem.volume import AveragedVolume
 
             term = AveragedVolume(body, section, materials)
-            self.terms.append(term if self.finite else LinearTerm(term, self.size))
+        if self.finite:
+            self.bodies.append(body)
+            self.terms += [term] if term else []
+        else:
+            from fingerfit.fem.linear import LinearBody, LinearTerm
+
+            self.bodies.append(LinearBody(body))
+            self.terms += [LinearTerm(term, self.size)] if term else []
 
     def _add_rigid(self) -> None:
         axes = (5,) if self.dim == 2 else (3, 4, 5)
@@ -182,6 +184,8 @@ class Model:
                 if axis >= self.dim:
                     self._extra.setdefault((node, axis), self.nodal + len(self._extra))
                 dofs.append(self.dof(node, axis))
+            from fingerfit.fem.rigid import RigidBody
+
             self.rigid.append(RigidBody(nodes, body.reference, np.array(dofs), self.deck.mesh.points))
 
     def _never_turned(self) -> set[tuple[int, int]]:

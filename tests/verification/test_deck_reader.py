@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fingerfit.deck.reader import IGNORED, read_deck
+from fingerfit.deck import model_keywords
+from fingerfit.deck.reader import IGNORED, LATER, read_deck
 from fingerfit.errors import InputError
 from fingerfit.material.holzapfel import Holzapfel
 from fingerfit.material.prony import Prony
@@ -174,6 +175,10 @@ def test_a_sheet_pulled_by_pressures_only_comes_to_rest(run):
     load = "*STEP, NLGEOM\n*STATIC\n*DSLOAD\nENDS, P, -0.4\n*END STEP\n"
     _, steps = run(SQUARE + surfaces + ELASTIC + "*BOUNDARY\n1, 1, 2\n2, 2\n" + load)
     assert last(steps)[2, 0] == pytest.approx(0.08, rel=0.1)
+
+
+def test_the_list_of_keywords_that_load_later_is_complete():
+    assert set(LATER) == set(model_keywords.KEYWORDS)
 
 
 def test_keywords_without_blanks(run):
