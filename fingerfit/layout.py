@@ -25,6 +25,7 @@ _READ = (
     "units.py",
     "imaging",
     "fem/elements.py",
+    "fem/shapes.py",
 )
 _MESH = ("mesh.py", "mesh_io.py", "meshing.py")
 _FIT = (

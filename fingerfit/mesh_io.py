@@ -19,7 +19,9 @@ def format_mesh(mesh: Mesh) -> str:
     for block in mesh.blocks:
         lines.append(f"*ELEMENT, TYPE={block.element}")
         for n, nodes in enumerate(block.nodes + 1, first):
-            lines.append(", ".join(map(str, [n, *nodes])))
+            row = list(map(str, [n, *nodes]))
+            # at most 16 entries a line
+            lines += [", ".join(row[at : at + 15]) + "," * (at + 15 < len(row)) for at in range(0, len(row), 15)]
         first += len(block.nodes)
     for keyword, sets in (("NSET", mesh.node_sets), ("ELSET", mesh.element_sets)):
         for name in sorted(sets):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import permutations
 
 import numpy as np
 
 from fingerfit.fem.elements import ELEMENTS
+from fingerfit.fem.shapes import EDGES, HEX, QUAD
 from fingerfit.mesh import Block, Mesh
 
 
@@ -48,7 +50,7 @@ def layered_block(
     across, per_layer : int
         Elements over the width and over each layer.
     element : str
-        ``CPE4``, ``CPE6`` (each quadrilateral cut in two), ``CPE8`` or ``CPE8R``.
+        Any in the plane; triangles come from quadrilaterals cut in two.
     grading : float
         Largest over smallest element, towards both sides, and towards base and indenter.
     origin : (float, float)
@@ -86,7 +88,7 @@ def brick(size: Sequence[float], elements: Sequence[int], name: str = "body", el
     name : str
         Of its only layer.
     element : str
-        ``C3D8`` or ``C3D8H``.
+        Any solid one; tetrahedra come from bricks cut in six.
 
     Returns
     -------
@@ -97,49 +99,52 @@ def brick(size: Sequence[float], elements: Sequence[int], name: str = "body", el
     return Mesh(mesh.points, mesh.blocks, mesh.node_sets, {name.upper(): np.arange(mesh.element_count)})
 
 
-def _turn(offset: tuple[int, ...]) -> tuple[int, ...]:
-    """Place in a cell of 3 x 3 nodes, (row, column), after a quarter turn."""
-    row, column = offset
-    return column, 2 - row
-
-
 def _grid(axes: list[np.ndarray], element: str) -> Mesh:
     """Structured mesh; nodes are numbered along the first axis first."""
     dim = len(axes)
-    quadratic = dim == 2 and ELEMENTS[element].nodes > 4
+    kind = ELEMENTS[element]
+    quadratic = kind.nodes > kind.corners
     if quadratic:
         axes = [np.insert(a, np.arange(1, len(a)), (a[1:] + a[:-1]) / 2) for a in axes]
     shape = tuple(len(a) for a in reversed(axes))
     index = np.indices(shape)[::-1]
     used = np.ones(shape, dtype=bool)
-    if quadratic and element != "CPE6":
-        used = (index[0] % 2 == 0) | (index[1] % 2 == 0)
+    if quadratic and not kind.is_simplex:
+        used = sum(i % 2 for i in index) <= 1
     number = np.full(shape, -1)
     number[used] = np.arange(used.sum())
     points = np.stack([axis[i[used]] for axis, i in zip(axes, index, strict=True)], axis=1)
     step = 2 if quadratic else 1
     cells = [np.arange(0, n - 1, step) for n in shape]
     corner = np.stack([c.ravel() for c in np.meshgrid(*cells, indexing="ij")], axis=1)
-    offsets: dict[int, list[tuple[int, ...]]] = {
-        4: [(0, 0), (0, 1), (1, 1), (1, 0)],
-        6: [(0, 0), (0, 2), (2, 2), (0, 1), (1, 2), (1, 1), (0, 0), (2, 2), (2, 0), (1, 1), (2, 1), (1, 0)],
-        8: [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0)],
-    }
-    if dim == 3:
-        local: list[tuple[int, ...]] = [(z, y, x) for z in (0, 1) for y, x in ((0, 0), (0, 1), (1, 1), (1, 0))]
-    else:
-        local = offsets[ELEMENTS[element].nodes]
-    nodes = np.stack([number[tuple((corner + offset).T)] for offset in local], axis=1)
-    if element == "CPE6":
+    cell = _cell(element)
+    offsets = np.broadcast_to(cell, (len(corner), *cell.shape)).copy()
+    if kind.is_simplex and dim == 2:
         # the cut runs into the corners of the block, where a lone triangle would be held on two sides
-        turned = np.stack([number[tuple((corner + _turn(offset)).T)] for offset in local], axis=1)
-        middle = (np.array(shape) - 1) / 2
-        other = ((corner + 1 < middle).sum(axis=1) == 1)[:, None]
-        nodes = np.where(other, turned, nodes).reshape(-1, 6)
+        other = (corner + step / 2 < (np.array(shape) - 1) / 2).sum(axis=1) == 1
+        offsets[other] = np.stack([1 - cell[..., 1], cell[..., 0]], axis=-1)
+    places = corner[:, None, None] + (step * offsets[..., ::-1]).astype(int)
+    nodes = number[tuple(np.moveaxis(places, -1, 0))].reshape(-1, kind.nodes)
     top = number[-1][used[-1]].ravel()
     sets = {"BOTTOM": number[0][used[0]].ravel(), "TOP": top, "INDENTER": top[len(top) // 2 :][:1]}
     if dim == 2:
         sets["MIDDLE"] = sets["BOTTOM"][len(sets["BOTTOM"]) // 2 :][:1]
     else:
-        sets |= {"X0": number[:, :, 0].ravel(), "Y0": number[:, 0, :].ravel()}
+        sets |= {"X0": number[:, :, 0][used[:, :, 0]], "Y0": number[:, 0, :][used[:, 0, :]]}
     return Mesh(points, (Block(element, nodes),), sets)
+
+
+def _cell(element: str) -> np.ndarray:
+    """Nodes of the elements that fill a unit cell, shape (elements, nodes, dim)."""
+    kind = ELEMENTS[element]
+    if not kind.is_simplex:
+        return ((HEX if kind.dim == 3 else QUAD)[None, : kind.nodes] + 1) / 2
+    found = []
+    # Kuhn's division: one simplex for each way from the corner at zero to the one opposite, axis by axis
+    for order in permutations(range(kind.dim)):
+        path = np.vstack([np.zeros(kind.dim), np.cumsum(np.eye(kind.dim)[list(order)], axis=0)])
+        if np.linalg.det(path[1:]) < 0:
+            path[[1, 2]] = path[[2, 1]]
+        mids = [(path[i] + path[j]) / 2 for i, j in EDGES[kind.dim]]
+        found.append(np.vstack([path, *mids])[: kind.nodes])
+    return np.array(found)

@@ -3,18 +3,41 @@
 Everything is written in the principal directions N_a of C = F^T F: with f_a = F N_a and the shape gradients
 g_Ia = grad N_I . N_a, the strains are dE_aa = f_a . du g_a and 2 dE_ab = f_a . du g_b + f_b . du g_a, and the
 tangent needs no rotation. Its shear terms are divided differences of the principal stresses (Ogden,
-Non-linear Elastic Deformations, section 6.1.4), with their limit where two stretches meet.
+Non-linear Elastic Deformations, section 6.1.4), with their limit where two stretches meet. In axisymmetric bodies
+the third direction is the hoop's, with dE_33 = l_3 du_r / R.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
-from fingerfit.fem.elements import ELEMENTS, rule, shape
-from fingerfit.material.ogden import Ogden
+from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, STRESS, rule, shape
+from fingerfit.fem.response import Points, divided
 
-_CLOSE = 1e-6
-"""Relative difference of squared stretches below which the limit of the divided difference is used."""
+
+@dataclass(frozen=True)
+class Strain:
+    """Deformation at the integration points.
+
+    Parameters
+    ----------
+    f : ndarray, shape (elements, points, dim, dim)
+        Deformation gradient.
+    squared : ndarray, shape (elements, points, 3)
+        Squared principal stretches, the last one out of the plane in two dimensions.
+    directions : ndarray, shape (elements, points, dim, dim)
+        Principal directions in the reference state, as columns.
+    frame : ndarray or None, shape (elements * points, 3, 3)
+        The same in three dimensions; only where the material has directions.
+    """
+
+    f: np.ndarray
+    squared: np.ndarray
+    directions: np.ndarray
+    frame: np.ndarray | None = None
 
 
 class Body:
@@ -28,10 +51,14 @@ class Body:
         Reference positions, mm.
     connectivity : ndarray, shape (elements, nodes per element)
         Zero-based nodes.
-    material : Ogden
-        Constants of shape (elements * integration points,), elements first.
+    material : material
+        Constants of shape (elements * integration points,), elements first; see `fingerfit.material.spread`.
     thickness : ndarray, shape (elements,)
-        mm; 1 in three dimensions.
+        mm; of plane elements.
+    initial : ndarray or None, shape (elements, 3, 3)
+        Stress in the reference state, MPa.
+    averaged : bool
+        False for linear quadrilaterals and bricks that are integrated fully, as in CalculiX.
     """
 
     def __init__(
@@ -39,28 +66,63 @@ class Body:
         element: str,
         points: np.ndarray,
         connectivity: np.ndarray,
-        material: Ogden,
+        material: Any,
         thickness: np.ndarray,
+        initial: np.ndarray | None = None,
+        averaged: bool = True,
     ) -> None:
+        kind = ELEMENTS[element]
         xi, weights = rule(element)
-        local = shape(element, xi)[1]
+        values, local = shape(element, xi)
         corners = points[connectivity]
         jacobian = np.einsum("eni,gnj->egij", corners, local)
         determinant = np.linalg.det(jacobian)
         if determinant.min() <= 0:
             raise ValueError(f"element {int(determinant.min(axis=1).argmin())} is inverted in the reference state")
-        self.dim = points.shape[1]
+        self.kind, self.dim = kind, points.shape[1]
         self.material = material
         self.connectivity = connectivity
         self.gradient = np.einsum("gnj,egji->egni", local, np.linalg.inv(jacobian))
-        self.weight = determinant * weights * thickness[:, None]
-        self.pressure = _projection(element, xi, self.weight)
+        self.weight = determinant * weights
+        self.hoop: np.ndarray | None = None
+        if kind.state == AXISYMMETRIC:
+            radius = corners[:, :, 0] @ values.T
+            if radius.min() <= 0:
+                raise ValueError(f"element {int(radius.min(axis=1).argmin())} lies beyond the axis x = 0")
+            self.hoop = values / radius[..., None]
+            self.weight = self.weight * 2 * np.pi * radius
+        elif self.dim == 2:
+            self.weight = self.weight * thickness[:, None]
+        self.pressure = _projection(element, xi, self.weight) if averaged or element.endswith("H") else None
         self.dofs = (connectivity[:, :, None] * self.dim + np.arange(self.dim)).reshape(len(connectivity), -1)
+        self.points = Points(material, self.pressure is None and not kind.nodal)
+        if initial is not None:
+            self.points.initial = np.repeat(initial, len(xi), axis=0)
+        self.history = None
+        if material.prony is not None:
+            from fingerfit.material.prony import History
 
-    def _stretches(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Deformation gradient, squared principal stretches and directions (columns); None where J <= 0."""
+            self.history = History(material.prony, self.weight.size)
+        self.begin(0.0)
+
+    def begin(self, dt: float, relaxed: bool = False) -> None:
+        """Get ready for a time increment of `dt` s; with `relaxed`, for an infinitely slow one."""
+        if self.history is not None:
+            self.points.increment = self.history.begin(dt, relaxed)
+
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
+        """Take the end of an increment into the history."""
+        if self.history is not None:
+            strain = self._strain(u)
+            if strain is None or strain.frame is None:
+                raise ValueError("an increment cannot end with an inverted element")
+            stress = self.points.elastic_deviator(strain.squared.reshape(-1, 3), strain.frame)
+            self.history.commit(stress, dt, relaxed)
+
+    def _strain(self, u: np.ndarray) -> Strain | None:
+        """Deformation; None where J <= 0."""
         dim = self.dim
-        local = u.reshape(-1, dim)[self.connectivity]
+        local = u[self.dofs].reshape(*self.connectivity.shape, dim)
         f = np.swapaxes(local, 1, 2)[:, None] @ self.gradient
         f[..., range(dim), range(dim)] += 1.0
         if not np.isfinite(f).all() or np.linalg.det(f).min() <= 0:
@@ -68,7 +130,8 @@ class Body:
         c = np.swapaxes(f, -1, -2) @ f
         if dim == 3:
             squared, directions = np.linalg.eigh(c)
-            return f, squared, directions
+            frame = directions.reshape(-1, 3, 3) if self.points.directed else None
+            return Strain(f, squared, directions, frame)
         half, shear = (c[..., 0, 0] - c[..., 1, 1]) / 2, c[..., 0, 1]
         mean, radius = (c[..., 0, 0] + c[..., 1, 1]) / 2, np.hypot(half, shear)
         angle = np.arctan2(shear, half) / 2
@@ -77,19 +140,34 @@ class Body:
         large = mean + radius
         small = (c[..., 0, 0] * c[..., 1, 1] - shear**2) / large
         directions = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
-        return f, np.stack([large, small, np.ones_like(large)], -1), directions
+        squared = np.stack([large, small, np.ones_like(large)], -1)
+        frame = None
+        if self.points.directed:
+            frame = np.zeros((large.size, 3, 3))
+            frame[:, :2, :2] = directions.reshape(-1, 2, 2)
+            frame[:, 2, 2] = 1.0
+        if self.hoop is not None:
+            around = 1 + (self.hoop @ local[:, :, :1])[..., 0]
+            if around.min() <= 0:
+                return None
+            squared[..., 2] = around**2
+        elif self.kind.state == STRESS:
+            third = self.points.thickness_stretch(squared.reshape(-1, 3), frame)
+            if third is None:
+                return None
+            squared[..., 2] = third.reshape(large.shape)
+        return Strain(f, squared, directions, frame)
 
     def energy(self, u: np.ndarray) -> float:
         """Strain energy in N mm; infinite where an element is inverted."""
-        state = self._stretches(u)
-        if state is None:
+        strain = self._strain(u)
+        if strain is None:
             return np.inf
-        stretch = np.sqrt(state[1]).reshape(-1, 3)
-        if self.pressure is None:
-            density = self.material.energy(stretch)
-        else:
-            volume = self._project(stretch.prod(axis=-1))
-            density = self.material.deviatoric_energy(stretch) + self.material.volumetric(volume)[0]
+        squared = strain.squared.reshape(-1, 3)
+        density = self.points.energy(squared, strain.frame)
+        if self.pressure is not None:
+            volume = self._project(np.sqrt(squared.prod(axis=-1)))
+            density = density + self.material.volumetric(volume)[0]
         return float((density * self.weight.ravel()).sum())
 
     def _project(self, values: np.ndarray) -> np.ndarray:
@@ -114,57 +192,103 @@ class Body:
         stiffness : ndarray, shape (elements, dofs, dofs), N/mm
             None instead of both where an element is inverted.
         """
-        state = self._stretches(u)
-        if state is None:
+        strain = self._strain(u)
+        if strain is None:
             return None
-        f, squared, directions = state
+        f, squared, directions = strain.f, strain.squared, strain.directions
         dim, (count, gauss) = self.dim, f.shape[:2]
         stretch = np.sqrt(squared).reshape(-1, 3)
         bulk = None
-        if self.pressure is None:
-            first, second = self.material.derivatives(stretch)
-        else:
+        first, second = self.points.isotropic(stretch)
+        if self.pressure is not None:
             jacobian = stretch.prod(axis=-1)
-            first, second = self.material.deviatoric_derivatives(stretch)
             _, pressure, bulk = self.material.volumetric(self._project(jacobian))
             pressure = self._project(pressure) * jacobian
             first += pressure[:, None]
             second += pressure[:, None, None]
         first, second = first.reshape(count, gauss, 3), second.reshape(count, gauss, 3, 3)
         stress = first / squared
+        directed = None
+        if strain.frame is not None:
+            directed = self.points.directions(squared.reshape(-1, 3), strain.frame)
         g = self.gradient @ directions
         fa = f @ directions
         normal = g[..., :, None, :] * fa[..., None, :, :]  # (elements, points, nodes, dim, a)
-        weighted = stress[..., :dim] * self.weight[..., None]
+        if self.hoop is not None:
+            around = np.zeros((*normal.shape[:-1], 1))
+            around[..., 0, 0] = self.hoop * np.sqrt(squared[..., None, 2])
+            normal = np.concatenate([normal, around], axis=-1)
+        axes = normal.shape[-1]
+        pairs = [(a, b) for a in range(dim) for b in range(a + 1, dim)]
+        shear: list[np.ndarray] = []
+        if tangent or directed:
+            shear = [g[..., None, j] * fa[..., None, :, i] + g[..., None, i] * fa[..., None, :, j] for i, j in pairs]
+        full = stress
+        if directed:
+            components = directed.stress.reshape(count, gauss, 6)
+            full = stress + components[..., :3]
+        weighted = full[..., :axes] * self.weight[..., None]
         nodes = g.shape[2]
         force = np.einsum("epnia,epa->eni", normal, weighted).reshape(count, -1)
+        if directed:
+            for k, row in enumerate(shear):
+                tau = components[..., 3 + k] * self.weight
+                force += np.einsum("epni,ep->eni", row, tau).reshape(count, -1)
         if not tangent:
             return force, np.empty(0)
-        pairs = [(a, b) for a in range(dim) for b in range(a + 1, dim)]
-        shear = [g[..., :, None, b] * fa[..., None, :, a] + g[..., :, None, a] * fa[..., None, :, b] for a, b in pairs]
         rows = [*np.moveaxis(normal, -1, 0), *shear]
         b = np.stack(rows, axis=2).reshape(count, gauss, len(rows), nodes * dim)
-        d = np.zeros((count, gauss, len(rows), len(rows)))
-        block = second[..., :dim, :dim] / (squared[..., :dim, None] * squared[..., None, :dim])
-        d[..., :dim, :dim] = block
-        for a in range(dim):
-            d[..., a, a] -= 2 * stress[..., a] / squared[..., a]
-        for k, (i, j) in enumerate(pairs, dim):
-            d[..., k, k] = _divided(stress, second, first, squared, i, j)
+        d = self._tangent(first, second, stress, squared, axes, pairs, directed)
         d *= self.weight[..., None, None]
         db = d @ b
         flat = (count, gauss * len(rows), nodes * dim)
         stiffness = np.swapaxes(b.reshape(flat), 1, 2) @ db.reshape(flat)
         if bulk is not None:
-            volume = (normal / squared[:, :, None, None, :dim]).sum(axis=-1).reshape(count, gauss, -1)
+            volume = (normal / squared[:, :, None, None, :axes]).sum(axis=-1).reshape(count, gauss, -1)
             volume = self.pressure @ (volume * stretch.prod(axis=-1).reshape(count, gauss, 1))
             stiffness += np.swapaxes(volume, 1, 2) @ (volume * (bulk.reshape(count, gauss) * self.weight)[..., None])
-        scaled = (g * weighted[..., None, :]).swapaxes(1, 2).reshape(count, nodes, -1)
+        by_stress = g * weighted[..., None, :dim]
+        if directed:
+            for k, (i, j) in enumerate(pairs):
+                tau = (components[..., 3 + k] * self.weight)[..., None]
+                by_stress[..., i] += g[..., j] * tau
+                by_stress[..., j] += g[..., i] * tau
+        scaled = by_stress.swapaxes(1, 2).reshape(count, nodes, -1)
         geometric = scaled @ g.swapaxes(1, 2).reshape(count, nodes, -1).swapaxes(1, 2)
         view = stiffness.reshape(count, nodes, dim, nodes, dim)
         for axis in range(dim):
             view[:, :, axis, :, axis] += geometric
+        if self.hoop is not None:
+            view[:, :, 0, :, 0] += np.swapaxes(self.hoop, 1, 2) @ (self.hoop * weighted[..., None, 2])
         return force, stiffness
+
+    def _tangent(
+        self,
+        first: np.ndarray,
+        second: np.ndarray,
+        stress: np.ndarray,
+        squared: np.ndarray,
+        axes: int,
+        pairs: list[tuple[int, int]],
+        directed: Any,
+    ) -> np.ndarray:
+        """Material tangent dS/dE in the principal directions: normal components first, then shear."""
+        plane_stress = self.kind.state == STRESS
+        n = 3 if plane_stress else axes
+        d = np.zeros((*first.shape[:2], n + len(pairs), n + len(pairs)))
+        d[..., :n, :n] = second[..., :n, :n] / (squared[..., :n, None] * squared[..., None, :n])
+        for a in range(n):
+            d[..., a, a] -= 2 * stress[..., a] / squared[..., a]
+        for k, (i, j) in enumerate(pairs, n):
+            d[..., k, k] = divided(stress, second, first, squared, i, j)
+        if directed:
+            chosen = [*range(n), *range(3, 3 + len(pairs))]
+            d += directed.tangent.reshape(*first.shape[:2], 6, 6)[..., chosen, :][..., chosen]
+        if plane_stress:
+            kept = [0, 1, 3]
+            column = d[..., kept, 2]
+            d = d[..., kept, :][..., kept] - column[..., :, None] * column[..., None, :] / d[..., None, None, 2, 2]
+        return d
 
 
 def _projection(element: str, xi: np.ndarray, weight: np.ndarray) -> np.ndarray | None:
@@ -179,14 +303,3 @@ def _projection(element: str, xi: np.ndarray, weight: np.ndarray) -> np.ndarray 
     basis = np.column_stack([np.ones(len(xi)), xi])[:, :terms]
     weighted = basis.T[None] * weight[:, None, :]
     return basis @ np.linalg.solve(weighted @ basis, weighted)
-
-
-def _divided(
-    stress: np.ndarray, second: np.ndarray, first: np.ndarray, squared: np.ndarray, i: int, j: int
-) -> np.ndarray:
-    """Divided difference (S_i - S_j) / (l_i^2 - l_j^2), or its limit where both are close."""
-    gap = squared[..., i] - squared[..., j]
-    close = np.abs(gap) < _CLOSE * squared[..., i]
-    limit = (second[..., i, i] - 2 * first[..., i]) / squared[..., i] - second[..., i, j] / squared[..., j]
-    safe = np.where(close, 1.0, gap)
-    return np.where(close, limit / (2 * squared[..., i]), (stress[..., i] - stress[..., j]) / safe)

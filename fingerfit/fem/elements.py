@@ -1,4 +1,4 @@
-"""Shape functions and integration rules, in ABAQUS node order."""
+"""Element types: cell, stress state, integration rule, and how they treat the change of volume."""
 
 from __future__ import annotations
 
@@ -7,78 +7,98 @@ from functools import cache
 
 import numpy as np
 
-_QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]], dtype=float)
-_HEX = np.array([[x, y, z] for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], dtype=float)
+from fingerfit.fem.shapes import HEX, QUAD, linear, serendipity, serendipity_brick, simplex
+
+STRAIN, STRESS, AXISYMMETRIC, SOLID = "plane strain", "plane stress", "axisymmetric", "solid"
 
 
-def linear(corners: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bi- or trilinear shape functions of quadrilaterals and bricks.
+@dataclass(frozen=True)
+class Element:
+    """An element type.
 
     Parameters
     ----------
-    corners : ndarray, shape (nodes, dim)
-        Local coordinates of the corners.
-    xi : ndarray, shape (points, dim)
-        Local coordinates.
-
-    Returns
-    -------
-    values : ndarray, shape (points, nodes)
-    gradients : ndarray, shape (points, nodes, dim)
-        By the local coordinates.
+    dim, nodes : int
+        Space dimensions and number of nodes.
+    order : int
+        Gauss points per direction; in triangles and tetrahedra, points altogether.
+    pressure : int
+        Terms of the element's own pressure field: 1, constant; 1 + dim, linear; 0 for none.
+    state : str
+        Plane strain, plane stress, axisymmetric (axis y, radius x), or solid.
+    nodal : bool
+        Whether the change of volume is averaged over the elements at each node (Bonet and Burton 1998).
     """
-    dim = corners.shape[1]
-    factors = (1 + xi[:, None, :] * corners[None]) / 2
-    values = factors.prod(axis=-1)
-    gradients = np.empty((*values.shape, dim))
-    for axis in range(dim):
-        others = [k for k in range(dim) if k != axis]
-        gradients[..., axis] = corners[:, axis] / 2 * factors[..., others].prod(axis=-1)
-    return values, gradients
+
+    dim: int
+    nodes: int
+    order: int
+    pressure: int = 0
+    state: str = STRAIN
+    nodal: bool = False
+
+    @property
+    def is_simplex(self) -> bool:
+        """Whether it is a triangle or a tetrahedron."""
+        return self.nodes in ((3, 6) if self.dim == 2 else (4, 10))
+
+    @property
+    def corners(self) -> int:
+        """Number of corner nodes, which come first."""
+        return self.dim + 1 if self.is_simplex else 2**self.dim
 
 
-def serendipity(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shape functions of the quadrilateral of 8 nodes; shapes as in `linear`."""
-    r, s = xi[:, 0], xi[:, 1]
-    values = np.empty((8, len(xi)))
-    gradients = np.empty((8, 2, len(xi)))
-    for node, (a, b) in enumerate(_QUAD):
-        ra, sb = 1 + a * r, 1 + b * s
-        if node < 4:
-            values[node] = ra * sb * (ra + sb - 3) / 4
-            gradients[node] = a * sb * (2 * ra + sb - 3) / 4, b * ra * (2 * sb + ra - 3) / 4
-        elif a == 0:
-            bubble = (1 - r**2) / 2
-            values[node] = bubble * sb
-            gradients[node] = -r * sb, b * bubble
-        else:
-            bubble = (1 - s**2) / 2
-            values[node] = bubble * ra
-            gradients[node] = a * bubble, -s * ra
-    return values.T, gradients.transpose(2, 0, 1)
-
-
-def triangle(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shape functions of the triangle of 6 nodes over 0 <= r, s and r + s <= 1; shapes as in `linear`."""
-    r, s = xi[:, 0], xi[:, 1]
-    t = 1 - r - s
-    values = np.stack([t * (2 * t - 1), r * (2 * r - 1), s * (2 * s - 1), 4 * r * t, 4 * r * s, 4 * s * t], axis=1)
-    zero = np.zeros_like(r)
-    by_r = np.stack([1 - 4 * t, 4 * r - 1, zero, 4 * (t - r), 4 * s, -4 * s], axis=1)
-    by_s = np.stack([1 - 4 * t, zero, 4 * s - 1, -4 * r, 4 * r, 4 * (t - s)], axis=1)
-    return values, np.stack([by_r, by_s], axis=2)
+# Linear quadrilaterals and bricks average the change of volume over the element, as ABAQUS's selectively reduced
+# integration does (ABAQUS Analysis User's Guide, 28.1.1); CalculiX integrates them fully. CPE3H and C3D4H average it
+# at the nodes.
+ELEMENTS = {
+    "CPE3": Element(2, 3, 1),
+    "CPE3H": Element(2, 3, 1, nodal=True),
+    "CPE4": Element(2, 4, 2, 1),
+    "CPE4H": Element(2, 4, 2, 1),
+    "CPE6": Element(2, 6, 3),
+    "CPE8": Element(2, 8, 3),
+    "CPE8H": Element(2, 8, 3, 3),
+    "CPE8R": Element(2, 8, 2),
+    "CPE8RH": Element(2, 8, 2, 3),
+    "CPS3": Element(2, 3, 1, state=STRESS),
+    "CPS4": Element(2, 4, 2, state=STRESS),
+    "CPS6": Element(2, 6, 3, state=STRESS),
+    "CPS8": Element(2, 8, 3, state=STRESS),
+    "CPS8R": Element(2, 8, 2, state=STRESS),
+    "CAX3": Element(2, 3, 1, state=AXISYMMETRIC),
+    "CAX4": Element(2, 4, 2, 1, state=AXISYMMETRIC),
+    "CAX4H": Element(2, 4, 2, 1, state=AXISYMMETRIC),
+    "CAX6": Element(2, 6, 3, state=AXISYMMETRIC),
+    "CAX8": Element(2, 8, 3, state=AXISYMMETRIC),
+    "CAX8H": Element(2, 8, 3, 3, state=AXISYMMETRIC),
+    "CAX8R": Element(2, 8, 2, state=AXISYMMETRIC),
+    "CAX8RH": Element(2, 8, 2, 3, state=AXISYMMETRIC),
+    "C3D4": Element(3, 4, 1, state=SOLID),
+    "C3D4H": Element(3, 4, 1, state=SOLID, nodal=True),
+    "C3D8": Element(3, 8, 2, 1, state=SOLID),
+    "C3D8H": Element(3, 8, 2, 1, state=SOLID),
+    "C3D10": Element(3, 10, 4, state=SOLID),
+    "C3D10H": Element(3, 10, 4, 1, state=SOLID),
+    "C3D20": Element(3, 20, 3, state=SOLID),
+    "C3D20H": Element(3, 20, 3, 4, state=SOLID),
+    "C3D20R": Element(3, 20, 2, state=SOLID),
+    "C3D20RH": Element(3, 20, 2, 4, state=SOLID),
+}
 
 
 def distance(element: str, xi: np.ndarray) -> np.ndarray:
     """How far out local points lie, shape (points,): up to 1 inside an element, 0 at its middle."""
-    if ELEMENTS[element].nodes == 6:
-        return 1 - 3 * np.minimum(xi.min(axis=1), 1 - xi.sum(axis=1))
+    kind = ELEMENTS[element]
+    if kind.is_simplex:
+        return 1 - (kind.dim + 1) * np.minimum(xi.min(axis=1), 1 - xi.sum(axis=1))
     return np.abs(xi).max(axis=1)
 
 
 def middle(element: str) -> np.ndarray:
     """Local coordinates of the middle of an element, shape (dim,)."""
-    return np.full(ELEMENTS[element].dim, 1 / 3 if ELEMENTS[element].nodes == 6 else 0.0)
+    kind = ELEMENTS[element]
+    return np.full(kind.dim, 1 / (kind.dim + 1) if kind.is_simplex else 0.0)
 
 
 def shape(element: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -96,53 +116,30 @@ def shape(element: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     gradients : ndarray, shape (points, nodes, dim)
     """
     kind = ELEMENTS[element]
-    if kind.nodes == 6:
-        return triangle(xi)
-    if kind.nodes == 8 and kind.dim == 2:
-        return serendipity(xi)
-    return linear(_QUAD[:4] if kind.dim == 2 else _HEX, xi)
-
-
-@dataclass(frozen=True)
-class Element:
-    """An element type.
-
-    Parameters
-    ----------
-    dim, nodes : int
-        Space dimensions and number of nodes.
-    order : int
-        Gauss points per direction.
-    pressure : int
-        Terms of the element's own pressure field in a hybrid element: 1, constant; 1 + dim, linear; 0 otherwise.
-    """
-
-    dim: int
-    nodes: int
-    order: int
-    pressure: int = 0
-
-
-ELEMENTS = {
-    "CPE4": Element(2, 4, 2),
-    "CPE4H": Element(2, 4, 2, 1),
-    "CPE6": Element(2, 6, 2),
-    "CPE8": Element(2, 8, 3),
-    "CPE8H": Element(2, 8, 3, 3),
-    "CPE8R": Element(2, 8, 2),
-    "CPE8RH": Element(2, 8, 2, 3),
-    "C3D8": Element(3, 8, 2),
-    "C3D8H": Element(3, 8, 2, 1),
-}
+    if kind.is_simplex:
+        return simplex(xi, kind.nodes > kind.corners)
+    if kind.dim == 2:
+        return serendipity(xi) if kind.nodes == 8 else linear(QUAD[:4], xi)
+    return serendipity_brick(xi) if kind.nodes == 20 else linear(HEX[:8], xi)
 
 
 @cache
 def rule(element: str) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss points and weights of an element type: shapes (points, dim) and (points,)."""
+    """Integration points and weights of an element type: shapes (points, dim) and (points,)."""
     kind = ELEMENTS[element]
-    if kind.nodes == 6:
-        return np.array([[1, 1], [4, 1], [1, 4]]) / 6, np.full(3, 1 / 6)
+    if kind.is_simplex:
+        return _simplex_rule(kind.dim, kind.order)
     x, w = np.polynomial.legendre.leggauss(kind.order)
     grid = np.meshgrid(*[x] * kind.dim, indexing="ij")
     weights = np.meshgrid(*[w] * kind.dim, indexing="ij")
     return np.stack([g.ravel() for g in grid], axis=1), np.prod([g.ravel() for g in weights], axis=0)
+
+
+def _simplex_rule(dim: int, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """One point in the middle, or one for each corner (Zienkiewicz and Taylor, The Finite Element Method, tables)."""
+    volume = 1 / 2 if dim == 2 else 1 / 6
+    if points == 1:
+        return np.full((1, dim), 1 / (dim + 1)), np.full(1, volume)
+    near = 2 / 3 if dim == 2 else (5 + 3 * 5**0.5) / 20
+    far = (1 - near) / dim
+    return np.vstack([np.full(dim, far), far + (near - far) * np.eye(dim)]), np.full(dim + 1, volume / (dim + 1))

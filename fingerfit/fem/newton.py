@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +46,35 @@ class Load:
         return Load(self.given + share * (other.given - self.given), self.force + share * (other.force - self.force))
 
 
+@dataclass(frozen=True)
+class Increments:
+    """How a step is gone through.
+
+    Parameters
+    ----------
+    first, largest : float
+        First and largest increment as shares of the step.
+    fixed : bool
+        Whether all have the length of the first; a step that does not converge then is not cut.
+    period : float
+        Length of the step, s.
+    viscous : bool
+        Whether time passes for materials that relax; else they answer as to a fast load.
+    relaxed : bool
+        Whether they answer as to an infinitely slow load.
+    stops : tuple of float
+        Shares of the step at which an increment ends.
+    """
+
+    first: float = 1.0
+    largest: float = 1.0
+    fixed: bool = False
+    period: float = 1.0
+    viscous: bool = False
+    relaxed: bool = False
+    stops: tuple[float, ...] = ()
+
+
 class Newton:
     """Follows a loading path.
 
@@ -52,38 +82,61 @@ class Newton:
     ----------
     system : System
         Elements and constraints.
+    floor : float
+        N; residuals below `TOLERANCE` times this are none, for bodies that come to rest without any force.
     """
 
-    def __init__(self, system: System) -> None:
-        self.system = system
+    def __init__(self, system: System, floor: float = 0.0) -> None:
+        self.system, self.floor = system, max(floor, 1e-300)
         zero = np.zeros(system.size)
         self.state = State(np.zeros(len(system.free)), zero, zero)
         self.load = Load(zero, zero)
         self._before: tuple[State, Load] | None = None
 
-    def advance(self, target: Load, first: float = 1.0) -> tuple[bool, int]:
+    def change(self, system: System) -> None:
+        """Go on with other constraints, from the present displacements."""
+        self.system = system
+        self.state = State(self.state.u[system.free], self.state.u, self.state.internal)
+        self.load = Load(np.where(system.prescribed, self.state.u, 0.0), self.load.force)
+        self._before = None
+
+    def advance(self, target: Load | Callable[[float], Load], increments: Increments | float = 1.0) -> tuple[bool, int]:
         """Go to a load, in one increment or as many as it needs.
+
+        Parameters
+        ----------
+        target : Load, or function of the share of the step
+            A load is approached on a straight line.
+        increments : Increments or float
+            A number is the first increment.
 
         Returns
         -------
         arrived : bool
         iterations : int
         """
-        start, share, size, total = self.load, 0.0, first, 0
-        smallest = 0.5**CUTS
+        how = increments if isinstance(increments, Increments) else Increments(first=increments)
+        path = _line(self.load, target) if isinstance(target, Load) else target
+        share, size, total = 0.0, min(how.first, how.largest), 0
+        smallest = 0.5**CUTS * min(1.0, how.largest)
         while share < 1.0:
-            end = min(1.0, share + size)
-            load = start.between(target, end) if end < 1.0 else target
+            end = min([1.0, share + size, *(stop for stop in how.stops if share + 1e-9 < stop < share + size)])
+            if end > 1 - 1e-9:
+                end = 1.0
+            dt = (end - share) * how.period if how.viscous else 0.0
+            self.system.begin(dt, how.relaxed)
+            load = path(end)
             state, used = self._equilibrium(load)
             total += used
             if state is None:
                 size = min(size, end - share) / 2
-                if size < smallest:
+                if size < smallest or how.fixed:
                     return False, total
                 continue
+            self.system.commit(state.u, dt, how.relaxed)
             self._before = (self.state, self.load)
             self.state, self.load, share = state, load, end
-            size *= 2
+            size = how.first if how.fixed else min(2 * size, how.largest)
         return True, total
 
     def _predict(self, load: Load) -> np.ndarray | None:
@@ -107,20 +160,18 @@ class Newton:
             q = self._tangent_start(load)
             if q is None:
                 return None, 1
-        best = np.inf
         for iteration in range(1, ITERATIONS + 1):
             u = system.expand(q, load.given)
-            evaluated = [body.forces(u) for body in system.bodies]
-            if any(e is None for e in evaluated):
+            evaluation = system.evaluate(u)
+            if evaluation is None:
                 return None, iteration
-            internal = system.gather([e[0] for e in evaluated if e])
+            internal = evaluation.internal
             residual = system.reduce(internal - load.force)
-            scale = max(np.abs(internal).max(), np.abs(load.force).max(), 1e-300)
+            scale = max(evaluation.largest, np.abs(load.force).max(), self.floor)
             error = np.abs(residual).max() / scale if len(residual) else 0.0
             if error < TOLERANCE:
                 return State(q, u, internal), iteration
-            best = min(best, error)
-            step = system.solve(system.matrix([e[1] for e in evaluated if e]), -residual)
+            step = system.solve(system.matrix(evaluation), -residual)
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
@@ -135,26 +186,20 @@ class Newton:
     def _tangent_start(self, load: Load) -> np.ndarray | None:
         """First step from the last state with its own tangent, the prescribed displacements moved along."""
         system, state = self.system, self.state
-        evaluated = [body.forces(state.u) for body in system.bodies]
-        if any(e is None for e in evaluated):
+        evaluation = system.evaluate(state.u)
+        if evaluation is None:
             return None
-        move = system.expand(np.zeros(len(system.free)), load.given - self.load.given)
-        pushed = [
-            force + (stiffness @ move[body.dofs][..., None])[..., 0]
-            for body, (force, stiffness) in zip(system.bodies, [e for e in evaluated if e], strict=True)
-        ]
-        residual = system.reduce(system.gather(pushed) - load.force)
-        step = system.solve(system.matrix([e[1] for e in evaluated if e]), -residual)
+        move = system.along(state.u, load.given - self.load.given)
+        residual = system.reduce(system.push(evaluation, move) - load.force)
+        step = system.solve(system.matrix(evaluation), -residual)
         if step is None:
             return None
         q = state.q + step
         return q if self._forces(system.expand(q, load.given)) is not None else None
 
     def _forces(self, u: np.ndarray) -> np.ndarray | None:
-        parts = [body.forces(u, tangent=False) for body in self.system.bodies]
-        if any(part is None for part in parts):
-            return None
-        return self.system.gather([part[0] for part in parts if part])
+        evaluation = self.system.evaluate(u, tangent=False)
+        return None if evaluation is None else evaluation.internal
 
     def _search(self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load) -> np.ndarray | None:
         """Shorten a step until it lowers the residual or the potential energy."""
@@ -176,4 +221,8 @@ class Newton:
         return None
 
     def _potential(self, u: np.ndarray, load: Load) -> float:
-        return sum(body.energy(u) for body in self.system.bodies) - float(load.force @ u)
+        return self.system.energy(u) - float(load.force @ u)
+
+
+def _line(start: Load, target: Load) -> Callable[[float], Load]:
+    return lambda share: start.between(target, share) if share < 1.0 else target

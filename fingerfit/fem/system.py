@@ -2,18 +2,70 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-
-from fingerfit.fem.assembly import Body
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
+    from fingerfit.fem.rigid import RigidBody
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What something that is not an element adds: nodal forces and stiffness as triplets.
+
+    Parameters
+    ----------
+    force : ndarray, shape (size,)
+        N.
+    rows, columns, values : ndarray, shape (entries,)
+        Stiffness in N/mm by degree of freedom; empty where it was not asked for.
+    """
+
+    force: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+
+
+class Term(Protocol):
+    """Springs, contact, averaged volumes, pressure: anything beside the elements."""
+
+    symmetric: bool
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """Degrees of freedom that it may act on."""
+
+    def begin(self, dt: float, relaxed: bool = False) -> None:
+        """Get ready for a time increment."""
+
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
+        """Take the end of an increment into the history."""
+
+    def forces(self, u: np.ndarray, tangent: bool = True) -> Contribution | None:
+        """Internal forces; None where the state is impossible."""
+
+    def energy(self, u: np.ndarray) -> float:
+        """Energy in N mm, of the current increment where it depends on the path."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Internal forces with the stiffnesses they came with; the largest force of any part alone, N."""
+
+    internal: np.ndarray
+    largest: float
+    blocks: list[np.ndarray]
+    extra: list[Contribution]
+
 
 class System:
-    """Scatters element forces and stiffnesses to the unknowns and solves for them.
+    """Scatters forces and stiffnesses to the unknowns and solves for them.
 
     Parameters
     ----------
@@ -23,34 +75,73 @@ class System:
         Number of degrees of freedom.
     prescribed : ndarray of bool, shape (size,)
         Degrees of freedom with a given displacement.
-    ties : dict
-        Slave to (master, factor): u_slave = factor * u_master.
+    ties : mapping
+        Slave to its masters with factors: u_slave = sum factor * u_master. Masters may be slaves of others.
+    terms : sequence of Term
+        What else has forces.
+    rigid : sequence of RigidBody
+        Bodies that turn; their nodes are slaves.
+
+    Raises
+    ------
+    ValueError
+        When ties go round in a circle, or a slave is prescribed; the argument is the degree of freedom.
     """
 
     def __init__(
-        self, bodies: list[Body], size: int, prescribed: np.ndarray, ties: dict[int, tuple[int, float]]
+        self,
+        bodies: list[Any],
+        size: int,
+        prescribed: np.ndarray,
+        ties: Mapping[int, Sequence[tuple[int, float]]],
+        terms: Sequence[Term] = (),
+        rigid: Sequence[RigidBody] = (),
     ) -> None:
-        self.bodies, self.size = bodies, size
-        self.master, self.factor = np.arange(size), np.ones(size)
-        for slave, (master, factor) in ties.items():
-            self.master[slave], self.factor[slave] = master, factor
-        free = ~prescribed
-        free[list(ties)] = False
+        self.bodies, self.size, self.terms, self.rigid = bodies, size, list(terms), list(rigid)
+        turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
+        if set(turning) & set(ties):
+            raise ValueError(min(set(turning) & set(ties)))
+        if prescribed[turning].any():
+            raise ValueError(turning[int(prescribed[turning].argmax())])
+        resolved = _resolve(ties, prescribed)
+        for slave, masters in resolved.items():
+            if {master for master, _ in masters} & set(turning):
+                raise ValueError(slave)
         touched = np.zeros(size, dtype=bool)
         for body in bodies:
-            touched[self.master[body.dofs].ravel()] = True
-        free &= touched
+            touched[body.dofs.ravel()] = True
+        for term in self.terms:
+            touched[term.dofs] = True
+        for slave, masters in resolved.items():
+            for master, _ in masters:
+                touched[master] |= touched[slave]
+        for body in self.rigid:
+            touched[body.reference] = touched[body.rotation] = True
+        free = touched & ~prescribed
+        free[turning] = False
+        free[list(resolved)] = False
+        self.prescribed = prescribed
         self.free = np.flatnonzero(free)
         number = np.full(size, -1)
         number[self.free] = np.arange(len(self.free))
+        self.master, self.factor = np.arange(size), np.ones(size)
+        self.simple = not self.rigid and all(len(masters) == 1 for masters in resolved.values())
+        if self.simple:
+            for slave, masters in resolved.items():
+                self.master[slave], self.factor[slave] = masters[0]
+        self._resolved = resolved
         self.unknown = number[self.master]
+        self._map: tuple[Any, Any] | None = None
+        self._angles = np.zeros(size)
+        self._symmetric = all(term.symmetric for term in self.terms)
         self._prepare()
 
     def _prepare(self) -> None:
         keys, self._kept, self._factors = [], [], []
-        count = len(self.free)
+        unknowns = self.unknown if self.simple else np.arange(self.size)
+        count = len(self.free) if self.simple else self.size
         for body in self.bodies:
-            unknown, factor = self.unknown[body.dofs], self.factor[body.dofs]
+            unknown, factor = unknowns[body.dofs], self.factor[body.dofs]
             row = np.broadcast_to(unknown[:, :, None], (*unknown.shape, unknown.shape[1])).ravel()
             column = np.broadcast_to(unknown[:, None, :], (*unknown.shape, unknown.shape[1])).ravel()
             kept = np.flatnonzero((row >= 0) & (column >= 0))
@@ -58,52 +149,181 @@ class System:
             self._kept.append(kept)
             both = (factor[:, :, None] * factor[:, None, :]).ravel()[kept]
             self._factors.append(None if np.all(both == 1.0) else both)
-        unique, self._position = np.unique(np.concatenate(keys), return_inverse=True)
-        self._rows = (unique % count).astype(np.int32)
-        self._pointers = np.searchsorted(unique // count, np.arange(count + 1)).astype(np.int32)
+        unique, self._position = np.unique(np.concatenate(keys or [np.empty(0, np.int64)]), return_inverse=True)
+        self._count = count
+        self._rows = (unique % max(count, 1)).astype(np.int32)
+        self._pointers = np.searchsorted(unique // max(count, 1), np.arange(count + 1)).astype(np.int32)
+
+    def _maps(self) -> tuple[Any, Any]:
+        """Slopes of all displacements, by all independent ones, shape (size, size), and by the unknowns."""
+        if self._map is None:
+            from scipy.sparse import csc_matrix
+
+            rows, columns, values = [], [], []
+            turning = set()
+            for body in self.rigid:
+                turning |= set(body.dofs.ravel().tolist())
+                slopes = body.slopes(self._angles[body.rotation])
+                for node, by_rotation in zip(body.dofs, slopes, strict=True):
+                    for dof, reference, slope in zip(node, body.reference, by_rotation, strict=True):
+                        rows += [dof] * (1 + len(slope))
+                        columns += [reference, *body.rotation]
+                        values += [1.0, *slope]
+            for dof in range(self.size):
+                if dof in turning:
+                    continue
+                for master, factor in self._resolved.get(dof, ((dof, 1.0),)):
+                    rows.append(dof)
+                    columns.append(master)
+                    values.append(factor)
+            every = csc_matrix((values, (rows, columns)), shape=(self.size, self.size))
+            self._map = every, every[:, self.free]
+        return self._map
 
     def expand(self, q: np.ndarray, given: np.ndarray) -> np.ndarray:
         """All displacements from the unknowns and the given ones (zero elsewhere)."""
         full = given.copy()
         full[self.free] = q
-        return self.factor * full[self.master]
+        if self.simple:
+            return self.factor * full[self.master]
+        if not self.rigid:
+            return self._maps()[0] @ full
+        self._turn_to(full)
+        for body in self.rigid:
+            full[body.dofs] = body.place(full)
+        for slave, masters in self._resolved.items():
+            full[slave] = sum(factor * full[master] for master, factor in masters)
+        return full
+
+    def _turn_to(self, full: np.ndarray) -> None:
+        """Let slopes be those at other rotations."""
+        if self.rigid and not np.array_equal(self._angles, full):
+            self._angles, self._map = full.copy(), None
+
+    def along(self, u: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Change of all displacements, to first order, with a change of the given ones at displacements `u`."""
+        if not self.rigid:
+            return self.expand(np.zeros(len(self.free)), change)
+        self._turn_to(u)
+        return self._maps()[0] @ change
 
     def reduce(self, full: np.ndarray) -> np.ndarray:
         """Forces on all degrees of freedom to forces on the unknowns."""
+        if not self.simple:
+            return self._maps()[1].T @ full
         chosen = self.unknown >= 0
         return np.bincount(self.unknown[chosen], weights=(full * self.factor)[chosen], minlength=len(self.free))
 
-    def gather(self, forces: list[np.ndarray]) -> np.ndarray:
-        """Element forces to nodal forces, shape (size,)."""
-        total = np.zeros(self.size)
-        for body, force in zip(self.bodies, forces, strict=True):
-            total += np.bincount(body.dofs.ravel(), weights=force.ravel(), minlength=self.size)
-        return total
+    def begin(self, dt: float, relaxed: bool) -> None:
+        """Get everything ready for a time increment."""
+        for part in (*self.bodies, *self.terms):
+            part.begin(dt, relaxed)
 
-    def matrix(self, stiffness: list[np.ndarray]) -> csc_matrix:
-        """Stiffness of the unknowns from element stiffnesses."""
-        from scipy.sparse import csc_matrix
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool) -> None:
+        """Take the end of an increment into the history of everything."""
+        for part in (*self.bodies, *self.terms):
+            part.commit(u, dt, relaxed)
 
-        values = []
-        for block, kept, factors in zip(stiffness, self._kept, self._factors, strict=True):
+    def evaluate(self, u: np.ndarray, tangent: bool = True) -> Evaluation | None:
+        """Internal forces of all parts; None where any of them is impossible."""
+        total, largest = np.zeros(self.size), 0.0
+        blocks, extra = [], []
+        for body in self.bodies:
+            found = body.forces(u, tangent)
+            if found is None:
+                return None
+            force = np.bincount(body.dofs.ravel(), weights=found[0].ravel(), minlength=self.size)
+            largest = max(largest, float(np.abs(force).max()))
+            total += force
+            blocks.append(found[1])
+        for term in self.terms:
+            added = term.forces(u, tangent)
+            if added is None:
+                return None
+            largest = max(largest, float(np.abs(added.force).max()))
+            total += added.force
+            extra.append(added)
+        return Evaluation(total, largest, blocks, extra)
+
+    def energy(self, u: np.ndarray) -> float:
+        """Energy of all parts, N mm."""
+        return sum(part.energy(u) for part in (*self.bodies, *self.terms))
+
+    def matrix(self, evaluation: Evaluation) -> csc_matrix:
+        """Stiffness of the unknowns."""
+        from scipy.sparse import coo_matrix, csc_matrix
+
+        values = [np.empty(0)]
+        for block, kept, factors in zip(evaluation.blocks, self._kept, self._factors, strict=True):
             chosen = block.ravel()[kept]
             values.append(chosen if factors is None else chosen * factors)
         data = np.bincount(self._position, weights=np.concatenate(values), minlength=len(self._rows))
-        count = len(self.free)
-        return csc_matrix((data, self._rows, self._pointers), shape=(count, count))
+        matrix = csc_matrix((data, self._rows, self._pointers), shape=(self._count, self._count))
+        entries = [(e.values, e.rows, e.columns) for e in evaluation.extra if len(e.values)]
+        if entries:
+            data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+            if self.simple:
+                data = data * self.factor[rows] * self.factor[columns]
+                rows, columns = self.unknown[rows], self.unknown[columns]
+                kept = (rows >= 0) & (columns >= 0)
+                data, rows, columns = data[kept], rows[kept], columns[kept]
+            matrix = matrix + coo_matrix((data, (rows, columns)), shape=matrix.shape).tocsc()
+        if not self.simple:
+            to_unknowns = self._maps()[1]
+            for body in self.rigid:
+                block = body.curvature(self._angles[body.rotation], evaluation.internal[body.dofs])
+                rows, columns = (part.ravel() for part in np.meshgrid(body.rotation, body.rotation, indexing="ij"))
+                matrix = matrix + coo_matrix((block.ravel(), (rows, columns)), shape=matrix.shape).tocsc()
+            matrix = (to_unknowns.T @ matrix @ to_unknowns).tocsc()
+        return matrix
+
+    def push(self, evaluation: Evaluation, move: np.ndarray) -> np.ndarray:
+        """Internal forces continued along a displacement of all degrees of freedom, to first order."""
+        total = evaluation.internal.copy()
+        for body, block in zip(self.bodies, evaluation.blocks, strict=True):
+            change = (block @ move[body.dofs][..., None])[..., 0]
+            total += np.bincount(body.dofs.ravel(), weights=change.ravel(), minlength=self.size)
+        for added in evaluation.extra:
+            total += np.bincount(added.rows, weights=added.values * move[added.columns], minlength=self.size)
+        return total
 
     def solve(self, matrix: csc_matrix, right: np.ndarray) -> np.ndarray | None:
         """Solution of the unknowns, or None where the matrix is singular."""
         from scipy.sparse.linalg import splu
 
+        if not len(right):
+            return right
         try:
-            factor = splu(
-                matrix,
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.001,
-                options={"SymmetricMode": True},
-            )
+            if self._symmetric:
+                options = {"SymmetricMode": True}
+                factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.001, options=options)
+            else:
+                factor = splu(matrix)
         except RuntimeError:
             return None
         solution = factor.solve(right)
         return solution if np.isfinite(solution).all() else None
+
+
+def _resolve(
+    ties: Mapping[int, Sequence[tuple[int, float]]], prescribed: np.ndarray
+) -> dict[int, list[tuple[int, float]]]:
+    """Ties whose masters are not slaves."""
+    done: dict[int, list[tuple[int, float]]] = {}
+
+    def visit(slave: int, way: tuple[int, ...]) -> list[tuple[int, float]]:
+        if slave in done:
+            return done[slave]
+        if slave in way or prescribed[slave]:
+            raise ValueError(slave)
+        total: dict[int, float] = {}
+        for master, factor in ties[slave]:
+            parts = visit(master, (*way, slave)) if master in ties else [(master, 1.0)]
+            for end, share in parts:
+                total[end] = total.get(end, 0.0) + factor * share
+        done[slave] = [(end, value) for end, value in total.items() if value != 0.0]
+        return done[slave]
+
+    for slave in ties:
+        visit(slave, ())
+    return done

@@ -6,14 +6,19 @@ deviatoric stretches l = J^(-1/3) lambda, as ABAQUS and CalculiX define it (Calc
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fingerfit.material.isotropic import Isotropic, polynomial
+
+if TYPE_CHECKING:
+    from fingerfit.material.prony import Prony
+
 
 @dataclass(frozen=True)
-class Ogden:
+class Ogden(Isotropic):
     """Constants of an Ogden material of any order.
 
     Parameters
@@ -24,36 +29,14 @@ class Ogden:
         Exponents.
     d : tuple of float
         Compressibilities, 1/MPa; the initial bulk modulus is 2 / d[0].
+    prony : Prony or None
+        Relaxation of the deviatoric part.
     """
 
     mu: tuple[float, ...]
     alpha: tuple[float, ...]
     d: tuple[float, ...]
-
-    def energy(self, stretch: np.ndarray) -> np.ndarray:
-        """Strain energy density in MPa for principal stretches of shape (..., 3)."""
-        return self.deviatoric_energy(stretch) + self.volumetric(stretch.prod(axis=-1))[0]
-
-    def derivatives(self, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the energy by the logarithms e of the principal stretches.
-
-        Parameters
-        ----------
-        stretch : ndarray, shape (..., 3)
-
-        Returns
-        -------
-        first : ndarray, shape (..., 3)
-            dW/de_a, the principal Kirchhoff stresses in MPa.
-        second : ndarray, shape (..., 3, 3)
-            d2W/de_a de_b in MPa.
-        """
-        first, second = self.deviatoric_derivatives(stretch)
-        jacobian = stretch.prod(axis=-1)
-        _, pressure, bulk = self.volumetric(jacobian)
-        first += (pressure * jacobian)[..., None]
-        second += (pressure * jacobian + bulk * jacobian**2)[..., None, None]
-        return first, second
+    prony: Prony | None = None
 
     def deviatoric_energy(self, stretch: np.ndarray) -> np.ndarray:
         """Energy density of the deviatoric part alone, as `energy`."""
@@ -84,28 +67,4 @@ class Ogden:
 
     def volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Energy density U(J) of the volumetric part with its first and second derivative, MPa."""
-        gap = jacobian - 1
-        energy, pressure, bulk = np.zeros(gap.shape), np.zeros(gap.shape), np.zeros(gap.shape)
-        for order, d in enumerate(self.d, 1):
-            n = 2 * order
-            energy += gap**n / d
-            pressure += n / d * gap ** (n - 1)
-            bulk += n * (n - 1) / d * gap ** (n - 2)
-        return energy, pressure, bulk
-
-
-def spread(materials: Sequence[Ogden], counts: Sequence[int]) -> Ogden:
-    """One material with constants of shape (points,), for runs of points that share a material.
-
-    Parameters
-    ----------
-    materials : sequence of Ogden
-        All of the same order.
-    counts : sequence of int
-        Points of each, in order.
-    """
-
-    def column(name: str) -> tuple:
-        return tuple(np.repeat(row, counts) for row in zip(*[getattr(m, name) for m in materials], strict=True))
-
-    return Ogden(column("mu"), column("alpha"), column("d"))
+        return polynomial(jacobian, self.d)

@@ -1,4 +1,4 @@
-"""The built-in solver: finite strain, Ogden, numpy and scipy only."""
+"""The built-in solver: finite strain, contact, numpy and scipy only."""
 
 from __future__ import annotations
 
@@ -9,18 +9,23 @@ from typing import Any
 import numpy as np
 
 from fingerfit import __version__
-from fingerfit.deck.reader import Deck, DeckStep, read_deck
+from fingerfit.deck.reader import Deck, read_deck
 from fingerfit.errors import InputError
-from fingerfit.fem.assembly import Body
-from fingerfit.fem.elements import ELEMENTS, rule
-from fingerfit.fem.newton import Load, Newton
-from fingerfit.fem.system import System
+from fingerfit.fem.elements import ELEMENTS
 from fingerfit.files import digest
-from fingerfit.material.ogden import spread
+from fingerfit.solvers.analysis import run_steps
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
+from fingerfit.solvers.model import Model
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-_SOURCES = ("fem", "material", "deck/reader.py", "mesh.py", "solvers/builtin.py", "solvers/contract.py")
+_SOURCES = (
+    "fem",
+    "material",
+    "mesh.py",
+    *(f"deck/{name}.py" for name in ("cards", "content", "state", "reader")),
+    *(f"deck/{name}_keywords.py" for name in ("mesh", "material", "model", "step")),
+    *(f"solvers/{name}.py" for name in ("builtin", "analysis", "model", "contacts", "contract")),
+)
 
 
 @cache
@@ -34,18 +39,35 @@ def _fingerprint() -> str:
 
 
 class BuiltinSolver:
-    """Adapter of the built-in solver."""
+    """Adapter of the built-in solver.
+
+    Parameters
+    ----------
+    averaged : bool
+        Whether linear quadrilaterals and bricks average the change of volume, as in ABAQUS; CalculiX does not.
+    """
 
     name = "builtin"
     capabilities = Capabilities(elements=frozenset(ELEMENTS))
 
+    def __init__(self, averaged: bool = True) -> None:
+        self.averaged = averaged
+
     def identity(self) -> dict[str, Any]:
         """Name, version and a hash of the sources that make the answer."""
-        return {"name": self.name, "version": __version__, "fingerprint": _fingerprint()}
+        identity: dict[str, Any] = {"name": self.name, "version": __version__, "fingerprint": _fingerprint()}
+        return identity if self.averaged else {**identity, "averaged": False}
 
     def check(self, deck: Path) -> None:
         """Read the deck; InputError for what is not understood."""
-        _build(read_deck(deck), deck)
+        read = read_deck(deck)
+        _indenter(read, deck)
+        model = Model(read, deck, self.averaged)
+        prescribed = np.zeros(model.size, dtype=bool)
+        for node, axis in read.steps[0].displacement:
+            if model.dof(node, axis) >= 0:
+                prescribed[model.dof(node, axis)] = True
+        model.system(prescribed)
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Solve a deck; nothing is written to `workdir`, one thread is used.
@@ -56,23 +78,19 @@ class BuiltinSolver:
             For a deck that is not understood.
         """
         read = read_deck(deck)
-        system, indenter = _build(read, deck)
         dim = read.mesh.dim
-        newton = Newton(system)
+        node = _indenter(read, deck)
         displacement, reaction, moved, iterations = [], [], [], []
         message, status = f"{len(read.steps)} steps", CONVERGED
-        top = read.mesh.node_sets.get("TOP", indenter[:1] // dim)
-        with np.errstate(all="ignore"):
-            for number, step in enumerate(read.steps, 1):
-                arrived, used = newton.advance(_load(step, read, dim), step.increment)
-                if not arrived:
-                    status, message = DIVERGED, f"no equilibrium in step {number} of {len(read.steps)}"
-                    break
-                state = newton.state
-                displacement.append(state.u.reshape(-1, dim))
-                reaction.append(state.internal.reshape(-1, dim)[top].sum(axis=0))
-                moved.append(state.u[indenter])
-                iterations.append(used)
+        top = read.mesh.node_sets.get("TOP", node)
+        for number, step in enumerate(run_steps(read, deck, self.averaged), 1):
+            if not step.arrived:
+                status, message = DIVERGED, f"no equilibrium in step {number} of {len(read.steps)}"
+                break
+            displacement.append(step.displacement)
+            reaction.append(step.internal[top].sum(axis=0))
+            moved.append(step.displacement[node[0]])
+            iterations.append(step.iterations)
         return Outcome(
             status,
             np.array(displacement).reshape(-1, len(read.mesh.points), dim),
@@ -83,51 +101,9 @@ class BuiltinSolver:
         )
 
 
-def _load(step: DeckStep, deck: Deck, dim: int) -> Load:
-    load = Load(np.zeros(deck.mesh.points.size), np.zeros(deck.mesh.points.size))
-    for target, values in ((load.given, step.displacement), (load.force, step.force)):
-        for (node, axis), value in values.items():
-            if axis < dim:
-                target[node * dim + axis] = value
-    return load
-
-
-def _build(deck: Deck, path: Path) -> tuple[System, np.ndarray]:
-    mesh, dim = deck.mesh, deck.mesh.dim
-    section_of = np.full(mesh.element_count, -1)
-    for number, section in enumerate(deck.sections):
-        section_of[mesh.element_sets[section.elset]] = number
-    if section_of.min() < 0:
-        raise InputError(path, "*SOLID SECTION", "elements without section", "a section for every element")
-    bodies, first = [], 0
-    for block in mesh.blocks:
-        chosen = section_of[first : first + len(block.nodes)]
-        first += len(block.nodes)
-        gauss = len(rule(block.element)[1])
-        materials = [deck.materials[deck.sections[s].material] for s in chosen]
-        thickness = np.array([deck.sections[s].thickness if dim == 2 else 1.0 for s in chosen])
-        material = spread(materials, [gauss] * len(chosen))
-        try:
-            bodies.append(Body(block.element, mesh.points, block.nodes, material, thickness))
-        except ValueError as error:
-            raise InputError(path, "*ELEMENT", error, "elements with positive Jacobian") from error
-    prescribed = np.zeros(mesh.points.size, dtype=bool)
-    for step in deck.steps:
-        for node, axis in step.displacement:
-            if axis < dim:
-                prescribed[node * dim + axis] = True
-    ties = {}
-    for terms in deck.equations:
-        if len(terms) != 2:
-            raise InputError(path, "*EQUATION", f"{len(terms)} terms", "two terms")
-        (slave, i, a), (master, j, b) = terms
-        ties[slave * dim + i] = (master * dim + j, -b / a)
-    indenter = mesh.node_sets.get("INDENTER")
-    if indenter is None or len(indenter) != 1:
+def _indenter(deck: Deck, path: Path) -> np.ndarray:
+    """The indenter's reference node, shape (1,)."""
+    found = deck.mesh.node_sets.get("INDENTER")
+    if found is None or len(found) != 1:
         raise InputError(path, "*NSET", "no node set INDENTER of one node", "the indenter's reference node")
-    chained = [slave for slave, (master, _) in ties.items() if master in ties or prescribed[slave]]
-    if chained:
-        raise InputError(path, "*EQUATION", f"node {chained[0] // dim + 1} is tied twice or prescribed",
-                         "slaves that are free")  # fmt: skip
-    dofs = indenter[0] * dim + np.arange(dim)
-    return System(bodies, mesh.points.size, prescribed, ties), dofs
+    return found

@@ -15,17 +15,26 @@ import numpy as np
 from fingerfit.deck.reader import read_deck
 from fingerfit.errors import InputError, SolverError
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
-from fingerfit.solvers.process import run
+from fingerfit.solvers.process import copy_deck, run
 
 TIME_LIMIT = 3600.0
 """Seconds for one deck."""
 
 
 class CalculixSolver:
-    """Adapter of CalculiX; the executable is `ccx` on the path, or what FINGERFIT_CCX names."""
+    """Adapter of CalculiX; the executable is `ccx` on the path, or what FINGERFIT_CCX names.
+
+    Parameters
+    ----------
+    time_limit : float
+        Seconds after which a run is ended.
+    """
 
     name = "calculix"
     capabilities = Capabilities(elements=frozenset({"CPE4", "CPE6", "CPE8", "CPE8R", "C3D8"}), dialect="calculix")
+
+    def __init__(self, time_limit: float = TIME_LIMIT) -> None:
+        self.time_limit = time_limit
 
     def identity(self) -> dict[str, Any]:
         """Name and version.
@@ -56,11 +65,11 @@ class CalculixSolver:
         executable = _executable()
         with tempfile.TemporaryDirectory(dir=workdir, prefix="ccx-") as name:
             folder = Path(name)
-            _copy(deck, folder)
+            copy_deck(deck, folder)
             code, output = run(
                 [executable, "-i", "deck"],
                 folder,
-                TIME_LIMIT,
+                self.time_limit,
                 {"OMP_NUM_THREADS": str(threads), "CCX_NPROC_EQUATION_SOLVER": str(threads)},
             )
             result = folder / "deck.dat"
@@ -107,19 +116,6 @@ def _version(executable: str) -> str:
     return found.group(1)
 
 
-def _copy(deck: Path, folder: Path) -> None:
-    """Copy a deck and the files it includes, which ccx looks up where it runs."""
-    lines = []
-    for line in deck.read_text().splitlines():
-        match = re.match(r"\*INCLUDE\s*,\s*INPUT\s*=\s*(.+)", line, re.IGNORECASE)
-        if match:
-            source = deck.parent / match.group(1).strip()
-            shutil.copy(source, folder / source.name)
-            line = f"*INCLUDE, INPUT={source.name}"
-        lines.append(line)
-    (folder / "deck.inp").write_text("\n".join(lines) + "\n")
-
-
 def _diverged(output: str) -> bool:
     return any(sign in output for sign in ("too many cutbacks", "increment size smaller", "best solution", "diverg"))
 
@@ -128,7 +124,7 @@ def _read_dat(text: str, steps: int) -> list[dict[str, np.ndarray]]:
     """Tables by set at the end of each step (total times 1, 2, ...) that was reached."""
     tables: dict[float, dict[str, np.ndarray]] = {}
     heads = list(re.finditer(r"(?:displacements|forces) \(.*?\) for set (\S+) and time\s+(\S+)", text))
-    for head, following in zip(heads, [*heads[1:], None], strict=True):
+    for head, following in zip(heads, [*heads[1:], None], strict=False):
         body = text[head.end() : following.start() if following else len(text)]
         values = np.array(body.split(), dtype=float)
         tables.setdefault(round(float(head.group(2)), 6), {})[head.group(1)] = values.reshape(-1, 4)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
+import re
+import shutil
 import signal
 import subprocess
+import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -62,18 +66,34 @@ def run(
             )
     except OSError as error:
         raise SolverError(f"{command[0]}: cannot be started: {error.strerror}") from error
-    handler = signal.signal(signal.SIGTERM, lambda number, frame: _stop(number))
+    main = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGTERM, lambda number, frame: _stop(number)) if main else None
     try:
         code = process.wait(timeout=limit)
     except subprocess.TimeoutExpired:
         raise SolverError(f"{command[0]}: not finished after {limit:g} s, ended") from None
     finally:
-        if process.poll() is None:
+        # the whole group, also what a program that has ended left behind
+        with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-        signal.signal(signal.SIGTERM, handler)
+        process.wait()
+        if main:
+            signal.signal(signal.SIGTERM, handler)
     return code, log.read_text(errors="replace")
 
 
 def _stop(number: int) -> None:
     raise SystemExit(128 + number)
+
+
+def copy_deck(deck: Path, folder: Path) -> None:
+    """Copy a deck as deck.inp, with the files it includes, which programs look up where they run."""
+    lines = []
+    for line in deck.read_text().splitlines():
+        match = re.match(r"\*INCLUDE\s*,\s*INPUT\s*=\s*(.+)", line, re.IGNORECASE)
+        if match:
+            source = deck.parent / match.group(1).strip()
+            shutil.copy(source, folder / source.name)
+            line = f"*INCLUDE, INPUT={source.name}"
+        lines.append(line)
+    (folder / "deck.inp").write_text("\n".join(lines) + "\n")

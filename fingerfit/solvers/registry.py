@@ -13,7 +13,7 @@ GROUP = "fingerfit.solvers"
 
 def solver_names() -> list[str]:
     """Names that `get_solver` knows."""
-    return sorted({"builtin", "calculix", *(entry.name for entry in entry_points(group=GROUP))})
+    return sorted({"abaqus", "builtin", "calculix", *(entry.name for entry in entry_points(group=GROUP))})
 
 
 def get_solver(name: str) -> Solver:
@@ -32,6 +32,10 @@ def get_solver(name: str) -> Solver:
         from fingerfit.solvers.calculix import CalculixSolver
 
         return CalculixSolver()
+    if name == "abaqus":
+        from fingerfit.solvers.abaqus import AbaqusSolver
+
+        return AbaqusSolver()
     for entry in entry_points(group=GROUP):
         if entry.name == name:
             return entry.load()()

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fingerfit.material.ogden import Ogden, spread
+from fingerfit.material.ogden import Ogden
+from fingerfit.material.spread import spread
 
 MATERIAL = Ogden((0.02, 0.01), (1.4, -2.0), (0.8, 5.0))
 STRETCHES = {

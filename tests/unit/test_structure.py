@@ -24,7 +24,7 @@ ORDER = (
     ("prepare", "fit", "experiment", "settings_check"),
     ("refine",),
     ("course",),
-    ("report", "plots", "check", "recipes", "layout"),
+    ("report", "plots", "check", "recipes", "layout", "testing"),
     ("commands",),
     ("cli",),
 )

@@ -1,0 +1,127 @@
+"""Keyword lines of a deck with their data lines, includes in place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.errors import InputError
+
+
+@dataclass
+class Card:
+    """A keyword line with its data lines."""
+
+    path: Path
+    line: int
+    name: str
+    options: dict[str, str]
+    data: list[tuple[int, str]] = field(default_factory=list)
+
+    def error(self, found: object, expected: str, line: int | None = None) -> InputError:
+        return InputError(self.path, f"line {line or self.line}, *{self.name}", found, expected)
+
+    def allow(self, *names: str) -> None:
+        """Refuse other parameters; those that are written without blanks get their names."""
+        known = {squeeze(name): name for name in names}
+        self.options = {known.get(squeeze(option), option): value for option, value in self.options.items()}
+        for option in self.options:
+            if option not in names:
+                raise self.error(option, "one of " + ", ".join(names) if names else "no parameter")
+
+    def need(self, name: str) -> str:
+        if not self.options.get(name):
+            raise self.error("no " + name, f"{name}=...")
+        return self.options[name].upper()
+
+    def rows(self) -> Iterator[tuple[int, list[str]]]:
+        for line, text in self.data:
+            fields = [part.strip() for part in text.split(",")]
+            while fields and not fields[-1]:
+                fields.pop()
+            yield line, fields
+
+    def values(self, least: int = 0, most: int | None = None) -> list[float]:
+        """All numbers of the data lines; an empty field is 0."""
+        found = [self.number(text, line) if text else 0.0 for line, row in self.rows() for text in row]
+        if len(found) < least or (most is not None and len(found) > most):
+            wanted = f"{least}" if most == least else f"{least} or more" if most is None else f"{least} to {most}"
+            raise self.error(f"{len(found)} numbers", f"{wanted} numbers")
+        return found
+
+    def flag(self, name: str) -> bool:
+        """Whether a parameter is there and does not say NO."""
+        return name in self.options and self.options[name].upper() != "NO"
+
+    def number(self, text: str, line: int) -> float:
+        try:
+            value = float(text.replace("d", "e").replace("D", "E"))
+        except ValueError:
+            raise self.error(text, "a number", line) from None
+        if not np.isfinite(value):
+            raise self.error(text, "a finite number", line)
+        return value
+
+    def whole(self, text: str, line: int) -> int:
+        try:
+            return int(text)
+        except ValueError:
+            raise self.error(text, "a whole number", line) from None
+
+
+def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
+    """Keyword cards of a file and, in place, of the files it includes.
+
+    A keyword line that ends with a comma goes on in the next line.
+    """
+    try:
+        lines = path.read_text().splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, "deck", error, "a readable text file") from error
+    card: Card | None = None
+    pending: tuple[int, str] | None = None
+    for number, raw in enumerate(lines, 1):
+        text = raw.strip()
+        if not text or text.startswith("**"):
+            continue
+        if pending:
+            number, text = pending[0], pending[1] + text
+            pending = None
+        if text.startswith("*"):
+            if text.endswith(","):
+                pending = (number, text)
+                continue
+            if card:
+                yield card
+            card = _keyword(path, number, text)
+            if card.name == "INCLUDE":
+                if depth > 8:
+                    raise card.error(card.options.get("INPUT"), "includes less than 8 deep")
+                if not card.options.get("INPUT"):
+                    raise card.error("no INPUT", "INPUT=file")
+                yield from read_cards(path.parent / card.options["INPUT"], depth + 1)
+                card = None
+        elif card is None:
+            raise InputError(path, f"line {number}", text, "a keyword before data")
+        else:
+            card.data.append((number, text))
+    if card:
+        yield card
+
+
+def _keyword(path: Path, line: int, text: str) -> Card:
+    name, *rest = [part.strip() for part in text[1:].split(",")]
+    options = {}
+    for part in rest:
+        if part:
+            key, _, value = part.partition("=")
+            options[" ".join(key.upper().split())] = value.strip().strip('"')
+    return Card(path, line, " ".join(name.upper().split()), options)
+
+
+def squeeze(name: str) -> str:
+    """A keyword as CalculiX compares it: without blanks, in upper case."""
+    return "".join(name.upper().split())

@@ -1,0 +1,200 @@
+"""What a deck says, in zero-based numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fingerfit.mesh import Mesh
+
+NodeAxis = tuple[int, int]
+"""Node and axis, zero-based; axes from 3 are rotations."""
+ElementFace = tuple[int, int]
+"""Element (through all blocks) and face, zero-based."""
+
+
+@dataclass
+class Section:
+    """Elements of a set, their material, thickness in mm and axes."""
+
+    elset: str
+    material: str
+    thickness: float
+    orientation: str = ""
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """Local axes.
+
+    Parameters
+    ----------
+    axes : ndarray, shape (3, 3)
+        Local axes as rows.
+    directions : tuple of (float, float, float)
+        Of fibres, in the local axes.
+    """
+
+    axes: np.ndarray
+    directions: tuple[tuple[float, ...], ...] = ()
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Spring in N/mm at one node and axis, to ground or to a second one."""
+
+    first: NodeAxis
+    second: NodeAxis | None
+    stiffness: float
+
+
+@dataclass
+class Surface:
+    """Faces of elements, or nodes; or the profile of an analytical rigid surface.
+
+    Parameters
+    ----------
+    faces : list of (element, face)
+    nodes : list of int
+    profile : list of (str, list of float)
+        START, LINE and CIRCL with their numbers, in local coordinates.
+    kind : str
+        ELEMENT, NODE, SEGMENTS, CYLINDER or REVOLUTION.
+    origin, axes : ndarray, shape (3,) and (3, 3)
+        Local system of an analytical surface, axes as rows.
+    """
+
+    kind: str
+    faces: list[ElementFace] = field(default_factory=list)
+    nodes: list[int] = field(default_factory=list)
+    profile: list[tuple[str, list[float]]] = field(default_factory=list)
+    origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """Nodes, elements and an analytical surface that move with a reference node.
+
+    Parameters
+    ----------
+    reference : int
+        Node of the translations.
+    rotation : int
+        Node whose displacements are the rotation (CalculiX, ROT NODE); -1 for the reference node's axes 4 to 6.
+    nodes, elements : tuple of int
+    surface : str
+        Analytical surface, or nothing.
+    """
+
+    reference: int
+    rotation: int
+    nodes: tuple[int, ...]
+    elements: tuple[int, ...]
+    surface: str
+
+
+@dataclass
+class Law:
+    """Surface interaction; see `fingerfit.fem.contact.Interaction`."""
+
+    stiffness: float = 0.0
+    friction: float = 0.0
+    stick: float = 0.0
+    rough: bool = False
+    separates: bool = True
+
+
+@dataclass(frozen=True)
+class ContactPair:
+    """Slave and master surface with the name of their interaction, at nodes or at integration points."""
+
+    slave: str
+    master: str
+    interaction: str
+    at_nodes: bool
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Slave and master surface that are tied, with the distance in mm up to which nodes are."""
+
+    slave: str
+    master: str
+    tolerance: float | None
+
+
+@dataclass
+class DeckStep:
+    """One loading step; the values are totals that hold at its end.
+
+    Parameters
+    ----------
+    displacement : dict
+        Prescribed displacements in mm by (node, axis).
+    force : dict
+        Concentrated forces in N by (node, axis).
+    pressure : dict
+        Pressures in MPa by (element, face).
+    curve : dict
+        Name of the amplitude by (kind of load, key), where there is one.
+    increment, largest : float
+        First and largest increment as shares of the step.
+    fixed : bool
+        Whether all increments are alike.
+    period : float
+        Length, s.
+    viscous, relaxed : bool
+        Whether time passes for materials, or has no end.
+    sudden : bool
+        Whether loads without amplitude are there at once, not on a ramp.
+    finite : bool
+        NLGEOM.
+    """
+
+    displacement: dict[NodeAxis, float] = field(default_factory=dict)
+    force: dict[NodeAxis, float] = field(default_factory=dict)
+    pressure: dict[ElementFace, float] = field(default_factory=dict)
+    curve: dict[tuple[str, tuple[int, int]], str] = field(default_factory=dict)
+    increment: float = 1.0
+    largest: float = 1.0
+    fixed: bool = False
+    period: float = 1.0
+    viscous: bool = False
+    relaxed: bool = False
+    sudden: bool | None = None
+    finite: bool = True
+
+
+@dataclass
+class Deck:
+    """What a deck says.
+
+    Parameters
+    ----------
+    labels : list of (str, int)
+        Instance (or nothing) and label of each node.
+    initial : dict
+        Stress in the reference state by element, MPa: 11, 22, 33, 12, 13, 23.
+    amplitudes : dict
+        Name to times in s and factors.
+    """
+
+    mesh: Mesh
+    materials: dict[str, Any]
+    sections: list[Section]
+    equations: list[list[tuple[int, int, float]]]
+    fixed: dict[NodeAxis, float]
+    steps: list[DeckStep]
+    labels: list[tuple[str, int]] = field(default_factory=list)
+    orientations: dict[str, Orientation] = field(default_factory=dict)
+    springs: list[Spring] = field(default_factory=list)
+    surfaces: dict[str, Surface] = field(default_factory=dict)
+    rigid: list[Rigid] = field(default_factory=list)
+    laws: dict[str, Law] = field(default_factory=dict)
+    contacts: list[ContactPair] = field(default_factory=list)
+    ties: list[Tie] = field(default_factory=list)
+    initial: dict[int, list[float]] = field(default_factory=dict)
+    amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)

@@ -1,0 +1,186 @@
+"""Keywords of materials, orientations and sections."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fingerfit.deck.cards import Card
+from fingerfit.deck.content import Orientation, Section
+from fingerfit.deck.state import Handler, Reading
+
+_MODELS = ("OGDEN", "NEO HOOKE", "MOONEY-RIVLIN", "YEOH")
+
+
+def on_material(reading: Reading, card: Card) -> None:
+    card.allow("NAME")
+    reading.material = card.need("NAME")
+
+
+def on_hyperelastic(reading: Reading, card: Card) -> None:
+    card.allow(*_MODELS, "N", "MODULI")
+    chosen = [model for model in _MODELS if model in card.options]
+    if len(chosen) != 1:
+        raise card.error(", ".join(card.options) or "nothing", "one of " + ", ".join(_MODELS))
+    model = chosen[0]
+    order = card.whole(card.options.get("N") or "1", card.line)
+    count = {"OGDEN": 3 * order, "NEO HOOKE": 2, "MOONEY-RIVLIN": 3, "YEOH": 6}[model]
+    values = card.values()
+    if len(values) != count:
+        order_of = {
+            "OGDEN": "mu and alpha of each term, then D",
+            "NEO HOOKE": "C10, D",
+            "MOONEY-RIVLIN": "C10, C01, D",
+            "YEOH": "C10, C20, C30, D1, D2, D3",
+        }
+        raise card.error(f"{len(values)} constants", f"{count}: {order_of[model]}")
+    # each material is loaded when a deck names it
+    if model == "OGDEN":
+        from fingerfit.material.ogden import Ogden
+
+        if min(values[1 : 2 * order : 2], key=abs) == 0:
+            raise card.error(values, "alpha other than 0 and D above 0")
+        d = _compressibility(card, values[2 * order :])
+        material: object = Ogden(tuple(values[0 : 2 * order : 2]), tuple(values[1 : 2 * order : 2]), d)
+    elif model == "NEO HOOKE":
+        from fingerfit.material.neo_hooke import NeoHooke
+
+        material = NeoHooke(values[0], _compressibility(card, values[1:]))
+    elif model == "MOONEY-RIVLIN":
+        from fingerfit.material.mooney_rivlin import MooneyRivlin
+
+        material = MooneyRivlin(values[0], values[1], _compressibility(card, values[2:]))
+    else:
+        from fingerfit.material.yeoh import Yeoh
+
+        material = Yeoh(tuple(values[:3]), _compressibility(card, values[3:]))
+    reading.materials[reading.material] = _moduli(card, material)
+
+
+def _compressibility(card: Card, values: list[float]) -> tuple[float, ...]:
+    """D of each order; those that are 0 at the end are left out, as their terms are absent then."""
+    while len(values) > 1 and values[-1] == 0:
+        values = values[:-1]
+    if min(values) <= 0:
+        raise card.error(values, "alpha other than 0 and D above 0")
+    return tuple(values)
+
+
+def _moduli(card: Card, material):  # type: ignore[no-untyped-def]
+    """Keep whether constants are those of a fast or of a slow load, for *VISCOELASTIC after it."""
+    from fingerfit.material.prony import Prony
+
+    moduli = card.options.get("MODULI", "LONG TERM").upper()
+    if moduli not in ("LONG TERM", "INSTANTANEOUS"):
+        raise card.error(moduli, "LONG TERM or INSTANTANEOUS")
+    return replace(material, prony=Prony((), (), True)) if moduli == "INSTANTANEOUS" else material
+
+
+def on_elastic(reading: Reading, card: Card) -> None:
+    from fingerfit.material.elastic import Elastic
+
+    card.allow("TYPE", "MODULI")
+    if card.options.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
+        raise card.error(card.options["TYPE"], "ISOTROPIC")
+    young, poisson, *_ = card.values(2, 3)
+    if young <= 0 or not -1 < poisson < 0.5:
+        raise card.error([young, poisson], "Young's modulus above 0 and Poisson's ratio below 0.5")
+    reading.materials[reading.material] = _moduli(card, Elastic(young, poisson))
+
+
+def on_anisotropic_hyperelastic(reading: Reading, card: Card) -> None:
+    from fingerfit.material.holzapfel import Holzapfel
+
+    card.allow("HOLZAPFEL", "LOCAL DIRECTIONS", "MODULI")
+    if "HOLZAPFEL" not in card.options:
+        raise card.error(", ".join(card.options) or "nothing", "HOLZAPFEL")
+    c10, d, k1, k2, kappa = (*card.values(4, 5), 0.0)[:5]
+    if d <= 0 or k2 <= 0 or not 0 <= kappa <= 1 / 3:
+        raise card.error([c10, d, k1, k2, kappa], "C10, D above 0, k1, k2 above 0, kappa from 0 to 1/3")
+    count = card.whole(card.options.get("LOCAL DIRECTIONS") or "1", card.line)
+    axes = tuple(tuple(row) for row in np.eye(3)[:count].tolist())
+    reading.materials[reading.material] = _moduli(card, Holzapfel(c10, d, k1, k2, kappa, axes))
+
+
+def on_viscoelastic(reading: Reading, card: Card) -> None:
+    from fingerfit.material.prony import Prony
+
+    card.allow("TIME")
+    if card.options.get("TIME", "").upper() != "PRONY":
+        raise card.error(card.options.get("TIME", "nothing"), "TIME=PRONY")
+    material = reading.materials.get(reading.material)
+    if material is None:
+        raise card.error("no elastic constants", "*HYPERELASTIC or *ELASTIC before it")
+    g, tau = [], []
+    for line, row in card.rows():
+        values = [card.number(v, line) if v else 0.0 for v in row]
+        if len(values) != 3 or values[0] < 0 or values[2] <= 0:
+            raise card.error(row, "g, k and tau: g from 0 to 1, tau above 0", line)
+        if values[1] != 0:
+            raise card.error(row, "k = 0: the volumetric part does not relax here", line)
+        g.append(values[0])
+        tau.append(values[2])
+    if not g or sum(g) >= 1:
+        raise card.error(g, "moduli g whose sum is below 1")
+    fast = material.prony is not None
+    reading.materials[reading.material] = replace(material, prony=Prony(tuple(g), tuple(tau), fast))
+
+
+def on_density(reading: Reading, card: Card) -> None:
+    """Statics without gravity need none."""
+
+
+def on_orientation(reading: Reading, card: Card) -> None:
+    from fingerfit.fem.rigid import rotation_matrix
+
+    card.allow("NAME", "SYSTEM", "DEFINITION", "LOCAL DIRECTIONS")
+    if card.options.get("SYSTEM", "RECTANGULAR").upper() not in ("RECTANGULAR", "R"):
+        raise card.error(card.options["SYSTEM"], "RECTANGULAR")
+    if card.options.get("DEFINITION", "COORDINATES").upper() != "COORDINATES":
+        raise card.error(card.options["DEFINITION"], "COORDINATES")
+    rows = [[card.number(v, line) if v else 0.0 for v in row] for line, row in card.rows()]
+    count = card.whole(card.options.get("LOCAL DIRECTIONS") or "0", card.line)
+    if not rows or len(rows[0]) not in (6, 9) or len(rows) < 1 + count:
+        raise card.error(f"{len(rows)} lines", "a and b of six numbers, and a line for each local direction")
+    origin = np.array(rows[0][6:9] or [0.0, 0.0, 0.0])
+    x = np.array(rows[0][:3]) - origin
+    z = np.cross(x, np.array(rows[0][3:6]) - origin)
+    if np.linalg.norm(z) == 0:
+        raise card.error(rows[0], "points a and b that are not in line with the origin")
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    axes = np.array([x, np.cross(z, x), z])
+    extra = rows[1 : len(rows) - count]
+    if extra:
+        axis = axes[int(extra[0][0]) - 1]
+        axes = axes @ rotation_matrix(np.deg2rad(extra[0][1] if len(extra[0]) > 1 else 0.0) * axis).T
+    directions = []
+    for row in rows[len(rows) - count :]:
+        vector = np.array((row + [0.0] * 3)[:3])
+        directions.append(tuple((vector / np.linalg.norm(vector)).tolist()))
+    reading.orientations[reading.name(card.need("NAME"))] = Orientation(axes, tuple(directions))
+
+
+def on_solid_section(reading: Reading, card: Card) -> None:
+    card.allow("ELSET", "MATERIAL", "ORIENTATION")
+    thickness = next((card.number(row[0], line) for line, row in card.rows() if row and row[0]), 1.0)
+    elset = reading.find(reading.elsets, card.need("ELSET")) or card.need("ELSET")
+    orientation = ""
+    if "ORIENTATION" in card.options:
+        found = reading.find(reading.orientations, card.need("ORIENTATION"))
+        if found is None:
+            raise card.error(card.options["ORIENTATION"], "an orientation defined before")
+        orientation = found
+    reading.sections.append(Section(elset, card.need("MATERIAL"), thickness, orientation))
+
+
+KEYWORDS: dict[str, Handler] = {
+    "MATERIAL": on_material,
+    "HYPERELASTIC": on_hyperelastic,
+    "ELASTIC": on_elastic,
+    "ANISOTROPIC HYPERELASTIC": on_anisotropic_hyperelastic,
+    "VISCOELASTIC": on_viscoelastic,
+    "DENSITY": on_density,
+    "ORIENTATION": on_orientation,
+    "SOLID SECTION": on_solid_section,
+}

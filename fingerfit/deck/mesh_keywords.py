@@ -1,0 +1,160 @@
+"""Keywords of nodes, elements, sets, parts and instances."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerfit.deck.cards import Card, squeeze
+from fingerfit.deck.state import Handler, Key, Reading
+from fingerfit.fem.elements import ELEMENTS
+
+OTHERS = {"R2D2": 2, "RAX2": 2, "R3D3": 3, "R3D4": 4, "SPRING1": 1, "SPRING2": 2}
+"""Elements without a mesh of their own: of rigid bodies, and springs; with their number of nodes."""
+
+
+def on_node(reading: Reading, card: Card) -> None:
+    card.allow("NSET", "SYSTEM")
+    if card.options.get("SYSTEM", "R").upper() != "R":
+        raise card.error(card.options["SYSTEM"], "SYSTEM=R: Cartesian")
+    first = len(reading.labels)
+    for line, row in card.rows():
+        label = card.whole(row[0], line)
+        key = reading.key(label)
+        if key in reading.index:
+            raise card.error(f"node {label} twice", "each node once", line)
+        reading.index[key] = len(reading.labels)
+        reading.labels.append((reading.scope, label))
+        values = [card.number(value, line) if value else 0.0 for value in row[1:4]]
+        reading.coordinates.append(values + [0.0] * (3 - len(values)))
+    if "NSET" in card.options:
+        chosen = reading.nsets.setdefault(reading.name(card.need("NSET")), [])
+        chosen.extend(reading.key(label) for _, label in reading.labels[first:])
+
+
+def on_element(reading: Reading, card: Card) -> None:
+    card.allow("TYPE", "ELSET")
+    kind = card.need("TYPE")
+    if kind not in ELEMENTS and kind not in OTHERS:
+        raise card.error(kind, "one of " + ", ".join([*ELEMENTS, *OTHERS]))
+    size = 1 + (ELEMENTS[kind].nodes if kind in ELEMENTS else OTHERS[kind])
+    values: list[int] = []
+    keys: list[Key] = []
+    for line, row in card.rows():
+        values += [card.whole(value, line) for value in row]
+        if len(values) > size:
+            raise card.error(f"{len(values) - 1} nodes", f"{size - 1} nodes", line)
+        if len(values) == size:
+            key, nodes = reading.key(values[0]), [reading.key(value) for value in values[1:]]
+            if kind in ELEMENTS:
+                reading.elements.setdefault(kind, []).append((key, nodes))
+            else:
+                reading.others[key] = (kind, nodes)
+            keys.append(key)
+            values = []
+    if values:
+        raise card.error(f"{len(values) - 1} nodes", f"{size - 1} nodes")
+    if "ELSET" in card.options:
+        reading.elsets.setdefault(reading.name(card.need("ELSET")), []).extend(keys)
+
+
+def on_nset(reading: Reading, card: Card) -> None:
+    if "ELSET" in card.options:
+        chosen = reading.find(reading.elsets, card.need("ELSET"))
+        if chosen is None:
+            raise card.error(card.options["ELSET"], "an element set defined before")
+        wanted = set(reading.elsets[chosen])
+        rows = [row for rows in reading.elements.values() for row in rows]
+        rows += [(key, nodes) for key, (_, nodes) in reading.others.items()]
+        found = dict.fromkeys(node for key, nodes in rows if key in wanted for node in nodes)
+        reading.nsets.setdefault(reading.name(card.need("NSET")), []).extend(found)
+        return
+    _set(reading, card, "NSET", reading.nsets)
+
+
+def on_elset(reading: Reading, card: Card) -> None:
+    _set(reading, card, "ELSET", reading.elsets)
+
+
+def _set(reading: Reading, card: Card, name: str, sets: dict[str, list[Key]]) -> None:
+    card.allow(name, "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED")
+    chosen = sets.setdefault(reading.name(card.need(name)), [])
+    outer, reading.scope = reading.scope, card.options.get("INSTANCE", reading.scope).upper()
+    try:
+        for line, row in card.rows():
+            if "GENERATE" in card.options:
+                start, stop, *step = [card.whole(value, line) for value in row]
+                chosen.extend(reading.key(i) for i in range(start, stop + 1, step[0] if step else 1))
+            else:
+                for value in row:
+                    chosen.extend(reading.keys(card, value, line, sets, "a number"))
+    finally:
+        reading.scope = outer
+
+
+def on_part(reading: Reading, card: Card) -> None:
+    card.allow("NAME")
+    reading.part = reading.parts.setdefault(card.need("NAME"), [])
+
+
+def on_instance(reading: Reading, card: Card) -> None:
+    card.allow("NAME", "PART")
+    name = card.need("PART")
+    if name not in reading.parts:
+        raise card.error(name, "a part defined before")
+    reading.scope = card.need("NAME")
+    reading.placed = card, len(reading.coordinates)
+    for part_card in reading.parts[name]:
+        dispatch(reading, part_card)
+
+
+def on_end_instance(reading: Reading, card: Card) -> None:
+    """Put the nodes of the instance where its data lines say: translation, then rotation about an axis."""
+    from fingerfit.fem.rigid import rotation_matrix
+
+    if reading.placed is None:
+        raise card.error("no instance", "*INSTANCE before it")
+    instance, first = reading.placed
+    rows = [[instance.number(v, line) if v else 0.0 for v in row] for line, row in instance.rows()]
+    points = np.array(reading.coordinates[first:]).reshape(-1, 3)
+    if rows:
+        points = points + np.array((rows[0] + [0.0] * 3)[:3])
+    if len(rows) > 1:
+        if len(rows[1]) != 7:
+            raise instance.error(f"{len(rows[1])} numbers", "two points on the axis and an angle in degrees")
+        a, b, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), np.deg2rad(rows[1][6])
+        turn = rotation_matrix(angle * (b - a) / np.linalg.norm(b - a))
+        points = a + (points - a) @ turn.T
+    reading.coordinates[first:] = points.tolist()
+    reading.scope, reading.placed = "", None
+
+
+def on_assembly(reading: Reading, card: Card) -> None:
+    card.allow("NAME")
+
+
+def on_end_assembly(reading: Reading, card: Card) -> None:
+    card.allow()
+
+
+def dispatch(reading: Reading, card: Card) -> None:
+    """Hand a card to its keyword; cards of a part wait for its instances."""
+    if reading.part is not None:
+        if squeeze(card.name) == "ENDPART":
+            reading.part = None
+        else:
+            reading.part.append(card)
+        return
+    reading.handle(reading, card)
+
+
+KEYWORDS: dict[str, Handler] = {
+    "NODE": on_node,
+    "ELEMENT": on_element,
+    "NSET": on_nset,
+    "ELSET": on_elset,
+    "PART": on_part,
+    "INSTANCE": on_instance,
+    "END INSTANCE": on_end_instance,
+    "ASSEMBLY": on_assembly,
+    "END ASSEMBLY": on_end_assembly,
+}

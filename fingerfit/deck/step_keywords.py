@@ -1,0 +1,186 @@
+"""Keywords of steps and loads."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerfit.deck.cards import Card
+from fingerfit.deck.content import DeckStep
+from fingerfit.deck.state import Handler, Reading
+
+_SYMMETRY = {
+    "XSYMM": (0, 4, 5),
+    "YSYMM": (1, 3, 5),
+    "ZSYMM": (2, 3, 4),
+    "PINNED": (0, 1, 2),
+    "ENCASTRE": (0, 1, 2, 3, 4, 5),
+}
+
+
+def on_step(reading: Reading, card: Card) -> None:
+    card.allow("NLGEOM", "INC", "NAME", "AMPLITUDE", "UNSYMM", "EXTRAPOLATION")
+    if reading.step is not None:
+        raise card.error("a step within a step", "*END STEP before it")
+    finite = card.flag("NLGEOM")
+    if reading.finite is True and "NLGEOM" not in card.options:
+        finite = True
+    if reading.finite is not None and reading.finite != finite:
+        raise card.error("steps with and without NLGEOM", "one of both in all steps")
+    reading.finite = finite
+    last = reading.steps[-1] if reading.steps else DeckStep(dict(reading.fixed))
+    reading.step = DeckStep(_ends(reading, last, "U", last.displacement), _ends(reading, last, "F", last.force))
+    reading.step.finite = finite
+    before = reading.pressures[-1] if reading.pressures else {}
+    ends = {face: _end(reading, last, value, name) for face, (value, name) in before.items()}
+    reading.pressures.append({face: (value, None) for face, value in ends.items()})
+    amplitude = card.options.get("AMPLITUDE", "").upper()
+    if amplitude not in ("", "RAMP", "STEP"):
+        raise card.error(amplitude, "RAMP or STEP")
+    reading.step.sudden = {"": None, "RAMP": False, "STEP": True}[amplitude]
+
+
+def _ends(reading: Reading, step: DeckStep, kind: str, values: dict) -> dict:
+    """What loads are at the end of a step, their amplitudes taken into account."""
+    return {key: _end(reading, step, value, step.curve.get((kind, key))) for key, value in values.items()}
+
+
+def _end(reading: Reading, step: DeckStep, value: float, name: str | None) -> float:
+    return value if name is None else value * float(np.interp(step.period, *reading.amplitudes[name]))
+
+
+def _procedure(reading: Reading, card: Card) -> DeckStep:
+    step = reading.step
+    if step is None:
+        raise card.error("no step", "*STEP before it")
+    for line, row in card.rows():
+        values = [card.number(v, line) if v else 0.0 for v in row]
+        if len(values) > 1 and values[1] > 0:
+            step.period = values[1]
+            step.increment = min(1.0, values[0] / values[1]) if values[0] > 0 else 1.0
+            if len(values) > 3 and values[3] > 0:
+                step.largest = min(1.0, values[3] / values[1])
+    step.fixed = "DIRECT" in card.options
+    return step
+
+
+def on_static(reading: Reading, card: Card) -> None:
+    card.allow("DIRECT", "SOLVER", "LONG TERM")
+    _procedure(reading, card).relaxed = "LONG TERM" in card.options
+
+
+def on_visco(reading: Reading, card: Card) -> None:
+    """Time passes; loads are there at once unless *STEP says AMPLITUDE=RAMP."""
+    card.allow("DIRECT", "SOLVER", "CETOL")
+    step = _procedure(reading, card)
+    step.viscous = True
+    if step.sudden is None:
+        step.sudden = True
+
+
+def _curve(reading: Reading, card: Card) -> str | None:
+    if "AMPLITUDE" not in card.options:
+        return None
+    name = card.need("AMPLITUDE")
+    if name not in reading.amplitudes:
+        raise card.error(name, "an amplitude defined before")
+    return name
+
+
+def on_boundary(reading: Reading, card: Card) -> None:
+    card.allow("OP", "TYPE", "AMPLITUDE")
+    if card.options.get("TYPE", "DISPLACEMENT").upper() != "DISPLACEMENT":
+        raise card.error(card.options["TYPE"], "DISPLACEMENT")
+    step, curve = reading.step, _curve(reading, card)
+    if card.options.get("OP", "MOD").upper() == "NEW" and step is not None:
+        raise card.error("OP=NEW", "OP=MOD: what is prescribed stays so")
+    target = step.displacement if step else reading.fixed
+    for line, row in card.rows():
+        if len(row) < 2:
+            raise card.error(row, "a node, axes and a value", line)
+        name = row[1].upper()
+        if name in _SYMMETRY:
+            axes, value = _SYMMETRY[name], 0.0
+        else:
+            first = card.whole(row[1], line)
+            last = card.whole(row[2], line) if len(row) > 2 and row[2] else first
+            axes, value = tuple(range(first - 1, last)), card.number(row[3], line) if len(row) > 3 else 0.0
+        for node in reading.nodes(card, row[0], line):
+            for axis in axes:
+                if axis < 6:
+                    target[node, axis] = value
+                    _remember(step, "U", (node, axis), curve)
+
+
+def _remember(step: DeckStep | None, kind: str, key: tuple[int, int], curve: str | None) -> None:
+    if step is not None:
+        step.curve.pop((kind, key), None)
+        if curve is not None:
+            step.curve[kind, key] = curve
+
+
+def on_cload(reading: Reading, card: Card) -> None:
+    card.allow("OP", "AMPLITUDE")
+    step, curve = reading.step, _curve(reading, card)
+    if step is None:
+        raise card.error("no step", "*STEP before it")
+    if card.options.get("OP", "").upper() == "NEW":
+        step.force.clear()
+    for line, row in card.rows():
+        if len(row) != 3:
+            raise card.error(row, "a node, an axis and a force", line)
+        for node in reading.nodes(card, row[0], line):
+            key = node, card.whole(row[1], line) - 1
+            step.force[key] = card.number(row[2], line)
+            _remember(step, "F", key, curve)
+
+
+def on_dload(reading: Reading, card: Card) -> None:
+    """Pressure on faces of elements."""
+    card.allow("OP", "AMPLITUDE")
+    pressures, curve = _pressures(reading, card), _curve(reading, card)
+    for line, row in card.rows():
+        if len(row) != 3 or row[1][:1].upper() != "P" or not row[1][1:].isdigit():
+            raise card.error(row, "an element, P1 to P6 and a pressure", line)
+        for key in reading.keys(card, row[0], line, reading.elsets, "an element"):
+            pressures[key, int(row[1][1:]) - 1] = card.number(row[2], line), curve
+
+
+def on_dsload(reading: Reading, card: Card) -> None:
+    """Pressure on a surface."""
+    card.allow("OP", "AMPLITUDE")
+    pressures, curve = _pressures(reading, card), _curve(reading, card)
+    for line, row in card.rows():
+        if len(row) != 3 or row[1].upper() != "P":
+            raise card.error(row, "a surface, P and a pressure", line)
+        found = reading.find(reading.faces, row[0])
+        if found is None:
+            raise card.error(row[0], "a surface of elements defined before", line)
+        for face in reading.faces[found]:
+            pressures[face] = card.number(row[2], line), curve
+
+
+def _pressures(reading: Reading, card: Card) -> dict:
+    if reading.step is None:
+        raise card.error("no step", "*STEP before it")
+    if card.options.get("OP", "").upper() == "NEW":
+        reading.pressures[-1].clear()
+    return reading.pressures[-1]
+
+
+def on_end_step(reading: Reading, card: Card) -> None:
+    if reading.step is None:
+        raise card.error("no step", "*STEP before it")
+    reading.steps.append(reading.step)
+    reading.step = None
+
+
+KEYWORDS: dict[str, Handler] = {
+    "STEP": on_step,
+    "STATIC": on_static,
+    "VISCO": on_visco,
+    "BOUNDARY": on_boundary,
+    "CLOAD": on_cload,
+    "DLOAD": on_dload,
+    "DSLOAD": on_dsload,
+    "END STEP": on_end_step,
+}

@@ -1,0 +1,132 @@
+"""Springs to ground or between two degrees of freedom, and pressure that follows its surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerfit.fem.faces import Faces, area_vectors, cell_rule, cell_shape
+from fingerfit.fem.system import Contribution
+
+
+class Springs:
+    """Linear springs.
+
+    Parameters
+    ----------
+    first, second : ndarray of int, shape (springs,)
+        Degrees of freedom; a second one of -1 is the ground.
+    stiffness : ndarray, shape (springs,)
+        N/mm.
+    """
+
+    symmetric = True
+
+    def __init__(self, first: np.ndarray, second: np.ndarray, stiffness: np.ndarray) -> None:
+        self.first, self.second, self.stiffness = first, second, stiffness
+        linked = second >= 0
+        a, b, k = first[linked], second[linked], stiffness[linked]
+        self._rows = np.concatenate([first, b, a, b])
+        self._columns = np.concatenate([first, b, b, a])
+        self._values = np.concatenate([stiffness, k, -k, -k])
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """Degrees of freedom at their ends."""
+        return np.unique(self._rows)
+
+    def begin(self, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def forces(self, u: np.ndarray, tangent: bool = True) -> Contribution:
+        """Forces and stiffness."""
+        force = np.bincount(self._rows, weights=self._values * u[self._columns], minlength=len(u))
+        return Contribution(force, self._rows, self._columns, self._values)
+
+    def energy(self, u: np.ndarray) -> float:
+        """Energy in N mm."""
+        return float(self.forces(u).force @ u) / 2
+
+
+class Pressure:
+    """Pressure on faces, normal to them as they deform (ABAQUS, *DSLOAD, P).
+
+    Parameters
+    ----------
+    faces : Faces
+    points : ndarray, shape (nodes, dim)
+        Reference positions, mm.
+    size : int
+        Number of degrees of freedom.
+
+    Notes
+    -----
+    `value` in MPa, shape (faces,), is set before each increment.
+    """
+
+    symmetric = False
+
+    def __init__(self, faces: Faces, points: np.ndarray, size: int) -> None:
+        self.faces, self.points, self.size = faces, points, size
+        self.value = np.zeros(len(faces.nodes))
+        dim = points.shape[1]
+        self.dim = dim
+        xi, self.weights = cell_rule(faces.nodes.shape[1], dim)
+        self.values, self.gradients = cell_shape(faces.nodes.shape[1], dim, xi)
+        self._dofs = (faces.nodes[:, :, None] * dim + np.arange(dim)).reshape(len(faces.nodes), -1)
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """Degrees of freedom of the faces."""
+        return np.unique(self._dofs)
+
+    def begin(self, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def forces(self, u: np.ndarray, tangent: bool = True) -> Contribution:
+        """Forces with the sign of internal forces, and load stiffness."""
+        dim, nodes = self.dim, self.faces.nodes
+        x = (self.points + u[: self.points.size].reshape(-1, dim))[nodes]
+        slopes = np.einsum("fni,gnj->fgij", x, self.gradients)
+        normal = area_vectors(slopes)
+        axisymmetric = self.faces.thickness == 0
+        scale = (self.value * self.faces.outward)[:, None] * self.weights
+        radius = x[..., 0] @ self.values.T
+        depth = np.ones_like(radius)
+        if dim == 2:
+            depth = np.where(axisymmetric[:, None], 2 * np.pi * radius, self.faces.thickness[:, None])
+        force = np.einsum("gn,fgi,fg->fni", self.values, normal, scale * depth).reshape(len(nodes), -1)
+        total = np.bincount(self._dofs.ravel(), weights=force.ravel(), minlength=self.size)
+        empty = np.empty(0, dtype=int)
+        if not tangent:
+            return Contribution(total, empty, empty, np.empty(0))
+        # d normal / d x of each node: cross products with the slopes of its shape function
+        change = np.zeros((*normal.shape[:2], dim, nodes.shape[1], dim))
+        if dim == 2:
+            change[..., 0, :, 1] = self.gradients[None, ..., 0]
+            change[..., 1, :, 0] = -self.gradients[None, ..., 0]
+        else:
+            for axis in range(3):
+                unit = np.eye(3)[axis]
+                first, second = np.cross(unit, slopes[..., 1]), np.cross(slopes[..., 0], unit)
+                change[..., axis] = (
+                    first[..., None] * self.gradients[None, :, None, :, 0]
+                    + second[..., None] * self.gradients[None, :, None, :, 1]
+                )
+        local = np.einsum("gn,fgimj,fg->fnimj", self.values, change, scale * depth)
+        if axisymmetric.any():
+            wider = np.where(axisymmetric[:, None], 2 * np.pi, 0.0) * scale
+            local[..., 0] += np.einsum("gn,fgi,gm,fg->fnim", self.values, normal, self.values, wider)
+        shape = (len(nodes), self._dofs.shape[1], self._dofs.shape[1])
+        rows = np.broadcast_to(self._dofs[:, :, None], shape).ravel()
+        columns = np.broadcast_to(self._dofs[:, None, :], shape).ravel()
+        return Contribution(total, rows, columns, local.ravel())
+
+    def energy(self, u: np.ndarray) -> float:
+        """Energy for the line search: exact for a pressure that does not turn."""
+        return float(self.forces(u, tangent=False).force @ u)

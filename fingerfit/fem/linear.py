@@ -1,0 +1,63 @@
+"""Bodies at small strain: the stiffness of the reference state, once and for all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fingerfit.fem.assembly import Body
+
+
+class LinearBody:
+    """A body in a step without NLGEOM.
+
+    Parameters
+    ----------
+    body : Body
+        Free of stress in the reference state.
+    """
+
+    def __init__(self, body: Body) -> None:
+        found = body.forces(np.zeros((int(body.connectivity.max()) + 1) * body.dim))
+        assert found is not None
+        self.body, self.dofs, self._stiffness = body, body.dofs, found[1]
+
+    def begin(self, dt: float, relaxed: bool = False) -> None:
+        """Nothing: small strain has no history here."""
+
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def forces(self, u: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
+        """Element forces and stiffnesses, as `Body.forces`."""
+        return (self._stiffness @ u[self.dofs][..., None])[..., 0], self._stiffness
+
+    def energy(self, u: np.ndarray) -> float:
+        """Strain energy in N mm."""
+        return float((self.forces(u)[0] * u[self.dofs]).sum()) / 2
+
+
+class LinearTerm:
+    """A term of `fingerfit.fem.system` in a step without NLGEOM: its forces continued from the reference state."""
+
+    def __init__(self, term, size: int) -> None:  # type: ignore[no-untyped-def]
+        found = term.forces(np.zeros(size))
+        assert found is not None
+        self.start, self.dofs, self.symmetric = found, term.dofs, term.symmetric
+
+    def begin(self, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def forces(self, u: np.ndarray, tangent: bool = True):  # type: ignore[no-untyped-def]
+        """Internal forces and stiffness."""
+        from fingerfit.fem.system import Contribution
+
+        s = self.start
+        change = np.bincount(s.rows, weights=s.values * u[s.columns], minlength=len(s.force))
+        return Contribution(s.force + change, s.rows, s.columns, s.values)
+
+    def energy(self, u: np.ndarray) -> float:
+        """Energy in N mm."""
+        return float(((self.start.force + self.forces(u).force) @ u) / 2)

@@ -1,0 +1,115 @@
+"""Change of volume averaged over the elements around each node, against the locking of linear triangles and tetrahedra.
+
+The volumetric energy is sum_a V_a U(v_a / V_a) over the nodes a, where an element gives an equal share of its volume
+to each of its nodes (Bonet and Burton, Commun. Numer. Methods Eng. 14, 1998). Where materials meet, each has a node of
+its own, because the pressure jumps there. The tangent couples each node with all elements around its neighbours.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fingerfit.fem.assembly import Body
+from fingerfit.fem.system import Contribution
+
+
+class AveragedVolume:
+    """Volumetric energy of a body of linear triangles or tetrahedra.
+
+    Parameters
+    ----------
+    body : Body
+        Of an element type with `nodal`: it has the rest of the energy.
+    groups : ndarray, shape (elements,), int
+        Which material each element is of.
+    materials : sequence of materials
+        Of each group, with constants that are numbers.
+    """
+
+    symmetric = True
+
+    def __init__(self, body: Body, groups: np.ndarray, materials: Any) -> None:
+        from scipy.sparse import csr_matrix
+
+        self.dim, self.connectivity = body.dim, body.connectivity
+        self.volume, self.gradient = body.weight[:, 0], body.gradient[:, 0]
+        self._dofs = body.dofs
+        elements, nodes = self.connectivity.shape
+        cells = groups[:, None] * (int(self.connectivity.max()) + 1) + self.connectivity
+        unique, index = np.unique(cells, return_inverse=True)
+        at = index.reshape(cells.shape)
+        owner = np.empty(len(unique), dtype=int)
+        owner[at.ravel()] = np.repeat(groups, nodes)
+        self.material = [(materials[g], np.flatnonzero(owner == g)) for g in np.unique(groups)]
+        share = np.repeat(self.volume / nodes, nodes)
+        element = np.repeat(np.arange(elements), nodes)
+        self.share = csr_matrix((share, (at.ravel(), element)), shape=(len(unique), elements))
+        self.patch = np.asarray(self.share.sum(axis=1)).ravel()
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """Degrees of freedom of the body."""
+        return np.unique(self._dofs)
+
+    def begin(self, dt: float, relaxed: bool = False) -> None:
+        """Nothing: the volumetric part does not relax."""
+
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def _deformation(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        local = u[self._dofs].reshape(*self.connectivity.shape, self.dim)
+        f = np.swapaxes(local, 1, 2) @ self.gradient + np.eye(self.dim)
+        jacobian = np.linalg.det(f)
+        return None if not jacobian.min() > 0 else (f, jacobian)
+
+    def _volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        ratio = (self.share @ jacobian) / self.patch
+        result = np.zeros((3, len(ratio)))
+        for material, chosen in self.material:
+            result[:, chosen] = material.volumetric(ratio[chosen])
+        return result[0], result[1], result[2]
+
+    def energy(self, u: np.ndarray) -> float:
+        """Volumetric energy in N mm."""
+        found = self._deformation(u)
+        return np.inf if found is None else float(self._volumetric(found[1])[0] @ self.patch)
+
+    def forces(self, u: np.ndarray, tangent: bool = True) -> Contribution | None:
+        """Forces of the nodal pressures and their tangent."""
+        from scipy.sparse import csr_matrix, diags
+
+        found = self._deformation(u)
+        if found is None:
+            return None
+        f, jacobian = found
+        _, pressure, bulk = self._volumetric(jacobian)
+        # d(J_e V_e)/du of an element, and the pressure that acts on it: the mean of its nodes'
+        by = self.gradient @ np.linalg.inv(f)
+        slope = jacobian[:, None, None] * by
+        elements, nodes = self.connectivity.shape
+        acting = self.share.T @ pressure
+        force = np.bincount(
+            self._dofs.ravel(), weights=(acting[:, None] * slope.reshape(elements, -1)).ravel(), minlength=len(u)
+        )
+        empty = np.empty(0, dtype=int)
+        if not tangent:
+            return Contribution(force, empty, empty, np.empty(0))
+        flat = by.reshape(elements, -1)
+        # second derivative of J: J (g_Ii g_Jj - g_Ij g_Ji)
+        crossed = np.einsum("eij,ekl->eilkj", by, by).reshape(elements, nodes * self.dim, nodes * self.dim)
+        local = (acting * jacobian)[:, None, None] * (flat[:, :, None] * flat[:, None, :] - crossed)
+        rows = np.broadcast_to(self._dofs[:, :, None], local.shape).ravel()
+        columns = np.broadcast_to(self._dofs[:, None, :], local.shape).ravel()
+        pointer = np.arange(elements + 1) * nodes * self.dim
+        to_volume = csr_matrix((slope.ravel(), self._dofs.ravel(), pointer), shape=(elements, len(u)))
+        ratio = self.share @ to_volume
+        coupled = (ratio.T @ diags(bulk / self.patch) @ ratio).tocoo()
+        return Contribution(
+            force,
+            np.concatenate([rows, coupled.row]),
+            np.concatenate([columns, coupled.col]),
+            np.concatenate([local.ravel(), coupled.data]),
+        )

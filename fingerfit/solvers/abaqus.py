@@ -1,0 +1,185 @@
+"""ABAQUS as a solver: the same decks, its ASCII results file read back.
+
+ABAQUS itself waits for a licence when none is free; the time limit holds for waiting and running together.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerfit.deck.reader import Deck, read_deck
+from fingerfit.errors import InputError, SolverError
+from fingerfit.fem.elements import ELEMENTS
+from fingerfit.solvers.abaqus_fil import FilIncrement, read_fil
+from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
+from fingerfit.solvers.process import copy_deck, run
+
+COMMAND = "abaqus job={job} cpus={threads} interactive ask_delete=OFF"
+"""Template of the command; a site changes it by FINGERFIT_ABAQUS, for example to go through a container."""
+TIME_LIMIT = 4 * 3600.0
+"""Seconds for one deck, licence included."""
+_RESULTS = ("*FILE FORMAT, ASCII", "*NODE FILE, FREQUENCY=9999", "U, RF")
+_DIVERGED = (
+    "TOO MANY ATTEMPTS",
+    "TIME INCREMENT REQUIRED IS LESS THAN",
+    "EXCESSIVELY DISTORTED",
+    "TOO MANY INCREMENTS",
+)
+
+
+class AbaqusSolver:
+    """Adapter of ABAQUS/Standard.
+
+    Parameters
+    ----------
+    command : str or None
+        Template with {job} and {threads}, split as a shell would, but run without one; by default FINGERFIT_ABAQUS,
+        else `COMMAND`.
+    time_limit : float
+        Seconds after which a run is ended.
+    """
+
+    name = "abaqus"
+    capabilities = Capabilities(elements=frozenset(ELEMENTS), dialect="abaqus")
+
+    def __init__(self, command: str | None = None, time_limit: float = TIME_LIMIT) -> None:
+        self.command = command or os.environ.get("FINGERFIT_ABAQUS", COMMAND)
+        self.time_limit = time_limit
+
+    def identity(self) -> dict[str, Any]:
+        """Name, version and command.
+
+        Raises
+        ------
+        SolverError
+            When the executable is missing or does not tell its release.
+        """
+        program = self._arguments(1)[0]
+        return {"name": self.name, "version": _version(program), "command": self.command}
+
+    def check(self, deck: Path) -> None:
+        """Read the deck; SolverError without an executable, InputError for a deck without what is read back."""
+        self._arguments(1)
+        _sets(read_deck(deck), deck)
+
+    def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
+        """Run ABAQUS in a temporary folder inside `workdir`.
+
+        Raises
+        ------
+        SolverError
+            When it cannot be run, has no licence, or refuses the deck.
+        """
+        read = read_deck(deck)
+        _sets(read, deck)
+        command = self._arguments(threads)
+        with tempfile.TemporaryDirectory(dir=workdir, prefix="abaqus-") as name:
+            folder = Path(name)
+            copy_deck(deck, folder)
+            _request_results(folder / "deck.inp")
+            code, output = run(command, folder, self.time_limit)
+            said = output + "".join(_text(folder / f"deck.{end}") for end in ("msg", "dat", "sta"))
+            results = folder / "deck.fil"
+            found = read_fil(results).last() if results.exists() and results.stat().st_size else []
+        diverged = any(sign in said.upper() for sign in _DIVERGED)
+        complete = [increment for increment in found if _ended(increment, read)]
+        if len(complete) < len(read.steps) and not diverged:
+            raise SolverError(f"abaqus: {deck}: {_reason(said, code)}")
+        return _outcome(complete, read)
+
+    def _arguments(self, threads: int) -> list[str]:
+        try:
+            parts = [part.format(job="deck", threads=threads) for part in shlex.split(self.command)]
+        except (KeyError, IndexError, ValueError) as error:
+            raise SolverError(
+                f"solver abaqus: command {self.command}: {error}; it may name {{job}}, {{threads}}"
+            ) from None
+        program = shutil.which(parts[0]) if parts else None
+        if program is None:
+            name = parts[0] if parts else "(empty)"
+            raise SolverError(f"solver abaqus: no executable {name}; install ABAQUS or set FINGERFIT_ABAQUS")
+        return [program, *parts[1:]]
+
+
+def _sets(deck: Deck, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes of the base and the indenter's reference node."""
+    found = []
+    for name in ("BOTTOM", "INDENTER"):
+        nodes = deck.mesh.node_sets.get(name)
+        if nodes is None or (name == "INDENTER" and len(nodes) != 1):
+            raise InputError(path, "*NSET", f"no node set {name}", "the base's nodes and the indenter's reference node")
+        found.append(nodes)
+    return found[0], found[1]
+
+
+def _request_results(deck: Path) -> None:
+    """Ask for the results file at the end of every step."""
+    lines: list[str] = []
+    for line in deck.read_text().splitlines():
+        if re.match(r"\s*\*\s*END\s+STEP", line, re.IGNORECASE):
+            lines += _RESULTS
+        lines.append(line)
+    deck.write_text("\n".join(lines) + "\n")
+
+
+def _ended(increment: FilIncrement, deck: Deck) -> bool:
+    """Whether an increment is the end of its step."""
+    if increment.step > len(deck.steps) or "U" not in increment.nodal:
+        return False
+    end = sum(step.period for step in deck.steps[: increment.step])
+    return abs(increment.time - end) < 1e-6 * max(end, 1.0)
+
+
+def _outcome(found: list[FilIncrement], deck: Deck) -> Outcome:
+    dim, nodes = deck.mesh.dim, len(deck.mesh.points)
+    base, indenter = deck.mesh.node_sets["BOTTOM"], deck.mesh.node_sets["INDENTER"]
+    # a deck of parts is numbered anew by ABAQUS, in the order of its instances
+    flat = not any(scope for scope, _ in deck.labels)
+    index = {label if flat else n + 1: n for n, (_, label) in enumerate(deck.labels)}
+    displacement = np.zeros((len(found), nodes, dim))
+    reaction = np.zeros((len(found), dim))
+    for step, increment in enumerate(found):
+        for label, values in increment.nodal["U"].items():
+            displacement[step, index[label]] = values[:dim]
+        forces = np.zeros((nodes, dim))
+        for label, values in increment.nodal.get("RF", {}).items():
+            forces[index[label]] = values[:dim]
+        # equilibrium: the base holds what the indenter pushes
+        reaction[step] = -forces[base].sum(axis=0)
+    status = CONVERGED if len(found) == len(deck.steps) else DIVERGED
+    message = f"{len(found)} steps"
+    if status == DIVERGED:
+        message = f"no equilibrium in step {len(found) + 1} of {len(deck.steps)}"
+    return Outcome(status, displacement, reaction, displacement[:, indenter[0]], message)
+
+
+def _reason(said: str, code: int) -> str:
+    """Why it did not run, in one line."""
+    for sign in (r"[^\n]*licen[sc]e[^\n]*", r"\*\*\*\s*ERROR[^\n]*(?:\n\s+\S[^\n]*)?"):
+        found = re.search(sign, said, re.IGNORECASE)
+        if found:
+            return " ".join(found.group(0).split())
+    return f"exit code {code}, no results"
+
+
+def _text(path: Path) -> str:
+    return path.read_text(errors="replace") if path.exists() else ""
+
+
+@cache
+def _version(program: str) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        _, output = run([program, "information=release"], Path(folder), 120.0)
+    found = re.search(r"\b(20\d\d(?:\.\w+)*|6\.\d+(?:-\d+)?)\b", output)
+    if not found:
+        raise SolverError(f"{program}: information=release names no release: is it ABAQUS?")
+    return found.group(1)

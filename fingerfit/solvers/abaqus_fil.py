@@ -1,0 +1,144 @@
+"""Reader of ABAQUS's results file in ASCII (``*FILE FORMAT, ASCII``).
+
+The file is a stream of records cut into lines of 80 characters: ``*`` and then items, each led by its type (``I`` with
+two characters of length and the digits, ``D`` with 22 characters, ``A`` with 8). The first two items of a record are
+its number of items and its key (ABAQUS Analysis User's Guide, 5.1.2 "Results file output format").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.errors import InputError
+
+Item = int | float | str
+
+_ELEMENT, _NODE, _STEP_START, _STEP_END = 1900, 1901, 2000, 2001
+_NODAL = {101: "U", 104: "RF", 106: "CF", 107: "COORD"}
+
+
+@dataclass
+class FilIncrement:
+    """Results of one increment.
+
+    Parameters
+    ----------
+    step, increment : int
+        Their numbers, from 1.
+    time : float
+        Total time.
+    nodal : dict
+        By name (``U``, ``RF``, ``CF``, ``COORD``): node label to values, shape (components,), mm or N.
+    """
+
+    step: int
+    increment: int
+    time: float
+    nodal: dict[str, dict[int, np.ndarray]] = field(default_factory=dict)
+
+
+@dataclass
+class FilResults:
+    """What a results file says.
+
+    Parameters
+    ----------
+    nodes : dict
+        Node label to reference position, mm.
+    elements : dict
+        Element label to its type and node labels.
+    increments : list of FilIncrement
+        In the order of the file; those that were not finished are left out.
+    """
+
+    nodes: dict[int, np.ndarray]
+    elements: dict[int, tuple[str, tuple[int, ...]]]
+    increments: list[FilIncrement]
+
+    def last(self) -> list[FilIncrement]:
+        """The last increment of each step."""
+        found = {increment.step: increment for increment in self.increments}
+        return [found[step] for step in sorted(found)]
+
+
+def records(path: Path) -> Iterator[list[Item]]:
+    """Records of a results file, each as key and items.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing or is not such a file, with the record.
+    """
+    try:
+        text = "".join(line.ljust(80) for line in Path(path).read_text(encoding="latin-1").splitlines())
+    except OSError as error:
+        raise InputError(path, "results file", error, "a readable .fil") from error
+    at, number = text.find("*"), 0
+    if at < 0 or text[:at].strip():
+        raise InputError(path, "results file", text[:20], "an ASCII .fil, which starts with a record")
+    while 0 <= at < len(text):
+        number += 1
+        try:
+            items, at = _record(text, at + 1)
+        except (ValueError, IndexError):
+            raise InputError(path, f"record {number}", text[at : at + 40], "items I, D or A to its length") from None
+        yield items
+        if text[at:].strip() == "":
+            return
+        at += len(text[at:]) - len(text[at:].lstrip())
+        if text[at] != "*":
+            raise InputError(path, f"record {number + 1}", text[at : at + 20], "* at the start of a record")
+
+
+def _record(text: str, at: int) -> tuple[list[Item], int]:
+    count, at = _item(text, at)
+    if not isinstance(count, int) or count < 2:
+        raise ValueError(count)
+    items: list[Item] = []
+    for _ in range(count - 1):
+        item, at = _item(text, at)
+        items.append(item)
+    return items, at
+
+
+def _item(text: str, at: int) -> tuple[Item, int]:
+    kind = text[at]
+    if kind == "I":
+        width = int(text[at + 1 : at + 3])
+        return int(text[at + 3 : at + 3 + width]), at + 3 + width
+    if kind == "D":
+        return float(text[at + 1 : at + 23].replace("D", "E")), at + 23
+    if kind == "A" and at + 9 <= len(text):
+        return text[at + 1 : at + 9], at + 9
+    raise ValueError(kind)
+
+
+def read_fil(path: Path) -> FilResults:
+    """Read nodes, elements and nodal results.
+
+    Raises
+    ------
+    InputError
+        When it is not an ASCII results file or ends within a record.
+    """
+    results = FilResults({}, {}, [])
+    current: FilIncrement | None = None
+    for items in records(Path(path)):
+        key, rest = items[0], items[1:]
+        if key == _NODE:
+            results.nodes[int(rest[0])] = np.array(rest[1:], dtype=float)
+        elif key == _ELEMENT:
+            nodes = tuple(int(item) for item in rest[2:])
+            results.elements[int(rest[0])] = (str(rest[1]).strip(), nodes)
+        elif key == _STEP_START:
+            current = FilIncrement(int(rest[5]), int(rest[6]), float(rest[0]))
+        elif key == _STEP_END and current is not None:
+            results.increments.append(current)
+            current = None
+        elif key in _NODAL and current is not None:
+            current.nodal.setdefault(_NODAL[int(key)], {})[int(rest[0])] = np.array(rest[1:], dtype=float)
+    return results

@@ -1,0 +1,116 @@
+"""Going through the steps of a deck with the built-in solver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.deck.content import Deck, DeckStep
+from fingerfit.fem.newton import Increments, Load, Newton
+from fingerfit.fem.system import System
+from fingerfit.solvers.model import Model
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """End of a step.
+
+    Parameters
+    ----------
+    arrived : bool
+        Whether it was reached; else the rest is of the last equilibrium.
+    displacement, internal : ndarray, shape (nodes, dim)
+        mm, and N: the reaction where something is prescribed.
+    iterations : int
+    """
+
+    arrived: bool
+    displacement: np.ndarray
+    internal: np.ndarray
+    iterations: int
+
+
+def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepResult]:
+    """Solve a deck step by step, up to the first step that does not converge.
+
+    Raises
+    ------
+    InputError
+        For what does not fit together, before the first step.
+    """
+    model = Model(deck, path, averaged)
+    newton: Newton | None = None
+    for step in deck.steps:
+        prescribed = np.zeros(model.size, dtype=bool)
+        for node, axis in step.displacement:
+            dof = model.dof(node, axis)
+            if dof >= 0:
+                prescribed[dof] = True
+        if newton is None:
+            newton = _start(model.system(prescribed), bool(deck.initial))
+        elif not np.array_equal(prescribed, newton.system.prescribed):
+            newton.change(model.system(prescribed))
+        with np.errstate(all="ignore"):
+            arrived, used = newton.advance(_path(model, step, newton), _increments(deck, step))
+        shape, nodal = deck.mesh.points.shape, model.nodal
+        state = newton.state
+        yield StepResult(arrived, state.u[:nodal].reshape(shape), state.internal[:nodal].reshape(shape), used)
+        if not arrived:
+            return
+
+
+def _start(system: System, stressed: bool) -> Newton:
+    """At rest; with initial stresses, their forces are what residuals are measured by."""
+    evaluation = system.evaluate(np.zeros(system.size), tangent=False) if stressed else None
+    return Newton(system, 0.0 if evaluation is None else float(np.abs(evaluation.internal).max()))
+
+
+def _increments(deck: Deck, step: DeckStep) -> Increments:
+    times = {time for name in step.curve.values() for time in deck.amplitudes[name][0]}
+    stops = tuple(sorted(t / step.period for t in times if 0 < t < step.period))
+    return Increments(step.increment, step.largest, step.fixed, step.period, step.viscous, step.relaxed, stops)
+
+
+def _path(model: Model, step: DeckStep, newton: Newton) -> Callable[[float], Load]:
+    """Load as a function of the share of the step; pressures are set on the way."""
+    start = Load(newton.load.given.copy(), newton.load.force.copy())
+    amplitudes = model.deck.amplitudes
+    dead = start.force if model.finite else np.zeros(model.size)
+    ends = []
+    for kind, values, before in (("U", step.displacement, start.given), ("F", step.force, dead)):
+        end, factors = np.zeros(model.size), []
+        for (node, axis), value in values.items():
+            dof = model.dof(node, axis)
+            if dof < 0:
+                continue
+            end[dof] = value
+            name = step.curve.get((kind, (node, axis)))
+            if name is not None:
+                factors.append((dof, *amplitudes[name]))
+        ends.append((before, end, factors))
+    from_pressure = [term.value.copy() for term, _ in model.pressures]
+    to_pressure = [np.array([step.pressure.get(key, 0.0) for key in keys]) for _, keys in model.pressures]
+    ramp = not step.sudden
+
+    def load(share: float) -> Load:
+        part = share if ramp else 1.0
+        found = []
+        for before, end, factors in ends:
+            now = before + part * (end - before) if part < 1.0 else end.copy()
+            for dof, times, values in factors:
+                now[dof] = end[dof] * np.interp(share * step.period, times, values)
+            found.append(now)
+        for (term, keys), first, last in zip(model.pressures, from_pressure, to_pressure, strict=True):
+            term.value = first + part * (last - first)
+            for n, key in enumerate(keys):
+                name = step.curve.get(("P", key))
+                if name is not None:
+                    term.value[n] = last[n] * np.interp(share * step.period, *amplitudes[name])
+            if not model.finite:
+                found[1] = found[1] - term.forces(np.zeros(model.size)).force
+        return Load(found[0], found[1])
+
+    return load

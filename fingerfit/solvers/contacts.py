@@ -1,0 +1,114 @@
+"""Contact pairs of a deck as terms of the built-in solver."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fingerfit.deck.content import Law, Surface
+from fingerfit.errors import InputError
+from fingerfit.fem.contact import Interaction, RigidContact
+from fingerfit.fem.faces import collect_faces, sample_faces
+from fingerfit.fem.surfaces import Plane, RigidSurface, Round
+
+if TYPE_CHECKING:
+    from fingerfit.solvers.model import Model
+
+
+def add_contacts(model: Model) -> None:
+    """Add a term for each contact pair."""
+    from scipy.sparse import csr_matrix
+
+    deck, points = model.deck, model.deck.mesh.points
+    if not model.finite:
+        raise InputError(model.path, "*CONTACT PAIR", "no NLGEOM", "*STEP, NLGEOM")
+    for pair in deck.contacts:
+        owner = next((body for body in deck.rigid if body.surface == pair.master), None)
+        if owner is None:
+            raise InputError(
+                model.path, "*CONTACT PAIR", pair.master, "an analytical surface of a *RIGID BODY as master"
+            )
+        nodes = model.nodes_of(pair.slave)
+        faces = model.faces(pair.slave)
+        behind = np.unique(np.concatenate([nodes, *(connectivity for _, connectivity, _, _ in faces)]))
+        surface = rigid_surface(deck.surfaces[pair.master], points[behind])
+        if surface is None:
+            expected = "a line, a circle or their sweep: a plane, a cylinder or a sphere on its axis"
+            raise InputError(model.path, f"*SURFACE {pair.master}", "another profile", expected)
+        if faces:
+            sampling, areas = sample_faces(collect_faces(points, faces), points, pair.at_nodes)
+        else:
+            shape = (len(nodes), len(points))
+            sampling = csr_matrix((np.ones(len(nodes)), (np.arange(len(nodes)), nodes)), shape=shape)
+            areas = np.ones(len(nodes))
+        held = [{key for key in step.displacement if key[0] == owner.reference} for step in deck.steps]
+        driven = any(len({axis for _, axis in keys if axis < model.dim}) < model.dim for keys in held)
+        law = _interaction(model, pair.interaction, deck.laws[pair.interaction])
+        model.terms.append(RigidContact(sampling, areas, points, surface, owner.reference, law, driven))
+
+
+def _interaction(model: Model, name: str, law: Law) -> Interaction:
+    where = f"*SURFACE INTERACTION {name}"
+    if law.stiffness == 0:
+        raise InputError(model.path, where, "no stiffness", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR")
+    stick = law.stick or law.stiffness
+    if law.rough and not law.separates:
+        return Interaction(law.stiffness, stick=stick, glued=True)
+    if not law.separates:
+        raise InputError(model.path, where, "NO SEPARATION alone", "*FRICTION, ROUGH with it: glued")
+    if law.rough:
+        return Interaction(law.stiffness, friction=1e9, stick=stick)
+    return Interaction(law.stiffness, law.friction, stick if law.friction else 0.0)
+
+
+def rigid_surface(surface: Surface, slaves: np.ndarray) -> RigidSurface | None:
+    """Geometry of an analytical surface, without the ends of its profile; the body's side is where its slaves are.
+
+    Parameters
+    ----------
+    surface : Surface
+        With a profile of one LINE or CIRCL.
+    slaves : ndarray, shape (nodes, dim)
+        Positions of the nodes of slave elements, mm.
+
+    Returns
+    -------
+    RigidSurface or None
+        None for a shape that is not known.
+    """
+    dim = slaves.shape[1]
+    if (surface.kind == "SEGMENTS") != (dim == 2):
+        return None
+    axes, origin = surface.axes[:dim, :dim], surface.origin[:dim]
+    (_, start), (word, values) = surface.profile
+    first, last = np.array(start), np.array(values[:2])
+    if word == "LINE":
+        way = last - first
+        if surface.kind == "REVOLUTION":
+            if abs(way[0]) < 1e-9 * abs(way[1]):
+                return _facing_round(Round(origin, float(first[0]), 1, axes[2]), slaves)
+            if abs(way[1]) > 1e-9 * abs(way[0]):
+                return None
+            return _facing_plane(origin + first[1] * axes[2], axes[2], slaves)
+        normal = np.array([-way[1], way[0]]) / np.linalg.norm(way)
+        return _facing_plane(origin + first @ axes[:2], normal @ axes[:2], slaves)
+    centre, radius = np.array(values[2:]), float(np.linalg.norm(first - np.array(values[2:])))
+    if surface.kind == "REVOLUTION":
+        if abs(centre[0]) > 1e-9 * radius:
+            return None
+        return _facing_round(Round(origin + centre[1] * axes[2], radius), slaves)
+    along = axes[2] if dim == 3 else None
+    return _facing_round(Round(origin + centre @ axes[:2], radius, 1, along), slaves)
+
+
+def _facing_plane(point: np.ndarray, normal: np.ndarray, slaves: np.ndarray) -> Plane:
+    side = np.sign(((slaves - point) @ normal).mean()) or 1.0
+    return Plane(point, side * normal)
+
+
+def _facing_round(shape: Round, slaves: np.ndarray) -> Round:
+    gap = shape.gap(slaves)[0]
+    # most of a body lies well outside, or all of it inside
+    side = -1 if gap.max() <= 1e-9 * shape.radius else 1
+    return Round(shape.centre, shape.radius, side, shape.axis)

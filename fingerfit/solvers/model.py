@@ -1,0 +1,276 @@
+"""From a deck to elements, constraints and forces of the built-in solver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerfit.deck.content import Deck
+from fingerfit.errors import InputError
+from fingerfit.fem.assembly import Body
+from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, rule
+from fingerfit.fem.system import System
+from fingerfit.material.spread import spread, structure_of
+
+
+@dataclass(frozen=True)
+class Element:
+    """Where an element of a deck is: its type, nodes and section."""
+
+    kind: str
+    nodes: np.ndarray
+    section: int
+
+
+class Model:
+    """What a deck describes, ready to be solved.
+
+    Parameters
+    ----------
+    deck : Deck
+    path : Path
+        For messages.
+    averaged : bool
+        Whether linear quadrilaterals and bricks average the change of volume.
+
+    Raises
+    ------
+    InputError
+        For what does not fit together.
+    """
+
+    def __init__(self, deck: Deck, path: Path, averaged: bool = True) -> None:
+        self.deck, self.path, self.dim = deck, path, deck.mesh.dim
+        self.finite = deck.steps[0].finite
+        self.nodal = deck.mesh.points.size
+        self._extra: dict[tuple[int, int], int] = {}
+        self.ties: dict[int, list[tuple[int, float]]] = {}
+        self.rigid: list[Any] = []
+        self.bodies: list[Any] = []
+        self.terms: list[Any] = []
+        self.pressures: list[tuple[Any, list[tuple[int, int]]]] = []
+        self._section = self._sections()
+        self._add_rigid()
+        self.size = self.nodal + len(self._extra)
+        self._add_bodies(averaged)
+        self._add_ties()
+        self._add_forces()
+
+    def dof(self, node: int, axis: int) -> int:
+        """Degree of freedom of a node and axis; -1 where there is none."""
+        if axis < self.dim:
+            return node * self.dim + axis
+        return self._extra.get((node, axis), -1)
+
+    def system(self, prescribed: np.ndarray) -> System:
+        """Equations with some displacements prescribed."""
+        try:
+            return System(self.bodies, self.size, prescribed, self.ties, self.terms, self.rigid)
+        except ValueError as error:
+            name = self._name(int(error.args[0]) // self.dim)
+            raise InputError(
+                self.path, "*EQUATION", f"node {name} is tied twice or prescribed", "slaves that are free"
+            ) from None
+
+    def _name(self, node: int) -> str:
+        if node >= len(self.deck.labels):
+            return str(node + 1)
+        scope, label = self.deck.labels[node]
+        return f"{scope}.{label}" if scope else str(label)
+
+    def _sections(self) -> np.ndarray:
+        mesh = self.deck.mesh
+        found = np.full(mesh.element_count, -1)
+        for number, section in enumerate(self.deck.sections):
+            found[mesh.element_sets[section.elset]] = number
+        rigid = [element for body in self.deck.rigid for element in body.elements]
+        found[rigid] = -2
+        if (found == -1).any():
+            raise InputError(self.path, "*SOLID SECTION", "elements without section", "a section for every element")
+        return found
+
+    def material(self, section: int) -> Any:
+        """Material of a section, its fibres in global directions."""
+        given = self.deck.sections[section]
+        material = self.deck.materials[given.material]
+        if not self.finite and (type(material).__name__ != "Elastic" or material.prony is not None):
+            raise InputError(self.path, "*STEP", "no NLGEOM", "NLGEOM: only *ELASTIC is for small strain")
+        if hasattr(material, "directions") and given.orientation:
+            local = self.deck.orientations[given.orientation]
+            vectors = np.array(local.directions or material.directions) @ local.axes
+            material = replace(material, directions=tuple(map(tuple, vectors.tolist())))
+        return material
+
+    def elements(self) -> Iterator[Element]:
+        """All elements in order."""
+        number = 0
+        for block in self.deck.mesh.blocks:
+            for nodes in block.nodes:
+                yield Element(block.element, nodes, int(self._section[number]))
+                number += 1
+
+    def _add_bodies(self, averaged: bool) -> None:
+        deck, first = self.deck, 0
+        materials = {n: self.material(int(n)) for n in np.unique(self._section) if n >= 0}
+        kinds = {n: structure_of(material) for n, material in materials.items()}
+        for block in deck.mesh.blocks:
+            section = self._section[first : first + len(block.nodes)]
+            numbers = np.arange(first, first + len(block.nodes))
+            first += len(block.nodes)
+            for kind in dict.fromkeys(kinds[n] for n in section if n >= 0):
+                chosen = np.isin(section, [n for n in kinds if kinds[n] == kind])
+                self._add_body(
+                    block.element, block.nodes[chosen], section[chosen], numbers[chosen], materials, averaged
+                )
+
+    def _add_body(
+        self,
+        element: str,
+        nodes: np.ndarray,
+        section: np.ndarray,
+        numbers: np.ndarray,
+        materials: dict[int, Any],
+        averaged: bool,
+    ) -> None:
+        gauss = len(rule(element)[1])
+        everywhere = spread([materials[s] for s in section], [gauss] * len(section))
+        thickness = np.array([self.deck.sections[s].thickness for s in section])
+        initial = None
+        if any(int(number) in self.deck.initial for number in numbers):
+            zero = [0.0] * 6
+            values = np.array([self.deck.initial.get(int(number), zero) for number in numbers])
+            initial = values[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        try:
+            points = self.deck.mesh.points
+            body = Body(element, points, nodes, everywhere, thickness, initial, averaged)
+        except ValueError as error:
+            raise InputError(self.path, "*ELEMENT", error, "elements with positive Jacobian") from error
+        term = None
+        if ELEMENTS[element].nodal:
+            from fingerfit.fem.volume import AveragedVolume
+
+            term = AveragedVolume(body, section, materials)
+        if self.finite:
+            self.bodies.append(body)
+            self.terms += [term] if term else []
+        else:
+            from fingerfit.fem.linear import LinearBody, LinearTerm
+
+            self.bodies.append(LinearBody(body))
+            self.terms += [LinearTerm(term, self.size)] if term else []
+
+    def _add_rigid(self) -> None:
+        axes = (5,) if self.dim == 2 else (3, 4, 5)
+        still = self._never_turned()
+        for body in self.deck.rigid:
+            nodes = np.array(body.nodes, dtype=int)
+            if not len(nodes):
+                continue
+            if body.rotation >= 0:
+                keys = [(body.rotation, 2)] if self.dim == 2 else [(body.rotation, axis) for axis in range(3)]
+            else:
+                keys = [(body.reference, axis) for axis in axes]
+            if all(key in still for key in keys):
+                for node in nodes:
+                    for axis in range(self.dim):
+                        self._tie(int(node) * self.dim + axis, [(body.reference * self.dim + axis, 1.0)])
+                continue
+            dofs = []
+            for node, axis in keys:
+                if axis >= self.dim:
+                    self._extra.setdefault((node, axis), self.nodal + len(self._extra))
+                dofs.append(self.dof(node, axis))
+            from fingerfit.fem.rigid import RigidBody
+
+            self.rigid.append(RigidBody(nodes, body.reference, np.array(dofs), self.deck.mesh.points))
+
+    def _never_turned(self) -> set[tuple[int, int]]:
+        """Nodes and axes that are held at 0 in all steps."""
+        steps = [step.displacement for step in self.deck.steps]
+        return {key for key in steps[0] if all(step.get(key) == 0.0 for step in steps)}
+
+    def _tie(self, slave: int, masters: list[tuple[int, float]]) -> None:
+        if slave in self.ties:
+            name = self._name(slave // self.dim)
+            raise InputError(self.path, "*EQUATION", f"node {name} is tied twice or prescribed", "slaves that are free")
+        self.ties[slave] = masters
+
+    def _add_ties(self) -> None:
+        for terms in self.deck.equations:
+            for node, axis, _ in terms:
+                if self.dof(node, axis) < 0:
+                    raise InputError(self.path, "*EQUATION", f"axis {axis + 1}", f"axes 1 to {self.dim}")
+            (slave, axis, factor), *others = terms
+            masters = [(self.dof(n, a), -f / factor) for n, a, f in others]
+            self._tie(self.dof(slave, axis), masters)
+        for tie in self.deck.ties:
+            from fingerfit.fem.faces import collect_faces
+            from fingerfit.fem.ties import tie_nodes
+
+            points = self.deck.mesh.points
+            masters_of = collect_faces(points, self.faces(tie.master))
+            if not masters_of:
+                raise InputError(self.path, "*TIE", tie.master, "a master surface of elements")
+            for node, weights in tie_nodes(self.nodes_of(tie.slave), masters_of, points, tie.tolerance).items():
+                for axis in range(self.dim):
+                    self._tie(node * self.dim + axis, [(n * self.dim + axis, w) for n, w in weights])
+
+    def faces(self, surface: str) -> list[tuple[str, np.ndarray, int, float]]:
+        """Faces of a surface as `fingerfit.fem.faces.collect_faces` takes them."""
+        return self._described(self.deck.surfaces[surface].faces)
+
+    def _described(self, faces: list[tuple[int, int]]) -> list[tuple[str, np.ndarray, int, float]]:
+        elements = list(self.elements()) if faces else []
+        found = []
+        for number, face in faces:
+            element = elements[number]
+            thickness = 1.0
+            if ELEMENTS[element.kind].state == AXISYMMETRIC:
+                thickness = 0.0
+            elif self.dim == 2:
+                thickness = self.deck.sections[element.section].thickness
+            found.append((element.kind, element.nodes, face, thickness))
+        return found
+
+    def nodes_of(self, surface: str) -> np.ndarray:
+        """Nodes of a surface."""
+        from fingerfit.fem.faces import faces_of
+
+        nodes = list(self.deck.surfaces[surface].nodes)
+        for kind, connectivity, face, _ in self.faces(surface):
+            nodes += connectivity[list(faces_of(kind)[face])].tolist()
+        return np.unique(np.array(nodes, dtype=int))
+
+    def _add_forces(self) -> None:
+        deck, points = self.deck, self.deck.mesh.points
+        if deck.springs:
+            from fingerfit.fem.forces import Springs
+
+            ends = [(s.first, s.second or (0, -1)) for s in deck.springs]
+            first = np.array([self.dof(*a) for a, _ in ends])
+            second = np.array([self.dof(*b) if b[1] >= 0 else -1 for _, b in ends])
+            if (first < 0).any():
+                raise InputError(self.path, "*SPRING", "an axis that is not there", f"axes 1 to {self.dim}")
+            self.terms.append(Springs(first, second, np.array([s.stiffness for s in deck.springs])))
+        loaded = list(dict.fromkeys(face for step in deck.steps for face in step.pressure))
+        if loaded:
+            from fingerfit.fem.faces import collect_faces
+            from fingerfit.fem.forces import Pressure
+
+            sizes: dict[int, list[tuple[int, int]]] = {}
+            for key, described in zip(loaded, self._described(loaded), strict=True):
+                only = collect_faces(points, [described])[0]
+                sizes.setdefault(only.nodes.shape[1], []).append(key)
+            for keys in sizes.values():
+                term = Pressure(collect_faces(points, self._described(keys))[0], points, self.size)
+                self.pressures.append((term, keys))
+                if self.finite:
+                    self.terms.append(term)
+        if deck.contacts:
+            from fingerfit.solvers.contacts import add_contacts
+
+            add_contacts(self)

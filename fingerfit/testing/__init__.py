@@ -1,0 +1,1 @@
+"""Conformance suites that adapters of other packages subclass in their own tests."""

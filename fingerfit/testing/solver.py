@@ -1,0 +1,260 @@
+"""What every solver adapter must do, as tests to subclass.
+
+An adapter's own tests are three lines::
+
+    class TestMySolver(SolverConformance):
+        def make(self):
+            return MySolver()
+
+and, for one that runs an external program, `ExternalSolverConformance` with two methods more.
+"""
+
+from __future__ import annotations
+
+import json
+import stat
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerfit.deck.reader import read_deck
+from fingerfit.errors import FingerfitError, InputError, SolverError
+from fingerfit.fem.elements import ELEMENTS
+from fingerfit.material.ogden import Ogden
+from fingerfit.mesh_io import format_mesh
+from fingerfit.meshing import brick, layered_block
+from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome, Solver
+
+MATERIAL = Ogden((0.03,), (1.4,), (0.7,))
+SIZE, DEPTH = 10.0, 2.0
+"""Side of the block and thickness, mm."""
+
+
+def write_block(
+    folder: Path, control: str, values: list[float], element: str = "CPE8", glued: bool = True, cells: int = 3
+) -> Path:
+    """Write a deck: a block of one layer on a base, pressed by a flat indenter.
+
+    Parameters
+    ----------
+    folder : Path
+        Where deck.inp and its mesh go.
+    control : str
+        ``force`` (N) or ``displacement`` (mm), with a value for each step.
+    element : str
+        In the plane or in space.
+    glued : bool
+        Whether the body sticks to base and indenter; else it slides and its deformation is homogeneous.
+    cells : int
+        Elements along each side.
+    """
+    if ELEMENTS[element].dim == 3:
+        mesh = brick((SIZE, SIZE, SIZE), (cells,) * 3, "ALL_LAYERS", element)
+    else:
+        mesh = layered_block(SIZE, [("ALL_LAYERS", SIZE)], cells, cells, element)
+    dim, indenter = mesh.dim, int(mesh.node_sets["INDENTER"][0]) + 1
+    lines = ["*HEADING", "conformance", "*INCLUDE, INPUT=block.inp", "*MATERIAL, NAME=M", "*HYPERELASTIC, OGDEN, N=1"]
+    lines += [f"{MATERIAL.mu[0]}, {MATERIAL.alpha[0]}, {MATERIAL.d[0]}"]
+    lines += ["*SOLID SECTION, ELSET=ALL_LAYERS, MATERIAL=M"] + ([f"{DEPTH}"] if dim == 2 else [])
+    lines += ["*BOUNDARY", f"BOTTOM, {dim}, {dim}"]
+    if glued:
+        lines += [f"BOTTOM, 1, {dim - 1}", f"TOP, 1, {dim - 1}"]
+    else:
+        lines += ["MIDDLE, 1, 1"] if dim == 2 else ["X0, 1, 1", "Y0, 2, 2"]
+    lines += ["*EQUATION"]
+    for node in mesh.node_sets["TOP"] + 1:
+        if node != indenter:
+            lines += ["2", f"{node}, {dim}, 1., {indenter}, {dim}, -1."]
+    for value in values:
+        lines += ["*STEP, NLGEOM, INC=1000", "*STATIC", "0.5, 1., 1e-5, 1."]
+        lines += ["*CLOAD" if control == "force" else "*BOUNDARY"]
+        lines += [f"INDENTER, {dim}, " + ("" if control == "force" else f"{dim}, ") + repr(-float(value))]
+        lines += ["*NODE PRINT, NSET=ALL, FREQUENCY=1000", "U", "*NODE PRINT, NSET=BOTTOM, FREQUENCY=1000", "RF"]
+        lines += ["*END STEP"]
+    (folder / "block.inp").write_text(format_mesh(mesh))
+    (folder / "deck.inp").write_text("\n".join(lines) + "\n")
+    return folder / "deck.inp"
+
+
+def homogeneous_force(stretch: float, dim: int) -> tuple[float, float]:
+    """Force in N on the sliding block and lateral stretch, in closed form by bisection."""
+    low, high = 0.5, 2.0
+    for _ in range(200):
+        wide = (low + high) / 2
+        stretches = np.array([stretch, wide, wide if dim == 3 else 1.0])
+        low, high = (low, wide) if MATERIAL.derivatives(stretches)[0][1] > 0 else (wide, high)
+    area = SIZE * (SIZE if dim == 3 else DEPTH)
+    return float(MATERIAL.derivatives(stretches)[0][0] / stretch * area), wide
+
+
+class SolverConformance:
+    """Tests of the contract `fingerfit.solvers.contract.Solver`; subclass and give `make`."""
+
+    tolerance = 1e-5
+    """Relative agreement with closed forms and between ways of control: digits the program writes."""
+
+    def make(self) -> Solver:
+        """The solver under test; may call `pytest.skip` where it is not installed."""
+        raise NotImplementedError
+
+    @pytest.fixture
+    def solver(self) -> Solver:
+        return self.make()
+
+    def elements(self, solver: Solver) -> list[str]:
+        """Elements that are tried: those of the plane and of space that the solver declares."""
+        wanted = ("CPE4", "CPE6", "CPE8", "CPE8R", "C3D8")
+        return [element for element in wanted if element in solver.capabilities.elements]
+
+    def test_it_says_what_it_is(self, solver: Solver) -> None:
+        identity = solver.identity()
+        assert identity["name"] == solver.name
+        assert identity["version"]
+        assert json.loads(json.dumps(identity)) == identity == self.make().identity()
+
+    def test_it_declares_known_things(self, solver: Solver) -> None:
+        assert solver.capabilities.elements
+        assert solver.capabilities.elements <= set(ELEMENTS)
+        assert solver.capabilities.control <= {"force", "displacement"}
+        assert self.elements(solver)
+
+    def test_it_accepts_what_it_declares(self, solver: Solver, tmp_path: Path) -> None:
+        for element in self.elements(solver):
+            solver.check(write_block(tmp_path, "displacement", [1.0], element))
+
+    def test_it_refuses_before_a_run(self, solver: Solver, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [1.0], self.elements(solver)[0])
+        text = deck.read_text()
+        deck.write_text(text.replace("*SOLID SECTION", "*SOLID SEKTION"))
+        with pytest.raises(InputError, match=r"deck\.inp: line \d+"):
+            solver.check(deck)
+        for lacking in sorted(set(ELEMENTS) - solver.capabilities.elements)[:3]:
+            block = write_block(tmp_path, "displacement", [1.0], lacking)
+            with pytest.raises(InputError, match=lacking):
+                solver.check(block)
+
+    def test_shapes_and_boundary_conditions(self, solver: Solver, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [0.5, 1.0])
+        mesh = read_deck(deck).mesh
+        outcome = solver.solve(deck, tmp_path)
+        assert outcome.status == CONVERGED
+        assert outcome.steps == 2
+        assert outcome.displacement.shape == (2, len(mesh.points), 2)
+        assert outcome.reaction.shape == outcome.indenter.shape == (2, 2)
+        assert outcome.indenter[:, 1] == pytest.approx([-0.5, -1.0], rel=self.tolerance)
+        assert np.abs(outcome.displacement[:, mesh.node_sets["BOTTOM"]]).max() < 1e-12
+        assert outcome.displacement[:, mesh.node_sets["TOP"], 1] == pytest.approx(
+            outcome.indenter[:, 1:] * np.ones(len(mesh.node_sets["TOP"])), rel=self.tolerance
+        )
+        assert (outcome.reaction[:, 1] < 0).all()
+        outcome.save(tmp_path / "solution.npz")
+        again = Outcome.load(tmp_path / "solution.npz")
+        assert np.array_equal(again.displacement, outcome.displacement)
+
+    def test_homogeneous_compression(self, solver: Solver, tmp_path: Path) -> None:
+        for element in self.elements(solver):
+            dim = ELEMENTS[element].dim
+            outcome = solver.solve(write_block(tmp_path, "displacement", [1.0, 3.0], element, False), tmp_path)
+            assert outcome.status == CONVERGED, element
+            for step, depth in enumerate((1.0, 3.0)):
+                force, wide = homogeneous_force(1 - depth / SIZE, dim)
+                assert outcome.reaction[step, -1] == pytest.approx(force, rel=self.tolerance), element
+                width = np.ptp(outcome.displacement[step, :, 0])
+                assert width == pytest.approx((wide - 1) * SIZE, rel=self.tolerance), element
+
+    def test_force_and_displacement_control_agree(self, solver: Solver, tmp_path: Path) -> None:
+        if solver.capabilities.control != {"force", "displacement"}:
+            pytest.skip("has one kind of control only")
+        moved = solver.solve(write_block(tmp_path, "displacement", [0.7, 1.5]), tmp_path)
+        pushed = solver.solve(write_block(tmp_path, "force", (-moved.reaction[:, 1]).tolist()), tmp_path)
+        assert pushed.indenter[:, 1] == pytest.approx([-0.7, -1.5], rel=10 * self.tolerance)
+        assert pushed.displacement == pytest.approx(moved.displacement, abs=15 * self.tolerance)
+
+    def test_it_agrees_with_the_built_in_solver(self, solver: Solver, tmp_path: Path) -> None:
+        from fingerfit.solvers.builtin import BuiltinSolver
+
+        deck = write_block(tmp_path, "displacement", [1.0, 2.0])
+        theirs, ours = solver.solve(deck, tmp_path), BuiltinSolver().solve(deck, tmp_path)
+        assert theirs.displacement == pytest.approx(ours.displacement, abs=2 * 10 * self.tolerance)
+        assert theirs.reaction[:, 1] == pytest.approx(ours.reaction[:, 1], rel=10 * self.tolerance)
+
+    def test_the_same_deck_has_the_same_answer(self, solver: Solver, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [1.0])
+        first, second = solver.solve(deck, tmp_path), solver.solve(deck, tmp_path)
+        assert np.array_equal(first.displacement, second.displacement)
+        assert np.array_equal(first.reaction, second.reaction)
+        parallel = solver.solve(deck, tmp_path, threads=2)
+        assert parallel.displacement == pytest.approx(first.displacement, abs=10 * self.tolerance)
+        assert parallel.reaction == pytest.approx(first.reaction, abs=10 * self.tolerance)
+
+    def test_a_hopeless_guess_is_an_answer(self, solver: Solver, tmp_path: Path) -> None:
+        outcome = solver.solve(write_block(tmp_path, "force", [0.5, 5000.0]), tmp_path)
+        assert outcome.status == DIVERGED
+        assert outcome.steps == 1
+        assert "step 2" in outcome.message
+
+    def test_it_leaves_nothing_behind(self, solver: Solver, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [1.0])
+        work = tmp_path / "work"
+        work.mkdir()
+        here = sorted(Path.cwd().iterdir())
+        solver.solve(deck, work)
+        assert not list(work.iterdir())
+        assert sorted(Path.cwd().iterdir()) == here
+
+    def test_a_missing_deck_is_an_error(self, solver: Solver, tmp_path: Path) -> None:
+        with pytest.raises(FingerfitError):
+            solver.solve(tmp_path / "none.inp", tmp_path)
+
+
+class ExternalSolverConformance(SolverConformance):
+    """For adapters that run a program: one that is missing, hangs or fails is an error in one line."""
+
+    def make_with(self, program: str, time_limit: float) -> Solver:
+        """The adapter with another program in place of its own, and a time limit in s."""
+        raise NotImplementedError
+
+    def test_a_missing_program_is_an_error(self, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [1.0])
+        solver = self.make_with(str(tmp_path / "no-such-program"), 5.0)
+        for action in (solver.identity, lambda: solver.check(deck), lambda: solver.solve(deck, tmp_path)):
+            with pytest.raises(SolverError) as caught:
+                action()
+            assert "no-such-program" in str(caught.value)
+            assert "\n" not in str(caught.value)
+
+    def test_a_program_that_hangs_is_ended_with_its_children(self, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [1.0])
+        pids = tmp_path / "pids"
+        solver = self.make_with(self._script(tmp_path, f"sleep 600 &\necho $$ $! > {pids}\nwait\n"), 1.0)
+        start = time.monotonic()
+        with pytest.raises(SolverError, match="not finished after 1 s") as caught:
+            solver.solve(deck, tmp_path)
+        assert "\n" not in str(caught.value)
+        assert time.monotonic() - start < 10
+        time.sleep(0.2)
+        for pid in pids.read_text().split():
+            assert not _runs(int(pid)), f"process {pid} is left"
+
+    def test_a_program_that_fails_is_an_error(self, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [1.0])
+        solver = self.make_with(self._script(tmp_path, "echo no; exit 3\n"), 30.0)
+        with pytest.raises(SolverError, match="exit code 3"):
+            solver.solve(deck, tmp_path)
+
+    @staticmethod
+    def _script(folder: Path, body: str) -> str:
+        path = folder / "program"
+        path.write_text("#!/bin/sh\n" + body)
+        path.chmod(path.stat().st_mode | stat.S_IXUSR)
+        return str(path)
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process is there and not a zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False

@@ -1,0 +1,49 @@
+"""Elements and materials against CalculiX on the same decks, glued blocks in compression.
+
+Linear quadrilaterals and bricks are integrated fully for this, as CalculiX does. Axisymmetric and plane stress
+elements are thin wedges and plates there, a difference of their own.
+"""
+
+import numpy as np
+import pytest
+
+from fingerfit.solvers.builtin import BuiltinSolver
+from fingerfit.solvers.calculix import CalculixSolver
+from fingerfit.solvers.contract import CONVERGED
+from fingerfit.testing.solver import write_block
+
+MATERIALS = {
+    "ogden": "*HYPERELASTIC, OGDEN, N=1\n0.03, 1.4, 0.7",
+    "ogden2": "*HYPERELASTIC, OGDEN, N=2\n0.02, 1.4, 0.01, -2., 0.7, 0.9",
+    "neo hooke": "*HYPERELASTIC, NEO HOOKE\n0.015, 0.7",
+    "mooney-rivlin": "*HYPERELASTIC, MOONEY-RIVLIN\n0.01, 0.005, 0.7",
+    "yeoh": "*HYPERELASTIC, YEOH\n0.015, 0.002, 0.0003, 0.7, 0.7, 0.7",
+    "elastic": "*ELASTIC\n0.08, 0.4",
+}
+ELEMENTS = ["CPE3", "CPE4", "CPE6", "CPE8", "CPE8R", "C3D4", "C3D8", "C3D10", "C3D20", "C3D20R"]
+EXACT = 2e-7  # seven digits in its .dat, 1 mm of indentation
+CASES = {
+    **{(element, "ogden"): EXACT for element in ELEMENTS},
+    **{("C3D20R", material): EXACT for material in MATERIALS},
+    ("CPE8", "elastic"): EXACT,
+    ("C3D10", "elastic"): EXACT,
+    **{(element, "ogden"): 3e-4 for element in ("CAX3", "CAX4", "CAX6", "CAX8", "CAX8R")},
+    **{(element, "elastic"): 1e-3 for element in ("CPS4", "CPS8", "CPS8R")},
+    **{(element, "elastic"): 4e-3 for element in ("CPS3", "CPS6")},
+}
+
+
+@pytest.mark.parametrize("element, material", CASES, ids=lambda name: name)
+def test_agrees(tmp_path, needs_ccx, element, material):
+    deck = write_block(tmp_path, "displacement", [0.5, 1.0], element, cells=2)
+    text = deck.read_text()
+    start, end = text.index("*HYPERELASTIC"), text.index("*SOLID SECTION")
+    deck.write_text(text[:start] + MATERIALS[material] + "\n" + text[end:])
+    ours, theirs = BuiltinSolver(averaged=False).solve(deck, tmp_path), CalculixSolver().solve(deck, tmp_path)
+    assert ours.status == theirs.status == CONVERGED
+    assert np.abs(ours.displacement - theirs.displacement).max() < CASES[element, material]
+    # a wedge of 2 degrees carries 1/180 of the force
+    share = 180 if element.startswith("CAX") else 1
+    assert share * theirs.reaction[:, -1] == pytest.approx(
+        ours.reaction[:, -1], rel=max(1e-6, CASES[element, material])
+    )

@@ -1,0 +1,312 @@
+"""Contact with rigid surfaces: consistency, patch test, Hertz, friction, glued, force and displacement control."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+
+from fingerfit.deck.reader import read_deck
+from fingerfit.errors import InputError
+from fingerfit.fem.contact import Interaction, RigidContact
+from fingerfit.fem.faces import faces_of
+from fingerfit.fem.surfaces import Plane, Round
+from fingerfit.mesh import Mesh
+from fingerfit.mesh_io import format_mesh
+from fingerfit.meshing import brick, layered_block
+from fingerfit.solvers.analysis import run_steps
+
+AXIS = np.array([0.6, 0.0, 0.8])
+SURFACES = {
+    "plane": Plane(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.6, 0.8])),
+    "sphere": Round(np.array([0.1, 0.2, -1.0]), 1.5),
+    "inside a sphere": Round(np.array([0.1, 0.2, 0.3]), 1.0, -1),
+    "cylinder": Round(np.array([0.1, 0.2, -1.0]), 1.5, 1, AXIS),
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_normals_and_curvatures_are_derivatives(name, rng):
+    surface, x, h = SURFACES[name], rng.normal(size=(5, 3)), 1e-6
+    _, normal, slope = surface.gap(x)
+    for axis in range(3):
+        step = np.eye(3)[axis] * h
+        assert normal[:, axis] == pytest.approx(
+            (surface.gap(x + step)[0] - surface.gap(x - step)[0]) / (2 * h), abs=1e-8
+        )
+        change = (surface.gap(x + step)[1] - surface.gap(x - step)[1]) / (2 * h)
+        assert slope[:, :, axis] == pytest.approx(change, abs=1e-7)
+
+
+@pytest.mark.parametrize("law", [Interaction(5.0), Interaction(5.0, glued=True, stick=3.0)], ids=["free", "glued"])
+@pytest.mark.parametrize("name", SURFACES)
+def test_forces_are_derivatives_of_the_energy(name, law, rng):
+    points = np.vstack([rng.normal(size=(6, 3)), [[0.0, 0.0, 0.0]]])
+    sampling = csr_matrix((np.ones(6), (np.arange(6), np.arange(6))), shape=(6, 7))
+    contact = RigidContact(sampling, np.full(6, 0.7), points, SURFACES[name], 6, law)
+    u, h = 0.1 * rng.normal(size=21), 1e-6
+    found = contact.forces(u)
+    stiffness = np.zeros((21, 21))
+    np.add.at(stiffness, (found.rows, found.columns), found.values)
+    assert np.abs(found.force).max() > 0.1
+    assert found.force.reshape(-1, 3).sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-13)
+    for dof in range(21):
+        step = np.eye(21)[dof] * h
+        if not (law.glued and name != "plane"):  # the turn of the tangent plane has no energy
+            slope = (contact.energy(u + step) - contact.energy(u - step)) / (2 * h)
+            assert found.force[dof] == pytest.approx(slope, abs=1e-7)
+            change = (contact.forces(u + step).force - contact.forces(u - step).force) / (2 * h)
+            assert stiffness[:, dof] == pytest.approx(change, abs=1e-6)
+
+
+@pytest.mark.parametrize("friction", [0.1, 10.0], ids=["slips", "sticks"])
+def test_tangent_of_friction(friction, rng):
+    points = np.vstack([rng.normal(size=(6, 3)), [[0.0, 0.0, 0.0]]])
+    sampling = csr_matrix((np.ones(6), (np.arange(6), np.arange(6))), shape=(6, 7))
+    law = Interaction(5.0, friction, 50.0 if friction < 1 else 0.5)
+    contact = RigidContact(sampling, np.full(6, 0.7), points, SURFACES["plane"], 6, law)
+    first = 0.05 * rng.normal(size=21)
+    contact.commit(first, 0.0)
+    u, h = first + 0.05 * rng.normal(size=21), 1e-7
+    found = contact.forces(u)
+    stiffness = np.zeros((21, 21))
+    np.add.at(stiffness, (found.rows, found.columns), found.values)
+    for dof in range(21):
+        step = np.eye(21)[dof] * h
+        change = (contact.forces(u + step).force - contact.forces(u - step).force) / (2 * h)
+        # points that only meet the surface now slip by a share of their way, which the tangent takes as fixed
+        known = contact._open <= contact._tolerance
+        rows = np.concatenate([np.repeat(known, 3), np.zeros(3, dtype=bool)])
+        assert stiffness[rows, dof] == pytest.approx(change[rows], abs=2e-5)
+
+
+BLOCK = """*INCLUDE, INPUT=mesh.inp
+*NODE, NSET=REF
+9000, {x}, {y}{z}
+*SURFACE, NAME=SLAVE
+{slave}
+*SURFACE, NAME=RIGID, TYPE={kind}
+{profile}
+*RIGID BODY, ANALYTICAL SURFACE=RIGID, REF NODE=9000
+*SURFACE INTERACTION, NAME=I
+*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR
+{stiffness}
+{friction}
+*CONTACT PAIR, INTERACTION=I, TYPE={pair}
+SLAVE, RIGID
+*SOLID SECTION, ELSET=ALL_ELEMENTS, MATERIAL=M
+*MATERIAL, NAME=M
+{material}
+*BOUNDARY
+{held}
+{steps}
+"""
+
+
+@pytest.fixture
+def run(tmp_path):
+    def run(mesh, **values):
+        everything = {**mesh.element_sets, "ALL_ELEMENTS": np.arange(mesh.element_count)}
+        full = Mesh(mesh.points, mesh.blocks, mesh.node_sets, everything)
+        (tmp_path / "mesh.inp").write_text(format_mesh(full))
+        given = {"x": 0.0, "y": 0.0, "z": "", "friction": "", "stiffness": 1000.0, "kind": "SEGMENTS"}
+        given |= {"pair": "NODE TO SURFACE", "slave": "ALL_ELEMENTS", "material": "*ELASTIC\n10., 0.3"}
+        (tmp_path / "deck.inp").write_text(BLOCK.format(**{**given, **values}))
+        deck = read_deck(tmp_path / "deck.inp")
+        steps = list(run_steps(deck, tmp_path / "deck.inp"))
+        assert steps[-1].arrived
+        return deck, steps
+
+    return run
+
+
+def upper_faces(mesh):
+    """Data lines of the faces at the upper end of the last axis."""
+    top = np.abs(mesh.points[:, -1] - mesh.points[:, -1].max()) < 1e-9
+    block = mesh.blocks[0]
+    return "\n".join(
+        f"{number}, S{face}"
+        for number, nodes in enumerate(block.nodes, 1)
+        for face, local in enumerate(faces_of(block.element), 1)
+        if top[nodes[list(local)]].all()
+    )
+
+
+def step(*lines, increment="0.25, 1."):
+    return "\n".join(["*STEP, NLGEOM", "*STATIC", increment, *lines, "*END STEP"])
+
+
+@pytest.mark.parametrize("pair", ["NODE TO SURFACE", "SURFACE TO SURFACE"])
+@pytest.mark.parametrize("element", ["CPE3", "CPE4", "CPE6", "CPE8"])
+def test_patch_of_contact_in_the_plane(run, element, pair):
+    """A block on a flat punch: uniform pressure, its sides straight."""
+    mesh = layered_block(2.0, [("a", 1.0)], 3, 2, element)
+    _, steps = run(
+        mesh,
+        x=1.0,
+        y=1.0,
+        slave=upper_faces(mesh),
+        profile="START, -5., 1.\nLINE, 5., 1.",
+        pair=pair,
+        held="BOTTOM, 2\nMIDDLE, 1\n9000, 1, 2",
+        steps=step("*BOUNDARY", "9000, 2, 2, -0.1"),
+    )
+    u = steps[-1].displacement
+    top = np.abs(mesh.points[:, 1] - 1) < 1e-9
+    assert np.ptp(u[:-1][top, 1]) < 1e-9
+    force = -steps[-1].internal[-1, 1]
+    assert force / 2.0 == pytest.approx(1000 * (0.1 + u[:-1][top, 1].mean()), rel=0.1)
+    bottom = steps[-1].internal[:-1][mesh.points[:, 1] == 0, 1].sum()
+    assert bottom == pytest.approx(force, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "element, pair",
+    [
+        *((element, "NODE TO SURFACE") for element in ("C3D4", "C3D8", "C3D10")),
+        # the lumped areas of faces with 8 nodes do not pass at the nodes
+        *((element, "SURFACE TO SURFACE") for element in ("C3D4", "C3D8", "C3D10", "C3D20")),
+    ],
+)
+def test_patch_of_contact_in_space(run, element, pair):
+    mesh = brick((2.0, 1.5, 1.0), (2, 2, 1), element=element)
+    _, steps = run(
+        mesh,
+        x=1.0,
+        y=1.0,
+        z=", 1.",
+        slave=upper_faces(mesh),
+        kind="REVOLUTION",
+        profile="1., 1., 1., 1., 1., 2.\nSTART, 0., 0.\nLINE, 9., 0.",
+        pair=pair,
+        held="BOTTOM, 3\nX0, 1\nY0, 2\n9000, 1, 3",
+        steps=step("*BOUNDARY", "9000, 3, 3, -0.1"),
+    )
+    u = steps[-1].displacement[:-1]
+    assert np.ptp(u[mesh.points[:, 2] == 1, 2]) < 1e-9
+    assert np.ptp(u[mesh.points[:, 0] == 2, 0]) < 1e-9
+
+
+def hertz_mesh(radius, size, cells):
+    """Half of a block in axisymmetry, graded to the contact."""
+    mesh = layered_block(1.0, [("a", 1.0)], cells, cells, "CAX8")
+    x, y = mesh.points.T
+    points = np.column_stack([size * x**2.5, -size * (1 - y) ** 2.5])
+    # mid-side nodes in the middle of their sides
+    for nodes in mesh.blocks[0].nodes:
+        for k in range(4):
+            points[nodes[4 + k]] = points[nodes[[k, (k + 1) % 4]]].mean(axis=0)
+    return Mesh(points, mesh.blocks, mesh.node_sets, mesh.element_sets)
+
+
+@pytest.mark.parametrize("control", ["displacement", "force"])
+def test_hertz(run, control):
+    """Rigid sphere on an elastic half space: F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5; the block is finite."""
+    radius, depth, young, nu = 10.0, 0.02, 100.0, 0.3
+    mesh = hertz_mesh(radius, 20.0, 14)
+    top = np.flatnonzero(np.abs(mesh.points[:, 1]) < 1e-12)
+    force = 4 / 3 * young / (1 - nu**2) * radius**0.5 * depth**1.5
+    load = "*BOUNDARY\n9000, 2, 2, -0.02" if control == "displacement" else f"*CLOAD\n9000, 2, {-force}"
+    _, steps = run(
+        mesh,
+        y=radius,
+        slave="ALL_ELEMENTS",
+        profile=f"START, 0., 0.\nCIRCL, {radius}, {radius}, 0., {radius}",
+        pair="SURFACE TO SURFACE",
+        stiffness=1e5,
+        material=f"*ELASTIC\n{young}, {nu}",
+        held="BOTTOM, 1, 2\n9000, 1" + ("\n9000, 2" if control == "displacement" else ""),
+        steps=step(load),
+    )
+    last = steps[-1]
+    moved = -last.displacement[-1, 1]
+    if control == "displacement":
+        assert -last.internal[-1, 1] == pytest.approx(force, rel=0.03)
+    else:
+        assert moved == pytest.approx(depth, rel=0.03)
+    # radius of contact: sqrt(R d); what touches follows the sphere
+    x = mesh.points[top] + last.displacement[top]
+    inside = np.hypot(x[:, 0], x[:, 1] - radius + moved) < radius + 1e-6
+    assert mesh.points[top][inside, 0].max() == pytest.approx(np.sqrt(radius * depth), rel=0.25)
+
+
+@pytest.mark.parametrize("pull, slips", [(0.59, False), (0.61, True)], ids=["sticks", "slips"])
+def test_a_block_sticks_and_slips_at_the_right_force(run, pull, slips):
+    """Pressed on a plane by 2 N with mu = 0.3, pulled by just less and just more than 0.6 N.
+
+    A weak spring holds the slipping block, so that it finds a place to stop.
+    """
+    mesh = layered_block(2.0, [("a", 1.0)], 4, 2, "CPE4")
+    count = mesh.points[:, 1].max()
+    assert count == 1.0
+    nodes = np.flatnonzero(mesh.points[:, 1] == 1.0) + 1
+    share = np.full(len(nodes), 1.0)
+    share[[0, -1]] = 0.5
+    share /= share.sum()
+    springs = (
+        "*ELEMENT, TYPE=SPRING1, ELSET=WEAK\n"
+        + "".join(f"{7000 + n}, {n}\n" for n in nodes)
+        + "*SPRING, ELSET=WEAK\n1\n1e-3\n"
+    )
+    press = [f"{n}, 2, {-2.0 * s}" for n, s in zip(nodes, share, strict=True)]
+    pulled = [f"{n}, 1, {pull * s}" for n, s in zip(nodes, share, strict=True)]
+    _, steps = run(
+        mesh,
+        profile="START, -5., 0.\nLINE, 5., 0.",
+        friction="*FRICTION\n0.3, 1e4\n" + springs.rstrip(),
+        stiffness=1e4,
+        material="*ELASTIC\n1e5, 0.3",
+        held="9000, 1, 2",
+        steps=step("*CLOAD", *press) + "\n" + step("*CLOAD", *pulled),
+    )
+    moved = steps[-1].displacement[:-1, 0]
+    tangential = -steps[-1].internal[-1, 0]
+    if slips:
+        # the springs carry what friction does not
+        assert moved.mean() == pytest.approx((pull - 0.6) / (len(nodes) * 1e-3), rel=0.02)
+        assert abs(tangential) == pytest.approx(0.6, rel=1e-3)
+    else:
+        assert np.abs(moved).max() < 1e-3
+        assert abs(tangential) == pytest.approx(pull, rel=1e-2)
+
+
+def test_a_glued_block_is_pulled(run):
+    """Glued to the plane below: neither slips nor lifts off; free of friction it would fly away."""
+    mesh = layered_block(2.0, [("a", 1.0)], 2, 1, "CPE4")
+    _, steps = run(
+        mesh,
+        profile="START, -5., 0.\nLINE, 5., 0.",
+        friction="*SURFACE BEHAVIOR, NO SEPARATION\n*FRICTION, ROUGH",
+        held="9000, 1, 2",
+        steps=step("*CLOAD", "TOP, 2, 0.05", "TOP, 1, 0.02"),
+    )
+    count = len(mesh.node_sets["TOP"])
+    assert steps[-1].internal[-1] == pytest.approx([-0.02 * count, -0.05 * count], rel=1e-6)
+
+
+def test_a_sphere_pushed_by_a_force_finds_its_place_from_a_distance(run):
+    """Force and displacement control agree, though nothing touches at first."""
+    mesh = brick((4.0, 4.0, 2.0), (4, 4, 2), element="C3D8")
+    common = {
+        "x": 0.0,
+        "y": 0.0,
+        "z": ", 5.05",
+        "kind": "REVOLUTION",
+        "profile": "0., 0., 5.05, 0., 0., 6.\nSTART, 0., -3.\nCIRCL, 3., 0., 0., 0.",
+        "material": "*HYPERELASTIC, NEO HOOKE\n0.5, 0.1",
+    }
+    held = "BOTTOM, 1, 3\nX0, 1\nY0, 2\n9000, 1, 2"
+    _, moved = run(mesh, **common, held=held + "\n9000, 3", steps=step("*BOUNDARY", "9000, 3, 3, -0.6"))
+    force = moved[-1].internal[-1, 2]
+    _, pushed = run(mesh, **common, held=held, steps=step("*CLOAD", f"9000, 3, {force}"))
+    assert force < -0.5
+    assert pushed[-1].displacement[-1, 2] == pytest.approx(-0.6, rel=1e-6)
+    assert pushed[-1].displacement == pytest.approx(moved[-1].displacement, abs=1e-6)
+
+
+def test_what_contact_lacks_is_refused(run):
+    mesh = layered_block(2.0, [("a", 1.0)], 2, 1, "CPE4")
+    common = {"held": "BOTTOM, 1, 2\n9000, 1, 2", "steps": step()}
+    with pytest.raises(InputError, match="another profile"):
+        run(mesh, profile="START, -5., 1.", **common)
+    broken = "*SURFACE INTERACTION, NAME=J\n*CONTACT PAIR, INTERACTION=J\nSLAVE, RIGID"
+    with pytest.raises(InputError, match="no stiffness"):
+        run(mesh, profile="START, -5., 1.\nLINE, 5., 1.", friction=broken, **common)

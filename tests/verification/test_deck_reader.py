@@ -1,0 +1,395 @@
+"""What the reader understands, seen in the answers; what it does not is an error with its line."""
+
+import numpy as np
+import pytest
+
+from fingerfit.deck import model_keywords
+from fingerfit.deck.reader import IGNORED, LATER, read_deck
+from fingerfit.errors import InputError
+from fingerfit.material.holzapfel import Holzapfel
+from fingerfit.material.prony import Prony
+from fingerfit.material.yeoh import Yeoh
+from fingerfit.solvers.analysis import run_steps
+
+SQUARE = """*NODE
+1, 0., 0.
+2, 2., 0.
+3, 2., 1.
+4, 0., 1.
+*ELEMENT, TYPE=CPS4, ELSET=E
+1, 1, 2, 3, 4
+"""
+ELASTIC = """*SOLID SECTION, ELSET=E, MATERIAL=M
+0.5
+*MATERIAL, NAME=M
+*ELASTIC
+10., 0.25
+"""
+HELD = """*BOUNDARY
+1, 1, 2
+4, 1
+"""
+PULL = """*STEP
+*STATIC
+*CLOAD
+2, 1, 0.1
+3, 1, 0.1
+*END STEP
+"""
+
+
+@pytest.fixture
+def run(tmp_path):
+    def run(text):
+        path = tmp_path / "deck.inp"
+        path.write_text(text)
+        deck = read_deck(path)
+        return deck, list(run_steps(deck, path))
+
+    return run
+
+
+def last(steps):
+    assert steps[-1].arrived
+    return steps[-1].displacement
+
+
+def test_a_flat_deck(run):
+    _, steps = run(SQUARE + ELASTIC + HELD + PULL)
+    assert last(steps)[2] == pytest.approx([0.2 / 0.5 / 10 * 2, -0.25 * 0.04])
+
+
+def test_parts_and_instances(run):
+    """The same square as a part, turned by 90 degrees and moved, in any letter case."""
+    part = "*Part, name=Sheet\n" + SQUARE + "*Nset, nset=left, generate\n1, 4, 3\n*Nset, nset=right\n2, 3\n"
+    deck = (
+        part
+        + "*Solid Section, elset=E, material=m\n0.5,\n*End Part\n*Assembly, name=A\n"
+        + "*Instance, name=Sheet-1, part=SHEET\n5., 0., 0.\n5., 0., 0., 5., 0., 1., 90.\n*End Instance\n"
+        + "*Nset, nset=corner, instance=Sheet-1\n1,\n*End Assembly\n"
+        + "*Material, name=M\n*Elastic\n10., 0.25\n"
+        + "*Boundary\ncorner, 1\nSheet-1.left, 2\n"
+        + "*Step, name=s, nlgeom=NO\n*Static\n*Cload\nSheet-1.right, 2, 0.1\n*End Step\n"
+    )
+    read, steps = run(deck)
+    assert read.mesh.points[1] == pytest.approx([5.0, 2.0])
+    assert last(steps)[2] == pytest.approx([0.25 * 0.04, 0.08])
+    assert read.mesh.node_sets["SHEET-1.RIGHT"].tolist() == [1, 2]
+
+
+def test_two_instances_of_a_part_keep_their_labels(run):
+    part = "*PART, NAME=P\n" + SQUARE + "*SOLID SECTION, ELSET=E, MATERIAL=M\n*END PART\n*ASSEMBLY, NAME=A\n"
+    places = "*INSTANCE, NAME=A, PART=P\n*END INSTANCE\n*INSTANCE, NAME=B, PART=P\n2., 0.\n*END INSTANCE\n"
+    tie = "*SURFACE, NAME=LEFT\nA.E, S2\n*SURFACE, NAME=RIGHT\nB.E, S4\n*END ASSEMBLY\n*TIE, NAME=T\nRIGHT, LEFT\n"
+    ends = "*MATERIAL, NAME=M\n*ELASTIC\n10., 0.25\n*BOUNDARY\nA.1, 1, 2\nA.4, 1\n"
+    load = "*STEP\n*STATIC\n*CLOAD\nB.2, 1, 0.1\nB.3, 1, 0.1\n*END STEP\n"
+    _, steps = run(part + places + tie + ends + load)
+    u = last(steps)
+    assert u[1] == pytest.approx(u[4])  # tied
+    assert u[6, 0] == pytest.approx(0.2 / 10 * 4)
+
+
+def test_ties_of_unlike_meshes_pass_the_patch_test(run):
+    """Two elements on one: the middle node follows the master's edge."""
+    deck = """*NODE
+1, 0., 0.
+2, 2., 0.
+3, 2., 1.
+4, 0., 1.
+11, 0., 1.
+12, 1., 1.
+13, 2., 1.
+14, 0., 2.
+15, 1., 2.
+16, 2., 2.
+*ELEMENT, TYPE=CPE4, ELSET=E
+1, 1, 2, 3, 4
+2, 11, 12, 15, 14
+3, 12, 13, 16, 15
+*NSET, NSET=TOP
+14, 15, 16
+*NSET, NSET=BASE
+1, 2
+*SURFACE, NAME=MASTER
+1, S3
+*SURFACE, NAME=SLAVE
+2, S1
+3, S1
+*TIE, NAME=T, POSITION TOLERANCE=0.01
+SLAVE, MASTER
+*SOLID SECTION, ELSET=E, MATERIAL=M
+*MATERIAL, NAME=M
+*ELASTIC
+10., 0.25
+*BOUNDARY
+BASE, 2
+1, 1
+*STEP
+*STATIC
+*DSLOAD
+PRESSED, P, 0.3
+*END STEP
+""".replace("*TIE", "*SURFACE, NAME=PRESSED\n2, S3\n3, S3\n*TIE")
+    _, steps = run(deck)
+    u = last(steps)
+    modulus = 10 / (1 - 0.25**2)
+    assert u[7:, 1] == pytest.approx(-0.3 / modulus * 2, rel=1e-10)
+    assert u[5] == pytest.approx((u[4] + u[6]) / 2)
+
+
+def test_equations_of_three_terms_and_chains(run):
+    """u3 = (u2 + u4) / 2 along y, and u4 follows u2: all of them one."""
+    equations = "*EQUATION\n3\n3, 2, 2., 2, 2, -1., 4,\n"
+    with pytest.raises(InputError, match="3 terms of node"):
+        run(SQUARE + ELASTIC + HELD + equations + PULL)
+    equations = "*EQUATION\n3\n3, 2, 2., 2, 2, -1.\n4, 2, -1.\n2\n4, 2, 1., 2, 2, -1.\n"
+    load = PULL.replace("*CLOAD\n", "*CLOAD\n2, 2, -0.2\n")
+    _, steps = run(SQUARE + ELASTIC + "*BOUNDARY\n1, 1, 2\n4, 1\n" + equations + load)
+    u = last(steps)
+    assert u[3, 1] == pytest.approx(u[1, 1])
+    assert u[2, 1] == pytest.approx(u[1, 1])
+    assert abs(u[1, 1]) > 1e-3
+
+
+def test_an_amplitude_with_a_peak_within_the_step(run):
+    """At the end of the step half of the load is there; the next step goes on from it."""
+    amplitude = "*AMPLITUDE, NAME=UP\n0., 0., 1., 1.\n2., 0.5\n"
+    load = "*STEP, NLGEOM\n*STATIC\n2., 2.\n*BOUNDARY, AMPLITUDE=UP\n2, 1, 1, 0.1\n3, 1, 1, 0.1\n*END STEP\n"
+    more = "*STEP, NLGEOM\n*STATIC\n*CLOAD\n4, 2, 1e-9\n*END STEP\n"
+    _, steps = run(amplitude + SQUARE + ELASTIC + HELD + load + more)
+    assert steps[0].displacement[1, 0] == pytest.approx(0.05)
+    assert steps[1].displacement[1, 0] == pytest.approx(0.05)
+
+
+def test_an_amplitude_of_a_pressure(run):
+    amplitude = "*AMPLITUDE, NAME=UP\n0., 0., 1., 0.25\n"
+    surface = "*SURFACE, NAME=RIGHT\nE, S2\n"
+    load = "*STEP\n*STATIC\n*DSLOAD, AMPLITUDE=UP\nRIGHT, P, -0.8\n*END STEP\n*STEP\n*STATIC\n*END STEP\n"
+    _, steps = run(amplitude + SQUARE + surface + ELASTIC + HELD + load)
+    assert [step.displacement[2, 0] for step in steps] == pytest.approx([0.2 / 10 * 2] * 2)
+
+
+def test_a_sheet_pulled_by_pressures_only_comes_to_rest(run):
+    """All forces balance in each node: residuals are measured by the parts' own forces."""
+    surfaces = "*SURFACE, NAME=ENDS\nE, S2\nE, S4\n"
+    load = "*STEP, NLGEOM\n*STATIC\n*DSLOAD\nENDS, P, -0.4\n*END STEP\n"
+    _, steps = run(SQUARE + surfaces + ELASTIC + "*BOUNDARY\n1, 1, 2\n2, 2\n" + load)
+    assert last(steps)[2, 0] == pytest.approx(0.08, rel=0.1)
+
+
+def test_the_list_of_keywords_that_load_later_is_complete():
+    assert set(LATER) == set(model_keywords.KEYWORDS)
+
+
+def test_keywords_without_blanks(run):
+    deck = (SQUARE + ELASTIC + HELD + PULL).replace("*SOLID SECTION", "*SOLIDSECTION").replace("*END STEP", "*ENDSTEP")
+    assert last(run(deck)[1])[2, 0] == pytest.approx(0.08)
+
+
+def test_prescribed_in_a_later_step_only(run):
+    first = "*STEP, NLGEOM\n*STATIC\n*CLOAD\n2, 1, 0.05\n3, 1, 0.05\n*END STEP\n"
+    second = "*STEP, NLGEOM\n*STATIC\n*BOUNDARY\n2, 1, 1, 0.1\n*END STEP\n"
+    _, steps = run(SQUARE + ELASTIC + HELD + first + second)
+    assert 0.01 < steps[0].displacement[1, 0] < 0.05
+    assert steps[1].displacement[1, 0] == pytest.approx(0.1)
+
+
+def test_springs_to_ground_and_between_nodes(run):
+    springs = "*ELEMENT, TYPE=SPRING1, ELSET=G\n10, 2\n11, 3\n*SPRING, ELSET=G\n1\n2.5\n"
+    _, steps = run(SQUARE + ELASTIC + HELD + springs + PULL)
+    stiffness = 10 * 0.5 * 1 / 2
+    assert last(steps)[1, 0] == pytest.approx(0.2 / (stiffness + 5.0))
+    between = "*ELEMENT, TYPE=SPRING2, ELSET=G\n10, 1, 2\n11, 4, 3\n*SPRING, ELSET=G\n1, 1\n2.5\n"
+    _, steps = run(SQUARE + ELASTIC + HELD + between + PULL)
+    assert last(steps)[1, 0] == pytest.approx(0.2 / (stiffness + 5.0))
+
+
+RIGID = """*NODE
+20, 2., 0.5
+*RIGID BODY, REF NODE=20, NSET=END
+"""
+
+
+def test_a_rigid_body_that_may_not_turn(run):
+    nodes = SQUARE + "*NSET, NSET=END\n2, 3\n"
+    load = "*STEP, NLGEOM\n*STATIC\n*BOUNDARY\n20, 6\n*CLOAD\n20, 1, 0.2\n*END STEP\n"
+    _, steps = run(nodes + RIGID + ELASTIC + "*BOUNDARY\n1, 1, 2\n4, 1\n20, 2, 2\n20, 6, 6\n" + load)
+    u = last(steps)
+    assert u[1] == pytest.approx(u[2])
+    assert u[4, 0] == pytest.approx(u[1, 0])
+
+
+def test_a_rigid_body_turns_by_large_angles(run):
+    """Turned by 90 degrees about its reference node: exact, and free of stress with the sheet turning along."""
+    nodes = SQUARE + "*NSET, NSET=END\n1, 2, 3, 4\n"
+    load = "*STEP, NLGEOM\n*STATIC\n0.2, 1.\n*BOUNDARY\n20, 6, 6, 1.5707963267948966\n*END STEP\n"
+    _, steps = run(nodes + RIGID + ELASTIC + "*BOUNDARY\n20, 1, 2\n" + load)
+    assert last(steps)[0] == pytest.approx([2.5, -1.5])  # from (-2, -0.5) to (0.5, -2) about the reference node
+    assert np.abs(steps[-1].internal).max() < 1e-12
+
+
+def test_a_moment_turns_a_rigid_body(run):
+    """A free end plate under a moment: the reference node's rotation balances it, by a deck with equal forces."""
+    nodes = SQUARE + "*NSET, NSET=END\n2, 3\n"
+    held = "*BOUNDARY\n1, 1, 2\n4, 1\n"
+    by_moment = "*STEP, NLGEOM\n*STATIC\n*CLOAD\n20, 6, 0.1\n*END STEP\n"
+    _, steps = run(nodes + RIGID + ELASTIC + held + by_moment)
+    u = last(steps)
+    plate = np.array([2.0, 1.0]) + u[2] - np.array([2.0, 0.0]) - u[1]
+    assert np.linalg.norm(plate) == pytest.approx(1.0, rel=1e-12)
+    angle = np.arctan2(-plate[0], plate[1])
+    assert 0.02 < angle < 0.2
+    # work: for a small moment the angle is linear in it
+    _, small = run(nodes + RIGID + ELASTIC + held + by_moment.replace("6, 0.1", "6, 1e-4"))
+    edge = last(small)
+    assert (edge[1, 0] - edge[2, 0]) == pytest.approx(1e-3 * angle, rel=0.2)
+
+
+def test_initial_stress_is_released(run):
+    """A free sheet with an initial stress shrinks by it; with its ends held it keeps it as a reaction."""
+    initial = "*INITIAL CONDITIONS, TYPE=STRESS\nE, 0.2\n"
+    still = "*STEP, NLGEOM\n*STATIC\n*END STEP\n"
+    _, steps = run(SQUARE + ELASTIC + initial + HELD + still)
+    strain = last(steps)[1, 0] / 2
+    assert strain + strain**2 / 2 == pytest.approx(-0.2 / 10)  # Green's strain: St.Venant-Kirchhoff
+    held = "*BOUNDARY\n1, 1, 2\n4, 1\n2, 1\n3, 1\n"
+    _, steps = run(SQUARE + ELASTIC + initial + held + still)
+    assert steps[0].internal[[1, 2], 0].sum() == pytest.approx(0.2 * 0.5, rel=0.02)
+
+
+@pytest.mark.parametrize("extra", ["", "*STATIC, LONG TERM"], ids=["held", "long term"])
+def test_relaxation_in_steps(run, extra):
+    """Stretched fast, then held: the reaction falls to 1 - g."""
+    cube = """*NODE
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 1., 1., 0.
+4, 0., 1., 0.
+5, 0., 0., 1.
+6, 1., 0., 1.
+7, 1., 1., 1.
+8, 0., 1., 1.
+*ELEMENT, TYPE=C3D8H, ELSET=E
+1, 1, 2, 3, 4, 5, 6, 7, 8
+*NSET, NSET=TOP, GENERATE
+5, 8
+*SOLID SECTION, ELSET=E, MATERIAL=M
+*MATERIAL, NAME=M
+*HYPERELASTIC, NEO HOOKE, MODULI=INSTANTANEOUS
+0.05, 1e-4
+*VISCOELASTIC, TIME=PRONY
+0.4, 0., 2.
+*BOUNDARY
+1, XSYMM
+4, XSYMM
+5, XSYMM
+8, XSYMM
+1, YSYMM
+2, YSYMM
+5, YSYMM
+6, YSYMM
+1, ZSYMM
+2, ZSYMM
+3, ZSYMM
+4, ZSYMM
+*STEP, NLGEOM
+*STATIC
+*BOUNDARY
+TOP, 3, 3, 0.5
+*END STEP
+*STEP, NLGEOM
+"""
+    hold = extra + "\n*END STEP\n" if extra else "*VISCO, DIRECT\n1., 4.\n*END STEP\n"
+    _, steps = run(cube + hold)
+    force = [step.internal[4:, 2].sum() for step in steps]
+    left = 0.6 if extra else 0.6 + 0.4 * np.exp(-4 / 2)
+    assert force[0] == pytest.approx(0.1 * (1.5 - 1.5**-2), rel=1e-3)
+    assert force[1] == pytest.approx(left * force[0], rel=1e-4)
+
+
+def test_materials(run):
+    deck = (
+        SQUARE.replace("CPS4", "CPE4")
+        + """*ORIENTATION, NAME=O, LOCAL DIRECTIONS=1
+0., 1., 0., -1., 0., 0.
+1., 0., 0.
+*SOLID SECTION, ELSET=E, MATERIAL=F, ORIENTATION=O
+*MATERIAL, NAME=F
+*ANISOTROPIC HYPERELASTIC, HOLZAPFEL, LOCAL DIRECTIONS=1
+0.02, 0.1, 0.5, 0.9, 0.1
+*VISCOELASTIC, TIME=PRONY
+0.1, 0., 1.
+*MATERIAL, NAME=Y
+*HYPERELASTIC, YEOH
+0.1, 0.01, 0.001, 0.5, 0., 0.
+"""
+        + HELD
+        + "*STEP, NLGEOM\n*STATIC\n*CLOAD\n2, 1, 0.01\n3, 1, 0.01\n*END STEP\n"
+    )
+    read, steps = run(deck)
+    assert read.materials["F"] == Holzapfel(0.02, 0.1, 0.5, 0.9, 0.1, ((1.0, 0.0, 0.0),), Prony((0.1,), (1.0,)))
+    assert read.materials["Y"] == Yeoh((0.1, 0.01, 0.001), (0.5,))
+    along_y = last(steps)[2, 0]
+    _, steps = run(deck.replace("0., 1., 0., -1., 0., 0.", "1., 0., 0., 0., 1., 0."))
+    assert last(steps)[2, 0] < 0.8 * along_y  # stiffer along the fibres
+
+
+def test_pressure_follows_in_a_step_with_nlgeom(run):
+    """Inflated ring in axisymmetry: pressure against the closed form of an incompressible neo-Hookean tube."""
+    rows, inner, outer = 8, 1.0, 1.5
+    radii = np.linspace(inner, outer, rows + 1)
+    nodes = "".join(f"{2 * n + 1 + z}, {r}, {0.1 * z}\n" for n, r in enumerate(radii) for z in (0, 1))
+    elements = "".join(f"{n + 1}, {2 * n + 1}, {2 * n + 3}, {2 * n + 4}, {2 * n + 2}\n" for n in range(rows))
+    deck = (
+        f"*NODE, NSET=ALL\n{nodes}*ELEMENT, TYPE=CAX4H, ELSET=E\n{elements}"
+        "*SURFACE, NAME=IN\n1, S4\n*SOLID SECTION, ELSET=E, MATERIAL=M\n*MATERIAL, NAME=M\n"
+        "*HYPERELASTIC, NEO HOOKE\n0.5, 1e-5\n*BOUNDARY\nALL, 2\n"
+        "*STEP, NLGEOM\n*STATIC\n0.25, 1.\n*DSLOAD\nIN, P, 0.3\n*END STEP\n"
+    )
+    _, steps = run(deck)
+    a = inner + last(steps)[0, 0]
+    b = np.sqrt(outer**2 + a**2 - inner**2)
+    # p = int 2 C10 (lt^2 - lr^2) dr / r from a to b, with lt = r / R
+    r = np.linspace(a, b, 4001)
+    big = np.sqrt(r**2 - a**2 + inner**2)
+    integrand = 2 * 0.5 * ((r / big) ** 2 - (big / r) ** 2) / r
+    pressure = np.trapezoid(integrand, r)
+    assert pressure == pytest.approx(0.3, rel=5e-3)
+    assert a > 1.1
+
+
+ERRORS = {
+    "*ELEMENT, TYPE=S4\n": "line 1, .ELEMENT: found S4",
+    "*MATERIAL, NAME=M\n*PLASTIC\n1.\n": "line 2, .PLASTIC: found an unknown keyword",
+    "*NODE\n1, 0., 0.\n1, 1., 0.\n": "line 3, .NODE: found node 1 twice",
+    "*INSTANCE, NAME=A, PART=P\n": "a part defined before",
+    "*MATERIAL, NAME=M\n*HYPERELASTIC, ARRUDA-BOYCE\n1., 1., 1.\n": "ARRUDA-BOYCE",
+    "*MATERIAL, NAME=M\n*HYPERELASTIC, NEO HOOKE\n1., 0.\n": "D above 0",
+    "*MATERIAL, NAME=M\n*VISCOELASTIC, TIME=PRONY\n0.5, 0., 1.\n": "no elastic constants",
+    "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.3\n*VISCOELASTIC, TIME=PRONY\n0.5, 0.1, 1.\n": "line 5.*k = 0",
+    "*AMPLITUDE, NAME=A\n0., 0., 0., 1.\n": "times growing",
+    "*SURFACE INTERACTION, NAME=I\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD\n": "found HARD",
+    "*SURFACE, NAME=S\nX, S1\n": "an element or a set of them",
+    "*CLOAD\n1, 1, 1.\n": "found no step",
+    "*NODE, SYSTEM=C\n1, 0., 0.\n": "Cartesian",
+}
+
+
+@pytest.mark.parametrize("text", ERRORS, ids=lambda t: t.split("\n")[-2][:20])
+def test_errors_name_the_line(tmp_path, text):
+    path = tmp_path / "deck.inp"
+    path.write_text(text)
+    with pytest.raises(InputError, match=ERRORS[text]):
+        read_deck(path)
+
+
+def test_a_material_of_finite_strain_needs_nlgeom(run):
+    deck = (SQUARE + ELASTIC + HELD + PULL).replace("*ELASTIC\n10., 0.25", "*HYPERELASTIC, NEO HOOKE\n1., 1.")
+    with pytest.raises(InputError, match="NLGEOM"):
+        run(deck)
+
+
+def test_output_requests_are_ignored(run):
+    extra = "".join(f"*{name}, X=Y\n1, 2\n" for name in sorted(IGNORED))
+    _, steps = run(SQUARE + ELASTIC + HELD + extra + PULL)
+    assert last(steps)[2, 0] == pytest.approx(0.08)

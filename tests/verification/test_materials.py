@@ -1,0 +1,240 @@
+"""Energy, stress and tangent of every material: finite differences and closed forms."""
+
+import numpy as np
+import pytest
+
+from fingerfit.fem.assembly import Body
+from fingerfit.material.elastic import Elastic
+from fingerfit.material.holzapfel import Holzapfel
+from fingerfit.material.mooney_rivlin import MooneyRivlin
+from fingerfit.material.neo_hooke import NeoHooke
+from fingerfit.material.ogden import Ogden
+from fingerfit.material.prony import Prony
+from fingerfit.material.spread import spread, structure_of
+from fingerfit.material.yeoh import Yeoh
+
+AXIS = (0.6, 0.48, 0.64)
+MATERIALS = {
+    "ogden3": Ogden((0.02, 0.01, -0.005), (1.4, -2.0, 3.0), (0.8, 5.0, 2.0)),
+    "neo_hooke": NeoHooke(0.02, (0.8,)),
+    "mooney_rivlin": MooneyRivlin(0.02, 0.008, (0.8,)),
+    "yeoh": Yeoh((0.02, 0.004, 0.001), (0.8, 5.0, 3.0)),
+    "elastic": Elastic(0.1, 0.3),
+    "hencky": Elastic(0.1, 0.3, Prony((0.0,), (1.0,))),
+    "holzapfel": Holzapfel(0.02, 0.8, 0.05, 0.9, 0.1, (AXIS,)),
+}
+STRETCHES = {
+    "distinct": [0.8, 1.1, 1.3],
+    "double": [0.9, 0.9, 1.25],
+    "triple": [1.05, 1.05, 1.05],
+    "none": [1.0, 1.0, 1.0],
+}
+ISOTROPIC = [name for name in MATERIALS if name != "holzapfel"]
+
+
+@pytest.mark.parametrize("stretches", STRETCHES)
+@pytest.mark.parametrize("name", MATERIALS)
+def test_derivatives_by_the_stretches(name, stretches):
+    material, stretch, h = MATERIALS[name], np.array(STRETCHES[stretches]), 1e-6
+    first, second = material.derivatives(stretch)
+    for axis in range(3):
+        more, less = stretch * np.exp(np.eye(3)[axis] * h), stretch * np.exp(-np.eye(3)[axis] * h)
+        assert first[axis] == pytest.approx((material.energy(more) - material.energy(less)) / (2 * h), abs=3e-9)
+        slope = (material.derivatives(more)[0] - material.derivatives(less)[0]) / (2 * h)
+        assert second[:, axis] == pytest.approx(slope, abs=5e-8)
+
+
+def single(material, element="C3D8"):
+    """One element, a unit cube; the material at its points."""
+    corners = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], dtype=float)
+    body = Body(element, corners, np.arange(8)[None], spread([material], [8]), np.ones(1))
+    return body, corners
+
+
+def stress(material, gradient):
+    """First Piola-Kirchhoff stress of a homogeneous deformation, from the nodal forces of a cube."""
+    body, corners = single(material)
+    force = body.forces(((gradient - np.eye(3)) @ corners.T).T.ravel())[0].reshape(8, 3)
+    return force.T @ corners
+
+
+@pytest.mark.parametrize("stretches", STRETCHES)
+@pytest.mark.parametrize("relaxing", [False, True], ids=["elastic", "relaxing"])
+@pytest.mark.parametrize("name", [*ISOTROPIC, "holzapfel"])
+def test_an_element_is_consistent_at_close_stretches(name, stretches, relaxing, rng):
+    """Forces are the derivative of the energy and stiffness that of the forces, rotated, with history and fibres."""
+    material, h = MATERIALS[name], 1e-6
+    if relaxing:
+        material = type(material)(**{**vars(material), "prony": Prony((0.3, 0.2), (1.0, 10.0))})
+    body, corners = single(material)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    if relaxing:
+        body.begin(0.5)
+        body.commit(0.05 * rng.normal(size=24), 0.5)
+        body.begin(0.7)
+    gradient = turn @ np.diag(STRETCHES[stretches]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    gradient *= np.sign(np.linalg.det(gradient))
+    u = ((gradient - np.eye(3)) @ corners.T).T.ravel()
+    force, stiffness = body.forces(u)
+    order = body.dofs[0]
+    for dof in range(0, 24, 3):
+        step = np.eye(24)[dof] * h
+        slope = (body.energy(u + step) - body.energy(u - step)) / (2 * h)
+        # undistorted fibres are at the kink where they begin to pull: the tangent there is one-sided
+        kink = name == "holzapfel" and stretches in ("triple", "none")
+        assert force[0][list(order).index(dof)] == pytest.approx(slope, abs=1e-7 if kink else 1e-9)
+        if kink:
+            continue
+        change = (body.forces(u + step)[0] - body.forces(u - step)[0])[0] / (2 * h)
+        assert stiffness[0][:, list(order).index(dof)] == pytest.approx(change, abs=1e-7)
+
+
+def uniaxial(stretch):
+    return np.diag([stretch, stretch**-0.5, stretch**-0.5])
+
+
+def biaxial(stretch):
+    return np.diag([stretch, stretch, stretch**-2])
+
+
+def difference(first_piola, gradient):
+    """Cauchy stress along x less that along z: free of the pressure."""
+    cauchy = first_piola @ gradient.T / np.linalg.det(gradient)
+    return cauchy[0, 0] - cauchy[2, 2]
+
+
+@pytest.mark.parametrize("deformation", [uniaxial, biaxial])
+@pytest.mark.parametrize("stretch", [0.7, 1.6])
+def test_closed_forms_of_isochoric_tension(deformation, stretch):
+    """Cauchy stress differences of incompressible solids (Holzapfel, Nonlinear Solid Mechanics, section 6.5)."""
+    gradient = deformation(stretch)
+    a, c = gradient[0, 0], gradient[2, 2]
+    i1 = (gradient**2).sum()
+    expected = {
+        "neo_hooke": 2 * 0.02 * (a**2 - c**2),
+        "mooney_rivlin": 2 * 0.02 * (a**2 - c**2) - 2 * 0.008 * (a**-2 - c**-2),
+        "yeoh": 2 * (a**2 - c**2) * (0.02 + 2 * 0.004 * (i1 - 3) + 3 * 0.001 * (i1 - 3) ** 2),
+        "ogden3": sum(
+            2 * mu / alpha * (a**alpha - c**alpha)
+            for mu, alpha in zip(MATERIALS["ogden3"].mu, MATERIALS["ogden3"].alpha, strict=True)
+        ),
+        "hencky": 2 * 0.1 / 2.6 * np.log(a / c),
+    }
+    for name, value in expected.items():
+        assert difference(stress(MATERIALS[name], gradient), gradient) == pytest.approx(value, rel=1e-12)
+
+
+def test_simple_shear():
+    gamma = 0.8
+    gradient = np.eye(3)
+    gradient[0, 1] = gamma
+    for name, shear in {
+        "neo_hooke": 2 * 0.02 * gamma,
+        "mooney_rivlin": 2 * (0.02 + 0.008) * gamma,
+        "yeoh": 2 * gamma * (0.02 + 2 * 0.004 * gamma**2 + 3 * 0.001 * gamma**4),
+    }.items():
+        cauchy = stress(MATERIALS[name], gradient) @ gradient.T
+        assert cauchy[0, 1] == pytest.approx(shear, rel=1e-12)
+    # St.Venant-Kirchhoff: S12 = 2 mu E12, S22 = (lambda + 2 mu) E22, P12 = S12 + gamma S22
+    lame, mu = 0.1 * 0.3 / (1.3 * 0.4), 0.1 / 2.6
+    expected = mu * gamma + gamma * (lame + 2 * mu) * gamma**2 / 2
+    assert stress(Elastic(0.1, 0.3), gradient)[0, 1] != pytest.approx(expected, rel=1e-3)  # averaged: Hencky
+    assert stress_of_full(Elastic(0.1, 0.3), gradient)[0, 1] == pytest.approx(expected, rel=1e-12)
+
+
+def stress_of_full(material, gradient):
+    corners = single(material)[1]
+    body = Body("C3D8", corners, np.arange(8)[None], spread([material], [8]), np.ones(1), averaged=False)
+    force = body.forces(((gradient - np.eye(3)) @ corners.T).T.ravel())[0].reshape(8, 3)
+    return force.T @ corners
+
+
+@pytest.mark.parametrize("kappa", [0.0, 0.2, 1 / 3])
+def test_fibres_in_closed_form(kappa):
+    """Tension along fibres: sigma1 - sigma3 = 2 C10 (a2 - c2) + 2 k1 E exp(k2 E2) (m1 a2 - m3 c2)."""
+    material = Holzapfel(0.02, 0.8, 0.05, 0.9, kappa, ((1.0, 0.0, 0.0),))
+    gradient = uniaxial(1.3)
+    a2, c2 = gradient[0, 0] ** 2, gradient[2, 2] ** 2
+    along, across = 1 - 2 * kappa, kappa
+    strain = along * a2 + 2 * across * c2 - 1
+    fibre = 2 * 0.05 * strain * np.exp(0.9 * strain**2) * (along * a2 - across * c2)
+    expected = 2 * 0.02 * (a2 - c2) + fibre
+    assert difference(stress(material, gradient), gradient) == pytest.approx(expected, rel=1e-12)
+
+
+def test_fibres_do_not_push():
+    material = Holzapfel(0.02, 0.8, 0.05, 0.9, 0.0, ((1.0, 0.0, 0.0),))
+    matrix = Holzapfel(0.02, 0.8, 0.0, 0.9, 0.0, ((1.0, 0.0, 0.0),))
+    gradient = uniaxial(0.8)
+    assert stress(material, gradient) == pytest.approx(stress(matrix, gradient), abs=1e-15)
+    assert stress(material, uniaxial(1.2))[0, 0] > 1.2 * stress(matrix, uniaxial(1.2))[0, 0]
+
+
+def test_relaxation_follows_the_closed_form():
+    """After a sudden stretch, sigma1 - sigma3 falls as G(t) / G0, whatever the increments."""
+    prony = Prony((0.3, 0.2), (1.0, 10.0), instantaneous=True)
+    body, corners = single(NeoHooke(0.02, (0.8,), prony))
+    gradient = uniaxial(1.5)
+    u = ((gradient - np.eye(3)) @ corners.T).T.ravel()
+    first = difference(stress(NeoHooke(0.02, (0.8,)), gradient), gradient)
+
+    def now():
+        return difference(body.forces(u)[0].reshape(8, 3).T @ corners, gradient)
+
+    body.begin(0.0)
+    assert now() == pytest.approx(first, rel=1e-12)
+    body.commit(u, 0.0)
+    time = 0.0
+    for dt in (0.1, 0.5, 2.0, 5.0, 30.0):
+        body.begin(dt)
+        time += dt
+        expected = first * (1 - 0.3 * (1 - np.exp(-time)) - 0.2 * (1 - np.exp(-time / 10)))
+        assert now() == pytest.approx(expected, rel=1e-12)
+        body.commit(u, dt)
+    body.begin(0.0, relaxed=True)
+    assert now() == pytest.approx(first * 0.5, rel=1e-12)
+
+
+def test_a_ramp_relaxes_as_the_convolution():
+    """Small shear at a constant rate: tau = rate (Ginf t + sum G_i tau_i (1 - exp(-t / tau_i))), long-term constants."""
+    body, corners = single(NeoHooke(0.02, (0.8,), Prony((0.5,), (2.0,))))
+    rate, dt = 1e-6, 0.25
+    for n in range(1, 9):
+        gradient = np.eye(3)
+        gradient[0, 1] = rate * n * dt
+        u = ((gradient - np.eye(3)) @ corners.T).T.ravel()
+        body.begin(dt)
+        shear = (body.forces(u)[0].reshape(8, 3).T @ corners)[0, 1]
+        body.commit(u, dt)
+        time = n * dt
+        expected = rate * (0.04 * time + 0.04 * 2.0 * (1 - np.exp(-time / 2.0)))
+        assert shear == pytest.approx(expected, rel=1e-5)
+
+
+def test_relaxation_is_the_same_in_a_turned_frame(rng):
+    """The history turns with the material: a rigid rotation during relaxation changes nothing but directions."""
+    prony = Prony((0.6,), (1.0,))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    body, corners = single(Ogden((0.03,), (3.0,), (0.5,), prony))
+    gradient = np.diag([1.3, 0.9, 0.95])
+
+    def force(f):
+        return body.forces(((f - np.eye(3)) @ corners.T).T.ravel())[0].reshape(8, 3)
+
+    body.begin(0.1)
+    body.commit(((gradient - np.eye(3)) @ corners.T).T.ravel(), 0.1)
+    body.begin(0.5)
+    assert force(turn @ gradient) == pytest.approx(force(gradient) @ turn.T, abs=1e-14)
+
+
+def test_spread_keeps_kinds_apart():
+    alike = [NeoHooke(0.1, (1.0,)), NeoHooke(0.2, (2.0,))]
+    assert structure_of(alike[0]) == structure_of(alike[1])
+    assert structure_of(alike[0]) != structure_of(Yeoh((0.1, 0.0, 0.0), (1.0,)))
+    assert structure_of(NeoHooke(0.1, (1.0,), Prony((0.1,), (1.0,)))) != structure_of(alike[0])
+    stretch = np.array([[0.8, 1.1, 1.2], [0.9, 1.0, 1.1]])
+    together = spread(alike, [1, 1]).derivatives(stretch)
+    for row, material in enumerate(alike):
+        assert together[1][row] == pytest.approx(material.derivatives(stretch[row])[1], rel=1e-13)
