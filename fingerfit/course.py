@@ -62,7 +62,7 @@ def _evaluate_all(fit: Fit, batch: list[Asked], threads: int) -> list[dict[str, 
 def _evaluate(fit: Fit, asked: Asked, predictor: Predictor) -> dict[str, Any]:
     """Score one simulated guess: its entry of the history."""
     outcome = fit.outcome(asked)
-    predicted = predictor.predict(outcome)
+    predicted = predictor.predict(outcome, fit.seen(asked.values))
     entry: dict[str, Any] = {"values": asked.values, "sim": asked.sim, "score": None}
     if predicted is None:
         return {**entry, "message": outcome.message}

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.deck.render import deck_context, render_deck
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.render import render_deck
 from fingerfit.errors import FingerfitError, InputError, Problems, SolverError
 from fingerfit.files import write_text
 from fingerfit.imaging.noise import add_rician

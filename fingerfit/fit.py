@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,7 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from fingerfit.data import Data
-from fingerfit.deck.render import deck_context, render_deck
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.render import render_deck
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.effects.contract import Effect
+from fingerfit.effects.observe import Observation
 from fingerfit.errors import StateError
 from fingerfit.files import digest
 from fingerfit.mesh import Mesh
@@ -82,12 +87,23 @@ class Fit:
             with_gain(self.study, gain),
             self.meshes[mesh],
             f"../../meshes/{self.mesh_names[mesh]}.inp",
-            dict(values),
+            {**self.settings.fixed(), **values},
             self.settings.model.material,
+            self.effects,
         )
         folders = [Path(self.settings.study), TEMPLATES]
         deck = render_deck(self.settings.model.template, context, folders)
         return Asked(dict(values), simulation_name(deck, self.solver), self.mesh_names[mesh], deck, role)
+
+    @cached_property
+    def effects(self) -> dict[str, Effect]:
+        """All effects that are known in this study."""
+        return catalogue(Path(self.settings.study))
+
+    def seen(self, values: Mapping[str, float]) -> Observation | None:
+        """Effects on the observation that a guess has."""
+        everything = {**self.settings.fixed(), **values}
+        return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].points, len(self.data.step))
 
     def _mesh(self, role: str) -> str:
         return REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH
@@ -98,12 +114,14 @@ class Fit:
 
     def prediction(self, asked: Asked) -> Prediction:
         """Prediction of a guess that must have a solution."""
-        if asked.sim not in self._predictions:
-            predicted = self.predictor(self._mesh(asked.role)).predict(self.outcome(asked))
+        key = asked.sim + json.dumps(asked.values, sort_keys=True)
+        if key not in self._predictions:
+            predictor = self.predictor(self._mesh(asked.role))
+            predicted = predictor.predict(self.outcome(asked), self.seen(asked.values))
             if predicted is None:
                 raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
-            self._predictions[asked.sim] = predicted[0]
-        return self._predictions[asked.sim]
+            self._predictions[key] = predicted[0]
+        return self._predictions[key]
 
     def score(self, prediction: Prediction) -> float:
         """Score of a prediction."""

@@ -10,6 +10,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
+from fingerfit.effects.catalogue import catalogue, chosen
+from fingerfit.effects.contract import Effect
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.guess import Parameter
 from fingerfit.keys import read_yaml, unknown_key
@@ -82,6 +84,10 @@ class ModelSettings(_Strict):
     parameters: dict[str, ParameterSettings] = Field(
         min_length=1, description="What is identified: mu, alpha or poisson, or for one layer as mu_top."
     )
+    effects: dict[str, dict[str, float]] = Field(
+        default_factory=dict,
+        description="Effects that were added, in order; numbers of an effect where they differ from its own.",
+    )
 
 
 class StageSettings(_Strict):
@@ -139,10 +145,31 @@ class Settings(_Strict):
     fit: FitSettings = Field(description="How the model is fitted.")
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters in the order of the file."""
-        return tuple(
+        """Parameters in the order of the file, then those of the effects."""
+        own = tuple(
             Parameter(name, p.unit, p.lower, p.upper, p.start, p.log) for name, p in self.model.parameters.items()
         )
+        added = []
+        for effect in self.effects():
+            given = self.model.effects[effect.name]
+            for p in effect.parameters:
+                start = given.get(p.name, p.null)
+                added.append(Parameter(effect.key(p.name), p.unit, p.lower, p.upper, start, log=False))
+        return own + tuple(added)
+
+    def effects(self) -> tuple[Effect, ...]:
+        """Effects of the model, in order."""
+        if not self.model.effects:
+            return ()
+        return chosen(list(self.model.effects), catalogue(Path(self.study)), CONFIG)
+
+    def fixed(self) -> dict[str, float]:
+        """Numbers of effects that are not fitted: places and the like."""
+        return {
+            effect.key(name): self.model.effects[effect.name].get(name, values[0])
+            for effect in self.effects()
+            for name, values in effect.scan.items()
+        }
 
     def plan(self) -> Plan:
         """How to search."""

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerfit.deck.render import deck_context, render_deck
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.render import render_deck
 from fingerfit.files import write_text
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import format_mesh

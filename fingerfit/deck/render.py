@@ -12,12 +12,6 @@ from fingerfit.errors import InputError
 if TYPE_CHECKING:
     from jinja2.sandbox import SandboxedEnvironment
 
-    from fingerfit.mesh import Mesh
-    from fingerfit.study import Study
-
-QUANTITIES = ("mu", "alpha", "poisson")
-"""Constants of a layer; a guess or the fixed constants give each, for all layers or as ``mu_top`` for one."""
-
 
 def render_deck(template: str, context: Mapping[str, Any], folders: Sequence[Path]) -> str:
     """Render a deck, strictly and in a sandbox.
@@ -78,66 +72,3 @@ def _environment(folders: tuple[str, ...]) -> SandboxedEnvironment:
 
 def _number(value: float) -> str:
     return f"{float(value):.12g}"
-
-
-def deck_context(
-    study: Study, mesh: Mesh, mesh_name: str, values: Mapping[str, float], material: Mapping[str, float]
-) -> dict[str, Any]:
-    """Everything that a template may name.
-
-    Parameters
-    ----------
-    study : Study
-        Gives layers, thickness, boundary, control and steps.
-    mesh : Mesh
-        Gives dimension and the nodes under the indenter.
-    mesh_name : str
-        What the deck includes.
-    values : mapping
-        The guess.
-    material : mapping
-        Fixed constants; the guess goes first.
-
-    Returns
-    -------
-    dict
-        ``title, mesh, dim, thickness, control, boundary, steps, increment, top, indenter, layers``, and
-        ``values`` for templates with parameters of their own.
-    """
-    layers = [_layer(name, values, material) for name in study.layer_names]
-    indenter = int(mesh.node_sets["INDENTER"][0])
-    return {
-        "title": study.title,
-        "mesh": mesh_name,
-        "dim": mesh.dim,
-        "thickness": study.thickness if mesh.dim == 2 else None,
-        "control": study.control,
-        "boundary": {"base": study.base, "indenter": study.indenter},
-        "steps": [{"force": step.force, "displacement": step.displacement} for step in study.steps],
-        "increment": "1.",
-        "top": [int(node) + 1 for node in mesh.node_sets["TOP"]],
-        "indenter": indenter + 1,
-        "layers": layers,
-        "values": dict(values),
-    }
-
-
-def _layer(name: str, values: Mapping[str, float], material: Mapping[str, float]) -> dict[str, Any]:
-    found: dict[str, float] = {}
-    for quantity in QUANTITIES:
-        for source, key in (
-            (values, f"{quantity}_{name}"),
-            (values, quantity),
-            (material, f"{quantity}_{name}"),
-            (material, quantity),
-        ):
-            if key in source:
-                found[quantity] = source[key]
-                break
-        else:
-            raise InputError(
-                "config", f"model.material.{quantity}", "nothing", f"a value of {quantity} for layer {name}"
-            )
-    mu, nu = found["mu"], found["poisson"]
-    bulk = 2 * mu * (1 + nu) / (3 * (1 - 2 * nu))
-    return {"name": name.upper(), **found, "d": 2 / bulk}

@@ -1,0 +1,220 @@
+"""What a deck's template may name: the study, the mesh, the guess and what effects change in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.effects.contract import Effect
+from fingerfit.effects.expression import evaluate
+from fingerfit.errors import InputError
+from fingerfit.mesh import Mesh
+from fingerfit.study import Study
+
+QUANTITIES = ("mu", "alpha", "poisson")
+"""Constants of a layer; a guess or the fixed constants give each, for all layers or as ``mu_top`` for one."""
+
+
+def deck_context(
+    study: Study,
+    mesh: Mesh,
+    mesh_name: str,
+    values: Mapping[str, float],
+    material: Mapping[str, float],
+    effects: Mapping[str, Effect] | None = None,
+) -> dict[str, Any]:
+    """Everything that a template may name.
+
+    Parameters
+    ----------
+    study : Study
+        Gives layers, thickness, boundary, control and steps.
+    mesh : Mesh
+        Gives dimension, elements, and nodes of base and indenter.
+    mesh_name : str
+        What the deck includes.
+    values : mapping
+        The guess.
+    material : mapping
+        Fixed constants; the guess goes first.
+    effects : mapping, optional
+        All effects that templates may name, ours when left out; those whose values are null change nothing.
+
+    Returns
+    -------
+    dict
+        ``title, mesh, dim, thickness, control, boundary, steps, increment, top, indenter, layers, effects, parts``,
+        ``values`` for templates with parameters of their own, and what parts of effects may call: ``areas(set)``,
+        ``aside(node)``, ``elements()``.
+    """
+    effects = catalogue() if effects is None else effects
+    present = [effect for effect in effects.values() if effect.present(values)]
+    indenter = int(mesh.node_sets["INDENTER"][0])
+    layers = [
+        _layer(number, len(study.layer_names), name, values, material, present)
+        for number, name in enumerate(study.layer_names, 1)
+    ]
+    increment = _changed("increment", 1.0, {}, present, values)
+    return {
+        "title": study.title,
+        "mesh": mesh_name,
+        "dim": mesh.dim,
+        "thickness": study.thickness if mesh.dim == 2 else None,
+        "control": study.control,
+        "boundary": {"base": study.base, "indenter": study.indenter},
+        "steps": _steps(study, present, values),
+        "increment": "1." if increment == 1 else f"{increment:.6g}",
+        "top": [int(node) + 1 for node in mesh.node_sets["TOP"]],
+        "indenter": indenter + 1,
+        "layers": _pieces(layers, mesh, present, values),
+        "values": dict(values),
+        "effects": {name: effect.own(values) for name, effect in effects.items()},
+        "parts": [effect.part for effect in present if effect.part],
+        "areas": lambda name: _areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
+        "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
+        "elements": lambda: _elements(mesh),
+    }
+
+
+def _changed(
+    what: str, value: Any, names: Mapping[str, Any], present: list[Effect], values: Mapping[str, float]
+) -> Any:
+    """A number or array after the formulas of the effects that are present."""
+    for effect in present:
+        if what not in effect.changes:
+            continue
+        try:
+            value = evaluate(effect.changes[what], {**names, what: value, **effect.own(values)})
+        except ValueError as error:
+            raise InputError(f"effect {effect.name}", f"changes.{what}", error, "a formula of its names") from error
+    return value
+
+
+def _layer(
+    number: int,
+    count: int,
+    name: str,
+    values: Mapping[str, float],
+    material: Mapping[str, float],
+    present: list[Effect],
+) -> dict[str, Any]:
+    found: dict[str, float] = {}
+    for quantity in QUANTITIES:
+        for source, key in (
+            (values, f"{quantity}_{name}"),
+            (values, quantity),
+            (material, f"{quantity}_{name}"),
+            (material, quantity),
+        ):
+            if key in source:
+                found[quantity] = source[key]
+                break
+        else:
+            raise InputError(
+                "config", f"model.material.{quantity}", "nothing", f"a value of {quantity} for layer {name}"
+            )
+    for quantity in ("alpha", "poisson"):
+        found[quantity] = float(
+            _changed(quantity, found[quantity], {"number": number, "layers": count}, present, values)
+        )
+    return {"name": name.upper(), **found, "d": _compressibility(found["mu"], found["poisson"]), "elements": []}
+
+
+def _compressibility(mu: float, nu: float) -> float:
+    """D of the deck, 2 over the bulk modulus, 1/MPa."""
+    return 2 / (2 * mu * (1 + nu) / (3 * (1 - 2 * nu)))
+
+
+def _steps(study: Study, present: list[Effect], values: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Prescribed quantities of the deck's steps; a load before the first picture is a step of its own."""
+    control, count = study.control, len(study.steps)
+    before = float(_changed("before", 0.0, {}, present, values))
+    viscous = values.get("relaxation.share", 0.0) != 0.0
+    found, last = [], 0.0
+    if before:
+        found.append({control: before, "kind": "static"})
+    for k, step in enumerate(study.steps, 1):
+        kind, period = "static", 1.0
+        if viscous and step.time is not None:
+            kind, period, last = "visco", step.time - last, step.time
+        entry: dict[str, Any] = {"force": step.force, "displacement": step.displacement, "kind": kind, "period": period}
+        names = {"k": k, "n": count, "time": step.time or 0.0}
+        if entry[control] is not None:
+            entry[control] = float(_changed(control, entry[control], names, present, values)) + before
+        found.append(entry)
+    return found
+
+
+def _pieces(
+    layers: list[dict[str, Any]], mesh: Mesh, present: list[Effect], values: Mapping[str, float]
+) -> list[dict[str, Any]]:
+    """Layers, or where an effect changes mu from place to place the parts of them with one mu each."""
+    if not any("field" in effect.changes for effect in present):
+        return layers
+    centre = np.concatenate([mesh.points[block.nodes].mean(axis=1) for block in mesh.blocks])
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    found = []
+    for number, layer in enumerate(layers, 1):
+        members = np.asarray(mesh.element_sets[layer["name"]])
+        place = centre[members] - low
+        # whole elements reach beyond their centres: the layer's own top and bottom come from its nodes
+        nodes = np.concatenate([np.ravel(_nodes_of(mesh, member)) for member in members])
+        bottom, top = mesh.points[nodes, -1].min() - low[-1], mesh.points[nodes, -1].max() - low[-1]
+        names = {
+            "x": place[:, 0],
+            "y": place[:, -1],
+            "width": float(high[0] - low[0]),
+            "height": float(high[-1] - low[-1]),
+            "depth": (top - place[:, -1]) / (top - bottom),
+            "number": number,
+            "layers": len(layers),
+        }
+        field = np.zeros(len(members))
+        for effect in present:
+            if "field" in effect.changes:
+                field = field + _changed("field", 0.0, names, [effect], values)
+        levels, which = np.unique(np.round(field, 4), return_inverse=True)
+        for level, value in enumerate(levels, 1):
+            mu = layer["mu"] * float(np.exp(value))
+            piece = {"name": f"{layer['name']}_{level}", "mu": mu, "d": _compressibility(mu, layer["poisson"])}
+            found.append({**layer, **piece, "elements": [int(m) + 1 for m in members[which == level - 1]]})
+    return found
+
+
+def _nodes_of(mesh: Mesh, element: int) -> np.ndarray:
+    for block in mesh.blocks:
+        if element < len(block.nodes):
+            return block.nodes[element]
+        element -= len(block.nodes)
+    raise IndexError(element)
+
+
+def _areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, float]]:
+    """Nodes, counted from 1, of a straight edge of a plane mesh and the area that each stands for, mm^2."""
+    order = nodes[np.argsort(mesh.points[nodes, 0])]
+    x = mesh.points[order, 0]
+    share = np.zeros(len(x))
+    quadratic = any(block.nodes.shape[1] in (6, 8) for block in mesh.blocks)
+    if quadratic:
+        length = x[2::2] - x[:-2:2]
+        share[:-2:2] += length / 6
+        share[2::2] += length / 6
+        share[1::2] += 2 * length / 3
+    else:
+        length = np.diff(x)
+        share[:-1] += length / 2
+        share[1:] += length / 2
+    return [(int(node) + 1, float(part * thickness)) for node, part in zip(order, share, strict=True)]
+
+
+def _elements(mesh: Mesh) -> list[tuple[str, list[list[int]]]]:
+    """Elements once more, with numbers of their own: type and rows of number and nodes."""
+    found, first = [], 3000001
+    for block in mesh.blocks:
+        rows = [[first + n, *(int(node) + 1 for node in row)] for n, row in enumerate(block.nodes)]
+        found.append((block.element, rows))
+        first += len(rows)
+    return found

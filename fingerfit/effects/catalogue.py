@@ -1,0 +1,108 @@
+"""The catalogue: effects that come with fingerfit, and a study's own, one YAML file each."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fingerfit.effects.contract import ACTS, Effect, EffectParameter
+from fingerfit.errors import FingerfitError, Problems
+from fingerfit.keys import Keys, read_yaml, unknown_key
+
+FOLDER = Path(__file__).resolve().parents[2] / "templates" / "effects"
+CHANGES = ("alpha", "poisson", "field", "force", "displacement", "before", "increment")
+OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y")
+
+
+def catalogue(study: Path | None = None) -> dict[str, Effect]:
+    """Effects by name: those of a study's folder ``effects`` go before ours of the same name.
+
+    Raises
+    ------
+    Problems
+        With one line for everything that is wrong.
+    """
+    found: dict[str, Effect] = {}
+    for folder in (FOLDER, *([study / "effects"] if study else [])):
+        for path in sorted(folder.glob("*.yaml")) if folder.is_dir() else []:
+            found[path.stem] = _read(path, path.stat().st_mtime_ns)
+    return found
+
+
+def chosen(names: Sequence[str], known: Mapping[str, Effect], where: Path | str) -> tuple[Effect, ...]:
+    """Effects of a model, in order.
+
+    Raises
+    ------
+    InputError
+        For a name that is not known, with the nearest one that is.
+    """
+    for name in names:
+        if name not in known:
+            raise unknown_key(where, "model.effects.", name, sorted(known))
+    return tuple(known[name] for name in names)
+
+
+@functools.cache
+def _read(path: Path, stamp: int) -> Effect:
+    problems: list[FingerfitError] = []
+    keys = Keys(path, read_yaml(path), "", problems)
+    words = ("title", "words", "look", "confirm")
+    keys.known(*words, "acts", "parameters", "scan", "changes", "observes", "needs", "control")
+    texts = {name: keys.text(name) or "" for name in words}
+    acts = keys.text("acts") or ""
+    if acts not in ACTS and not problems:
+        keys.wrong("acts", acts, "one of " + ", ".join(ACTS))
+    parameters = _parameters(keys)
+    changes = _formulas(keys, "changes", CHANGES)
+    observes = _formulas(keys, "observes", OBSERVES)
+    scan = keys.mapping("scan", {})
+    places: dict[str, tuple[float, ...]] = {}
+    for name, values in scan.data.items():
+        if not isinstance(values, list) or not values or not all(isinstance(v, int | float) for v in values):
+            scan.wrong(name, values, "a list of numbers")
+        else:
+            places[str(name)] = tuple(float(v) for v in values)
+    needs, control = keys.text("needs", None), keys.text("control", None)
+    if needs not in (None, "time"):
+        keys.wrong("needs", needs, "time")
+    if control not in (None, "force", "displacement"):
+        keys.wrong("control", control, "force or displacement")
+    part = path.with_suffix(".inp.j2")
+    if problems:
+        raise Problems(problems)
+    return Effect(
+        path.stem, **texts, acts=acts, parameters=parameters, scan=places, changes=changes, observes=observes,
+        needs=needs or "", control=control or "", part=f"effects/{part.name}" if part.exists() else None,
+    )  # fmt: skip
+
+
+def _parameters(keys: Keys) -> tuple[EffectParameter, ...]:
+    found = []
+    group = keys.mapping("parameters")
+    for name in group.data:
+        inner = group.mapping(name)
+        inner.known("unit", "absent", "lower", "upper", "step")
+        numbers = [inner.number(key) for key in ("absent", "lower", "upper", "step")]
+        unit = inner.text("unit")
+        if unit is None or any(n is None for n in numbers):
+            continue
+        null, lower, upper, step = (float(n or 0.0) for n in numbers)
+        if not lower <= null <= upper or not lower <= null + step <= upper or step == 0:
+            inner.wrong("step", step, f"a number from null that stays within {lower:g} to {upper:g}")
+        found.append(EffectParameter(str(name), unit, null, lower, upper, step))
+    return tuple(found)
+
+
+def _formulas(keys: Keys, key: str, known: Sequence[str]) -> dict[str, str]:
+    group = keys.mapping(key, {})
+    group.known(*known)
+    return {name: str(formula) for name, formula in group.data.items()}
+
+
+def as_text(effect: Effect) -> dict[str, Any]:
+    """What a report says of an effect."""
+    return {"name": effect.name, "title": effect.title, "words": effect.words, "look": effect.look,
+            "confirm": effect.confirm, "acts": effect.acts}  # fmt: skip

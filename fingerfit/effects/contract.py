@@ -1,0 +1,107 @@
+"""What an effect is: a named, nested extension of the model, read from one YAML file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import product
+
+ACTS = ("material", "structure", "boundary", "loading", "numerics", "observation")
+"""Where an effect acts; the last one needs no new simulation."""
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One number of an effect.
+
+    Parameters
+    ----------
+    name : str
+        As its formulas call it.
+    unit : str
+        ``1`` for a pure number.
+    null : float
+        Where the effect is absent.
+    lower, upper : float
+        Bounds.
+    step : float
+        What a first look at the effect changes, from null: small, but well above a solver's tolerance.
+    """
+
+    name: str
+    unit: str
+    null: float
+    lower: float
+    upper: float
+    step: float
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical effect, or what is often mistaken for one.
+
+    Parameters
+    ----------
+    name, title : str
+        Key and words.
+    acts : str
+        One of `ACTS`.
+    words, look, confirm : str
+        What it is; what it looks like in the data; which experiment would confirm it.
+    parameters : tuple of EffectParameter
+        At their null values the model is the one without the effect.
+    scan : mapping
+        Places and the like that a first look tries: name to values. They are fixed numbers of a fit.
+    changes : mapping
+        Formulas for what goes into the deck: ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a factor on
+        mu at a place), ``force``, ``displacement`` (prescribed), ``before`` (prescribed before the first picture),
+        ``increment`` (of the solver, as a share of a step).
+    observes : mapping
+        Formulas for what is measured: ``displacement``, ``force`` (the one that is not prescribed), ``intensity``,
+        ``shift_x``, ``shift_y`` (mm).
+    needs : str
+        What a study must have: ``time`` or nothing.
+    control : str
+        ``force`` or ``displacement`` where it makes sense only for one of them.
+    part : str or None
+        Template part in the deck.
+    """
+
+    name: str
+    title: str
+    acts: str
+    words: str
+    look: str
+    confirm: str
+    parameters: tuple[EffectParameter, ...]
+    scan: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    changes: Mapping[str, str] = field(default_factory=dict)
+    observes: Mapping[str, str] = field(default_factory=dict)
+    needs: str = ""
+    control: str = ""
+    part: str | None = None
+
+    def key(self, parameter: str) -> str:
+        """Name of a parameter or scanned number in a guess."""
+        return f"{self.name}.{parameter}"
+
+    def null(self) -> dict[str, float]:
+        """Values at which the effect is absent."""
+        return {self.key(p.name): p.null for p in self.parameters}
+
+    def places(self) -> list[dict[str, float]]:
+        """All combinations of the scanned numbers; one empty one where there are none."""
+        return [
+            {self.key(name): value for name, value in zip(self.scan, values, strict=True)}
+            for values in product(*self.scan.values())
+        ]
+
+    def own(self, values: Mapping[str, float]) -> dict[str, float]:
+        """This effect's numbers in a guess, by their short names; null and first place where it has none."""
+        first = self.places()[0]
+        found = {p.name: values.get(self.key(p.name), p.null) for p in self.parameters}
+        return found | {name: values.get(self.key(name), first[self.key(name)]) for name in self.scan}
+
+    def present(self, values: Mapping[str, float]) -> bool:
+        """Whether a guess has it at other than null values."""
+        return any(values.get(self.key(p.name), p.null) != p.null for p in self.parameters)

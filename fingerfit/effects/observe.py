@@ -1,0 +1,78 @@
+"""What effects on the observation do to a prediction; none of them needs a new simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fingerfit.effects.contract import Effect
+from fingerfit.effects.expression import evaluate
+from fingerfit.errors import InputError
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The effects on the observation that a guess has.
+
+    Parameters
+    ----------
+    effects : tuple of Effect
+        Those that are present.
+    values : mapping
+        The guess.
+    low, high : ndarray, shape (dim,)
+        Corners of the undeformed body, mm.
+    steps : int
+        Number of steps of the study.
+    """
+
+    effects: tuple[Effect, ...]
+    values: Mapping[str, float]
+    low: np.ndarray
+    high: np.ndarray
+    steps: int
+
+    @classmethod
+    def of(
+        cls, effects: Iterable[Effect], values: Mapping[str, float], points: np.ndarray, steps: int
+    ) -> Observation | None:
+        """Those that are present; None where there is none. `points` are the nodes of the mesh, mm."""
+        present = tuple(effect for effect in effects if effect.observes and effect.present(values))
+        return cls(present, values, points.min(axis=0), points.max(axis=0), steps) if present else None
+
+    def shift(self, k: int) -> np.ndarray:
+        """How far the picture at the k-th step is displaced, mm, shape (dim,)."""
+        names = [f"shift_{axis}" for axis in "xyz"[: len(self.low)]]
+        return np.array([float(self._apply(name, 0.0, {"k": k, "n": self.steps})) for name in names])
+
+    def intensity(self, picture: np.ndarray, k: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """A picture at the k-th step as the scanner shows it; `x`, `y` in mm have its shape."""
+        size = self.high - self.low
+        names = {
+            "k": k,
+            "n": self.steps,
+            "x": x - self.low[0],
+            "y": y - self.low[-1],
+            "width": size[0],
+            "height": size[-1],
+        }
+        return np.asarray(self._apply("intensity", picture, names))
+
+    def conjugate(self, values: np.ndarray, name: str) -> np.ndarray:
+        """Measured ``force`` or ``displacement`` by step."""
+        return np.asarray(self._apply(name, values, {"k": np.arange(1, len(values) + 1), "n": self.steps}))
+
+    def _apply(self, what: str, value: Any, names: Mapping[str, Any]) -> Any:
+        for effect in self.effects:
+            if what not in effect.observes:
+                continue
+            try:
+                value = evaluate(effect.observes[what], {**names, what: value, **effect.own(self.values)})
+            except ValueError as error:
+                raise InputError(
+                    f"effect {effect.name}", f"observes.{what}", error, "a formula of its names"
+                ) from error
+        return value
