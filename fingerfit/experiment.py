@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,10 @@ import numpy as np
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.effects.contract import Effect
+from fingerfit.effects.expression import evaluate
+from fingerfit.effects.observe import Observation
 from fingerfit.errors import FingerfitError, InputError, Problems, SolverError
 from fingerfit.files import write_text
 from fingerfit.imaging.noise import add_rician
@@ -21,6 +25,7 @@ from fingerfit.keys import Keys, read_yaml
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import layered_block
+from fingerfit.predict import positions, since_first_picture
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Body, Layer, Noise, Step, Study
@@ -56,6 +61,10 @@ class Truth:
         mm.
     seed : int
         Of texture and noise.
+    time : tuple of float
+        At the end of each step, s; needed by effects that depend on it.
+    effects : dict
+        Hidden effects and their numbers.
     """
 
     title: str
@@ -70,6 +79,14 @@ class Truth:
     force_noise: float
     displacement_noise: float
     seed: int
+    time: tuple[float, ...] = ()
+    effects: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Constants and the numbers of hidden effects, as a guess names them."""
+        own = {f"mu_{layer['name']}": layer["mu"] for layer in self.layers}
+        return own | {f"{name}.{key}": v for name, numbers in self.effects.items() for key, v in numbers.items()}
 
 
 def read_truth(path: Path) -> Truth:
@@ -84,7 +101,9 @@ def read_truth(path: Path) -> Truth:
     keys = Keys(path, read_yaml(path), "", problems)
     if problems:
         raise Problems(problems)
-    keys.known("title", "body", "material", "mesh", "solver", "displacement", "picture", "noise", "seed")
+    keys.known(
+        "title", "body", "material", "mesh", "solver", "displacement", "picture", "noise", "seed", "time", "effects"
+    )
     body, noise = keys.mapping("body"), keys.mapping("noise")
     body.known("width", "thickness", "layers")
     noise.known("force", "displacement")
@@ -110,6 +129,15 @@ def read_truth(path: Path) -> Truth:
     truth = (body.number("width", above=0.0), body.number("thickness", above=0.0))
     spread = (noise.number("force"), noise.number("displacement"))
     solver, title, seed = keys.text("solver"), keys.text("title"), keys.number("seed")
+    effects, known = keys.mapping("effects", {}), catalogue()
+    effects.known(*known)
+    hidden = {}
+    for name in effects.data:
+        inner = effects.mapping(name)
+        if name in known:
+            inner.known(*known[name].own({}))
+        hidden[name] = {key: inner.number(key) or 0.0 for key in inner.data}
+    time = tuple(keys.items("time")) if "time" in keys.data else ()
     if problems:
         raise Problems(problems)
     return Truth(
@@ -125,6 +153,8 @@ def read_truth(path: Path) -> Truth:
         spread[0] or 0.0,
         spread[1] or 0.0,
         int(seed or 0),
+        time,
+        hidden,
     )
 
 
@@ -140,11 +170,14 @@ class Solved:
         Intensities 0..1; the first is before compression.
     frame : Picture
         Pixel grid.
+    displacement : ndarray, shape (steps,)
+        mm, positive in compression, as it is measured.
     """
 
     force: np.ndarray
     pictures: np.ndarray
     frame: Picture
+    displacement: np.ndarray
 
 
 def solve(truth: Truth, folder: Path, threads: int = 2) -> Solved:
@@ -165,21 +198,50 @@ def solve(truth: Truth, folder: Path, threads: int = 2) -> Solved:
     )
     write_text(folder / "mesh.inp", format_mesh(mesh))
     layers = tuple(Layer(layer["name"], layer["height"]) for layer in truth.layers)
-    steps = tuple(Step(n, displacement=d) for n, d in enumerate(truth.displacement, 1))
+    times = truth.time or (None,) * len(truth.displacement)
+    steps = tuple(Step(n, t, d) for n, (t, d) in enumerate(zip(times, truth.displacement, strict=True), 1))
     study = Study(
         folder, truth.title, "displacement", steps, None, Noise(), Body(layers, thickness=truth.thickness),
         "held", "glued",
     )  # fmt: skip
-    values = {f"mu_{layer['name']}": layer["mu"] for layer in truth.layers}
-    context = deck_context(study, mesh, "mesh.inp", values, truth.material)
+    outcome = _run(truth, study, mesh, folder, threads)
+    force = -outcome.reaction[:, 1]
+    if any(effect.control == "force" and "before" in effect.changes for effect in _present(truth)):
+        # what the load before the first picture does is seen when the same forces are prescribed
+        loaded = tuple(replace(step, force=float(f)) for step, f in zip(steps, force, strict=True))
+        outcome = _run(truth, replace(study, control="force", steps=loaded), mesh, folder, threads)
+        outcome = since_first_picture(outcome, len(steps))
+    moved = -outcome.indenter[:, 1]
+    seen = Observation.of(_present(truth), truth.values, mesh.points, len(steps))
+    if seen is not None:
+        moved = seen.conjugate(moved, "displacement")
+    return Solved(_as_measured(truth, force), *_pictures(truth, mesh, outcome, seen), moved)
+
+
+def _present(truth: Truth) -> list[Effect]:
+    return [effect for name, effect in catalogue().items() if name in truth.effects]
+
+
+def _run(truth: Truth, study: Study, mesh: Mesh, folder: Path, threads: int) -> Outcome:
+    context = deck_context(study, mesh, "mesh.inp", truth.values, truth.material)
     write_text(folder / "deck.inp", render_deck("block.inp.j2", context, [TEMPLATES]))
     outcome = get_solver(truth.solver).solve(folder / "deck.inp", folder, threads)
     if outcome.status != CONVERGED:
         raise SolverError(f"experiment: {truth.solver}: {outcome.message}")
-    return Solved(-outcome.reaction[:, 1], *_pictures(truth, mesh, outcome))
+    return outcome
 
 
-def _pictures(truth: Truth, mesh: Mesh, outcome: Outcome) -> tuple[np.ndarray, Picture]:
+def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
+    """What a faulty sensor shows: effects tell, in a straight line, the force that is there from the one shown."""
+    for effect in _present(truth):
+        if "force" in effect.changes:
+            own = effect.own(truth.values)
+            zero, one = (float(evaluate(effect.changes["force"], {"force": f, **own})) for f in (0.0, 1.0))
+            force = (force - zero) / (one - zero)
+    return force
+
+
+def _pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation | None) -> tuple[np.ndarray, Picture]:
     pixels, side, fine = truth.picture["pixels"], truth.picture["side"], 4
     height = sum(layer["height"] for layer in truth.layers)
     corner = np.array([truth.width - side, height - side]) / 2
@@ -191,11 +253,16 @@ def _pictures(truth: Truth, mesh: Mesh, outcome: Outcome) -> tuple[np.ndarray, P
     for layer in truth.layers:
         intensity[mesh.element_sets[layer["name"].upper()]] = layer["intensity"]
     pictures = []
-    for u in [np.zeros(mesh.points.shape), *outcome.displacement]:
-        way = backward_map(mesh, u, dense)
+    x, y = positions(frame)
+    for k, u in enumerate([np.zeros(mesh.points.shape), *outcome.displacement]):
+        shift = np.zeros(2) if seen is None or k == 0 else seen.shift(k)
+        moved = replace(dense, origin=dense.origin - shift)
+        way = backward_map(mesh, u, moved)
+        source = way.index - shift / dense.spacing
         full = np.zeros(dense.values.size)
-        full[way.pixel] = intensity[way.element] * (1 + sample(texture, way.index))
-        pictures.append(full.reshape(pixels, fine, pixels, fine).mean(axis=(1, 3)))
+        full[way.pixel] = intensity[way.element] * (1 + sample(texture, source))
+        picture = full.reshape(pixels, fine, pixels, fine).mean(axis=(1, 3))
+        pictures.append(picture if seen is None or k == 0 else seen.intensity(picture, k, x, y))
     return np.array(pictures), frame
 
 
@@ -212,7 +279,7 @@ def add_noise(truth: Truth, solved: Solved, seed: int) -> tuple[np.ndarray, np.n
     """Measured forces (N), displacements (mm) and pictures (stored intensity) with noise of a seed."""
     rng = np.random.default_rng([seed, 2])
     force = solved.force + rng.normal(0.0, truth.force_noise * solved.force.max(), solved.force.shape)
-    moved = np.array(truth.displacement)
+    moved = solved.displacement
     moved = moved + rng.normal(0.0, truth.displacement_noise, moved.shape)
     pictures = [add_rician(p, truth.picture["noise"], rng) for p in solved.pictures]
     return force, moved, np.rint(np.clip(np.array(pictures), 0, 16) * FULL_SCALE)
@@ -240,10 +307,11 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
             frame = solved.frame
             picture = Picture(pictures[number], frame.spacing, frame.origin, frame.direction)
             write_picture(temporary / "pictures" / f"{name}.nii.gz", picture)
-        rows = ["step,displacement,force,picture"]
+        timed = bool(truth.time)
+        rows = ["step,displacement,force,picture" + ",time" * timed]
         for number, (d, f) in enumerate(zip(moved, force, strict=True), 1):
             name = f"pictures/step_{number}.nii.gz" if number in pictured else ""
-            rows.append(f"{number},{d:.4f},{f:.4f},{name}")
+            rows.append(f"{number},{d:.4f},{f:.4f},{name}" + (f",{truth.time[number - 1]:g}" if timed else ""))
         write_text(temporary / "steps.csv", "\n".join(rows) + "\n")
         write_text(temporary / "study.yaml", _study_text(truth, solved))
         sealed = {
@@ -252,6 +320,7 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
             "mesh": truth.mesh,
             "solver": get_solver(truth.solver).identity(),
             "force": [round(float(f), 6) for f in solved.force],
+            "effects": truth.effects,
         }
         write_text(temporary / "sealed" / "truth.yaml", yaml.safe_dump(sealed, sort_keys=False))
         for path in sorted(p for p in temporary.rglob("*") if p.is_file()):
