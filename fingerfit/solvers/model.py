@@ -69,7 +69,8 @@ class Model:
     def system(self, prescribed: np.ndarray) -> System:
         """Equations with some displacements prescribed."""
         try:
-            return System(self.bodies, self.size, prescribed, self.ties, self.terms, self.rigid)
+            points = self.deck.mesh.points
+            return System(self.bodies, self.size, prescribed, self.ties, self.terms, self.rigid, points)
         except ValueError as error:
             name = self._name(int(error.args[0]) // self.dim)
             raise InputError(
