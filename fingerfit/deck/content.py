@@ -176,8 +176,10 @@ class Deck:
     ----------
     labels : list of (str, int)
         Instance (or nothing) and label of each node.
-    initial : dict
+    stress : dict
         Stress in the reference state by element, MPa: 11, 22, 33, 12, 13, 23.
+    strain : dict
+        Strain by element at which an elastic material is free of stress.
     amplitudes : dict
         Name to times in s and factors.
     """
@@ -196,5 +198,6 @@ class Deck:
     laws: dict[str, Law] = field(default_factory=dict)
     contacts: list[ContactPair] = field(default_factory=list)
     ties: list[Tie] = field(default_factory=list)
-    initial: dict[int, list[float]] = field(default_factory=dict)
+    stress: dict[int, list[float]] = field(default_factory=dict)
+    strain: dict[int, list[float]] = field(default_factory=dict)
     amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)

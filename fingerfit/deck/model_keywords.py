@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fingerfit.deck.cards import Card
+from fingerfit.deck.cards import Card, squeeze
 from fingerfit.deck.content import ContactPair, Law, Surface, Tie
 from fingerfit.deck.state import Handler, Key, Reading
 
@@ -201,15 +201,27 @@ def on_spring(reading: Reading, card: Card) -> None:
 
 
 def on_initial_conditions(reading: Reading, card: Card) -> None:
+    """Stress or, as in CalculiX, strain without stress; by element, or by integration point if those are alike."""
     card.allow("TYPE")
-    if card.options.get("TYPE", "").upper() != "STRESS":
-        raise card.error(card.options.get("TYPE", "nothing"), "TYPE=STRESS")
+    kind = card.options.get("TYPE", "nothing").upper()
+    if squeeze(kind) not in ("STRESS", "PLASTICSTRAIN"):
+        raise card.error(kind, "TYPE=STRESS or TYPE=PLASTIC STRAIN")
+    target = reading.stress if squeeze(kind) == "STRESS" else reading.strain
+    points: set[Key] = set()
     for line, row in card.rows():
         values = [card.number(v, line) if v else 0.0 for v in row[1:]]
-        if len(values) > 6:
-            raise card.error(row, "an element and 11, 22, 33, 12, 13, 23", line)
         chosen = reading.keys(card, row[0], line, reading.elsets, "an element")
-        reading.initial.append((chosen, values + [0.0] * (6 - len(values))))
+        by_point = len(values) == 7
+        if by_point:
+            values = values[1:]
+        elif len(values) > 6:
+            raise card.error(row, "an element and 11, 22, 33, 12, 13, 23", line)
+        values += [0.0] * (6 - len(values))
+        for key in chosen:
+            if by_point and key in points and target[key] != values:
+                raise card.error(row, "the same at all points of an element", line)
+            target[key] = values
+        points |= set(chosen) if by_point else set()
 
 
 def on_amplitude(reading: Reading, card: Card) -> None:

@@ -133,7 +133,10 @@ def _finish(reading: Reading) -> Deck:
                 step.pressure[found] = value
                 if name is not None:
                     step.curve["P", found] = name
-    initial = {numbers[key]: values for keys, values in reading.initial for key in keys if key in numbers}
+    stress, strain = (
+        {numbers[key]: values for key, values in given.items() if key in numbers}
+        for given in (reading.stress, reading.strain)
+    )
     return Deck(
         mesh,
         reading.materials,
@@ -149,7 +152,8 @@ def _finish(reading: Reading) -> Deck:
         reading.laws,
         reading.contacts,
         reading.ties,
-        initial,
+        stress,
+        strain,
         reading.amplitudes,
     )
 

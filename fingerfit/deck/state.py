@@ -51,7 +51,8 @@ class Reading:
         self.law: str = ""
         self.contacts: list[ContactPair] = []
         self.ties: list[Tie] = []
-        self.initial: list[tuple[list[Key], list[float]]] = []
+        self.stress: dict[Key, list[float]] = {}
+        self.strain: dict[Key, list[float]] = {}
         self.amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.fixed: dict[tuple[int, int], float] = {}
         self.pressures: list[dict[tuple[Key, int | None], tuple[float, str | None]]] = []

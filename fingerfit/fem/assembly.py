@@ -98,6 +98,7 @@ class Body:
         self.points = Points(material, self.pressure is None and not kind.nodal)
         if initial is not None:
             self.points.initial = np.repeat(initial, len(xi), axis=0)
+        self._last: tuple[np.ndarray, Strain | None] | None = None
         self.history = None
         if material.prony is not None:
             from fingerfit.material.prony import History
@@ -107,6 +108,7 @@ class Body:
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
         """Get ready for a time increment of `dt` s; with `relaxed`, for an infinitely slow one."""
+        self._last = None
         if self.history is not None:
             self.points.increment = self.history.begin(dt, relaxed)
 
@@ -120,7 +122,12 @@ class Body:
             self.history.commit(stress, dt, relaxed)
 
     def _strain(self, u: np.ndarray) -> Strain | None:
-        """Deformation; None where J <= 0."""
+        """Deformation; None where J <= 0. The last is kept: a line search and the next iteration ask for the same."""
+        if self._last is None or not np.array_equal(self._last[0], u):
+            self._last = u.copy(), self._deformation(u)
+        return self._last[1]
+
+    def _deformation(self, u: np.ndarray) -> Strain | None:
         dim = self.dim
         local = u[self.dofs].reshape(*self.connectivity.shape, dim)
         f = np.swapaxes(local, 1, 2)[:, None] @ self.gradient

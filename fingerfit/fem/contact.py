@@ -1,9 +1,10 @@
 """Contact of a body with an analytical rigid surface by penalty: free of friction, Coulomb's, or glued.
 
-The pressure grows linearly with the overclosure (CalculiX and ABAQUS, *SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR).
-Friction is an elastic stick with a slope, and slips at mu times the pressure (Wriggers, Computational Contact
-Mechanics, section 5.2): the traction at the end of the last increment is turned into the tangent plane and the slip
-added. Points are nodes with the areas around them, or the integration points of the faces; areas are the reference's.
+The pressure grows linearly with the overclosure (CalculiX and ABAQUS, *SURFACE BEHAVIOR, PRESSURE-
+OVERCLOSURE=LINEAR). Friction is an elastic stick with a slope, and slips at mu times the pressure (Wriggers,
+Computational Contact Mechanics, section 5.2): the traction at the end of the last increment is turned into the
+tangent plane and the slip added. What is glued is held by springs at the place where it touched. Points are nodes
+with the areas around them, or the integration points of the faces; areas are the reference's.
 """
 
 from __future__ import annotations
@@ -101,7 +102,10 @@ class RigidContact:
         self._before = self.start
         self._open = np.maximum(gap, 0.0)
         self._traction = np.zeros((len(areas), dim))
-        self._held = gap <= self._tolerance if law.glued else np.zeros(len(areas), dtype=bool)
+        self._held = np.zeros(len(areas), dtype=bool)
+        self._rest, self._spring = np.zeros((len(areas), dim)), np.zeros((len(areas), dim, dim))
+        if law.glued:
+            self._hold(self._local(np.zeros(points.size)))
 
     @property
     def dofs(self) -> np.ndarray:
@@ -114,17 +118,28 @@ class RigidContact:
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Take slip and traction into the history."""
         local = self._local(u)
+        if self.law.glued:
+            self._hold(local)
+            return
         self._traction = self._tangential(local)[0]
         self._before = local.position
         self._open = np.where(local.active, 0.0, np.maximum(local.gap, 0.0))
-        if self.law.glued:
-            self._held |= local.active
+
+    def _hold(self, local: _Local) -> None:
+        """Glue the points that touch now: springs that start with the present pressure."""
+        new = (local.gap <= self._tolerance) & ~self._held
+        n = local.normal[new]
+        outer = n[:, :, None] * n[:, None, :]
+        across = np.eye(self.dim) - outer
+        self._spring[new] = self.areas[new, None, None] * (self.law.stiffness * outer + self.law.stick * across)
+        self._rest[new] = local.position[new] - local.gap[new, None] * n
+        self._held |= new
 
     def _local(self, u: np.ndarray) -> _Local:
         position = self.start + (self._relative @ u[self._columns]).reshape(-1, self.dim)
         gap, normal, curvature = self.surface.gap(position)
-        active = (gap <= self._tolerance) | self._held
-        if self.driven and not active.any():
+        active = (gap <= self._tolerance) & ~self._held
+        if self.driven and not active.any() and not self._held.any():
             active[int(gap.argmin())] = True
         return _Local(position, gap, normal, curvature, active)
 
@@ -132,7 +147,7 @@ class RigidContact:
         """Friction forces (points, dim) in N, their elastic trial values, and where points slip."""
         law, normal = self.law, local.normal
         zero = np.zeros_like(self._traction)
-        if law.stick == 0:
+        if law.stick == 0 or law.glued:
             return zero, zero, np.zeros(len(zero), dtype=bool)
         # only the part of the way since the surface was met
         depth = np.maximum(-local.gap, 0.0)
@@ -141,8 +156,6 @@ class RigidContact:
         trial = self._traction + law.stick * self.areas[:, None] * slip
         trial = trial - (trial * normal).sum(axis=1)[:, None] * normal
         trial = np.where(local.active[:, None], trial, 0.0)
-        if law.glued:
-            return trial, trial, np.zeros(len(zero), dtype=bool)
         limit = law.friction * law.stiffness * self.areas * depth
         size = np.linalg.norm(trial, axis=1)
         slips = local.active & (size > limit)
@@ -156,6 +169,8 @@ class RigidContact:
         push = normal_stiffness * local.gap
         friction, trial, slips = self._tangential(local)
         at_points = push[:, None] * local.normal + friction
+        if law.glued:
+            at_points += (self._spring @ (local.position - self._rest)[..., None])[..., 0]
         reduced = self._relative.T @ at_points.ravel()
         force = np.bincount(self._columns, weights=reduced, minlength=len(u))
         empty = np.empty(0, dtype=int)
@@ -164,7 +179,9 @@ class RigidContact:
         n = local.normal
         outer = n[:, :, None] * n[:, None, :]
         block = normal_stiffness[:, None, None] * outer + push[:, None, None] * local.curvature
-        if law.stick:
+        if law.glued:
+            block = block + self._spring
+        elif law.stick:
             stick = np.where(local.active, law.stick * self.areas, 0.0)
             across = np.eye(self.dim) - outer
             size = np.maximum(np.linalg.norm(trial, axis=1), 1e-300)
@@ -184,13 +201,11 @@ class RigidContact:
         """Energy of the overclosure, and of friction in this increment: for the line search."""
         local = self._local(u)
         total = 0.5 * (self.law.stiffness * self.areas * local.gap**2)[local.active].sum()
-        if self.law.stick:
+        if self.law.glued:
+            away = local.position - self._rest
+            total += 0.5 * np.einsum("pi,pij,pj->", away, self._spring, away)
+        elif self.law.stick:
             friction = self._tangential(local)[0]
             slip = local.position - self._before
             total += (0.5 * (friction + self._traction) * slip)[local.active].sum()
         return float(total)
-
-    def pressures(self, u: np.ndarray) -> np.ndarray:
-        """Contact pressure of each point in MPa."""
-        local = self._local(u)
-        return np.where(local.active, -self.law.stiffness * local.gap, 0.0)

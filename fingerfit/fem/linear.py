@@ -13,13 +13,22 @@ class LinearBody:
     Parameters
     ----------
     body : Body
-        Free of stress in the reference state.
+        An initial stress adds its forces, but no stiffness.
     """
 
     def __init__(self, body: Body) -> None:
-        found = body.forces(np.zeros((int(body.connectivity.max()) + 1) * body.dim))
+        still = np.zeros((int(body.connectivity.max()) + 1) * body.dim)
+        initial, body.points.initial = body.points.initial, None
+        body.begin(0.0)
+        found = body.forces(still)
         assert found is not None
-        self.body, self.dofs, self._stiffness = body, body.dofs, found[1]
+        self.body, self.dofs, self._stiffness, self._start = body, body.dofs, found[1], np.zeros(found[0].shape)
+        body.points.initial = initial
+        body.begin(0.0)
+        if initial is not None:
+            stressed = body.forces(still, tangent=False)
+            assert stressed is not None
+            self._start = stressed[0]
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
         """Nothing: small strain has no history here."""
@@ -29,11 +38,11 @@ class LinearBody:
 
     def forces(self, u: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Element forces and stiffnesses, as `Body.forces`."""
-        return (self._stiffness @ u[self.dofs][..., None])[..., 0], self._stiffness
+        return self._start + (self._stiffness @ u[self.dofs][..., None])[..., 0], self._stiffness
 
     def energy(self, u: np.ndarray) -> float:
         """Strain energy in N mm."""
-        return float((self.forces(u)[0] * u[self.dofs]).sum()) / 2
+        return float(((self._start + self.forces(u)[0]) * u[self.dofs]).sum()) / 2
 
 
 class LinearTerm:

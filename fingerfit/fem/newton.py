@@ -118,7 +118,7 @@ class Newton:
         how = increments if isinstance(increments, Increments) else Increments(first=increments)
         path = _line(self.load, target) if isinstance(target, Load) else target
         share, size, total = 0.0, min(how.first, how.largest), 0
-        smallest = 0.5**CUTS * min(1.0, how.largest)
+        smallest = min(0.5**CUTS * how.largest, size / 8)
         while share < 1.0:
             end = min([1.0, share + size, *(stop for stop in how.stops if share + 1e-9 < stop < share + size)])
             if end > 1 - 1e-9:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from fingerfit.fem.factor import LinearSolver
+
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
@@ -81,6 +83,8 @@ class System:
         What else has forces.
     rigid : sequence of RigidBody
         Bodies that turn; their nodes are slaves.
+    points : ndarray or None, shape (nodes, dim)
+        Reference positions in mm, for a good order of the unknowns.
 
     Raises
     ------
@@ -96,6 +100,7 @@ class System:
         ties: Mapping[int, Sequence[tuple[int, float]]],
         terms: Sequence[Term] = (),
         rigid: Sequence[RigidBody] = (),
+        points: np.ndarray | None = None,
     ) -> None:
         self.bodies, self.size, self.terms, self.rigid = bodies, size, list(terms), list(rigid)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
@@ -133,7 +138,12 @@ class System:
         self.unknown = number[self.master]
         self._map: tuple[Any, Any] | None = None
         self._angles = np.zeros(size)
-        self._symmetric = all(term.symmetric for term in self.terms)
+        positions = None
+        if points is not None:
+            # rotations go with the first node
+            nodes = np.where(self.free < points.size, self.free // points.shape[1], 0)
+            positions = points[nodes]
+        self._linear = LinearSolver(positions, all(term.symmetric for term in self.terms))
         self._prepare()
 
     def _prepare(self) -> None:
@@ -289,20 +299,7 @@ class System:
 
     def solve(self, matrix: csc_matrix, right: np.ndarray) -> np.ndarray | None:
         """Solution of the unknowns, or None where the matrix is singular."""
-        from scipy.sparse.linalg import splu
-
-        if not len(right):
-            return right
-        try:
-            if self._symmetric:
-                options = {"SymmetricMode": True}
-                factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.001, options=options)
-            else:
-                factor = splu(matrix)
-        except RuntimeError:
-            return None
-        solution = factor.solve(right)
-        return solution if np.isfinite(solution).all() else None
+        return self._linear.solve(matrix, right)
 
 
 def _resolve(

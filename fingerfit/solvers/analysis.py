@@ -50,7 +50,7 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepRes
             if dof >= 0:
                 prescribed[dof] = True
         if newton is None:
-            newton = _start(model.system(prescribed), bool(deck.initial))
+            newton = _start(model.system(prescribed), bool(deck.stress or deck.strain))
         elif not np.array_equal(prescribed, newton.system.prescribed):
             newton.change(model.system(prescribed))
         with np.errstate(all="ignore"):

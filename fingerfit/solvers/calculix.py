@@ -17,6 +17,8 @@ from fingerfit.errors import InputError, SolverError
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 from fingerfit.solvers.process import copy_deck, run
 
+ELEMENTS = frozenset({"CPE3", "CPE4", "CPE6", "CPE8", "CPE8R", "C3D4", "C3D8", "C3D10", "C3D20", "C3D20R"})
+"""Those that are tested against the built-in solver; CalculiX has no hybrids."""
 TIME_LIMIT = 3600.0
 """Seconds for one deck."""
 
@@ -31,7 +33,7 @@ class CalculixSolver:
     """
 
     name = "calculix"
-    capabilities = Capabilities(elements=frozenset({"CPE4", "CPE6", "CPE8", "CPE8R", "C3D8"}), dialect="calculix")
+    capabilities = Capabilities(elements=ELEMENTS, dialect="calculix")
 
     def __init__(self, time_limit: float = TIME_LIMIT) -> None:
         self.time_limit = time_limit
@@ -51,7 +53,9 @@ class CalculixSolver:
         _executable()
         for block in read_deck(deck).mesh.blocks:
             if block.element not in self.capabilities.elements:
-                raise InputError(deck, "*ELEMENT", block.element, "one of " + ", ".join(self.capabilities.elements))
+                raise InputError(
+                    deck, "*ELEMENT", block.element, "one of " + ", ".join(sorted(self.capabilities.elements))
+                )
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Run ccx in a temporary folder inside `workdir`.

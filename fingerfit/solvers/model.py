@@ -69,7 +69,8 @@ class Model:
     def system(self, prescribed: np.ndarray) -> System:
         """Equations with some displacements prescribed."""
         try:
-            return System(self.bodies, self.size, prescribed, self.ties, self.terms, self.rigid)
+            points = self.deck.mesh.points
+            return System(self.bodies, self.size, prescribed, self.ties, self.terms, self.rigid, points)
         except ValueError as error:
             name = self._name(int(error.args[0]) // self.dim)
             raise InputError(
@@ -139,11 +140,7 @@ class Model:
         gauss = len(rule(element)[1])
         everywhere = spread([materials[s] for s in section], [gauss] * len(section))
         thickness = np.array([self.deck.sections[s].thickness for s in section])
-        initial = None
-        if any(int(number) in self.deck.initial for number in numbers):
-            zero = [0.0] * 6
-            values = np.array([self.deck.initial.get(int(number), zero) for number in numbers])
-            initial = values[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        initial = self._initial(section, numbers, materials)
         try:
             points = self.deck.mesh.points
             body = Body(element, points, nodes, everywhere, thickness, initial, averaged)
@@ -162,6 +159,26 @@ class Model:
 
             self.bodies.append(LinearBody(body))
             self.terms += [LinearTerm(term, self.size)] if term else []
+
+    def _initial(self, section: np.ndarray, numbers: np.ndarray, materials: dict[int, Any]) -> np.ndarray | None:
+        """Stress in the reference state, shape (elements, 3, 3); what strains without stress make is its negative."""
+        stress, strain = self.deck.stress, self.deck.strain
+        if not any(int(number) in stress or int(number) in strain for number in numbers):
+            return None
+        zero = [0.0] * 6
+        tensor = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+        found = np.array([stress.get(int(number), zero) for number in numbers])[:, tensor]
+        for n, number in enumerate(numbers):
+            if int(number) not in strain:
+                continue
+            material = materials[section[n]]
+            if type(material).__name__ != "Elastic":
+                expected = "*ELASTIC, or TYPE=STRESS"
+                raise InputError(self.path, "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN", "a hyperelastic body", expected)
+            given = np.array(strain[int(number)])[tensor]
+            lame = material.bulk - 2 * material.shear / 3
+            found[n] -= lame * np.trace(given) * np.eye(3) + 2 * material.shear * given
+        return found
 
     def _add_rigid(self) -> None:
         axes = (5,) if self.dim == 2 else (3, 4, 5)

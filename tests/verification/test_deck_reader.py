@@ -257,6 +257,20 @@ def test_initial_stress_is_released(run):
     assert steps[0].internal[[1, 2], 0].sum() == pytest.approx(0.2 * 0.5, rel=0.02)
 
 
+@pytest.mark.parametrize("nlgeom", [", NLGEOM", ""], ids=["finite", "small"])
+def test_strain_without_stress(run, nlgeom):
+    """A free sheet takes on its strain, as CalculiX's example inistrain does; a held one pushes."""
+    rows = "".join(f"1, {point}, 0.01, 0., 0., 0., 0., 0.\n" for point in range(1, 5))
+    still = f"*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN\n{rows}*STEP{nlgeom}\n*STATIC\n*END STEP\n"
+    _, steps = run(SQUARE + ELASTIC + HELD + "2, 2\n" + still)
+    stretch = np.sqrt(1.02) if nlgeom else 1.01
+    assert last(steps)[2] == pytest.approx([2 * (stretch - 1), 0.0], abs=1e-12)
+    _, steps = run(SQUARE + ELASTIC + HELD + "2, 1, 2\n3, 1\n" + still)
+    assert steps[0].internal[[1, 2], 0].sum() == pytest.approx(-10 * 0.01 * 0.5, rel=0.02)
+    with pytest.raises(InputError, match="the same at all points"):
+        run(SQUARE + ELASTIC + HELD + still.replace("1, 2, 0.01", "1, 2, 0.02"))
+
+
 @pytest.mark.parametrize("extra", ["", "*STATIC, LONG TERM"], ids=["held", "long term"])
 def test_relaxation_in_steps(run, extra):
     """Stretched fast, then held: the reaction falls to 1 - g."""

@@ -1,0 +1,60 @@
+"""The linear solvers agree, large systems are ordered well, and singular ones are told."""
+
+import numpy as np
+import pytest
+from scipy.sparse import diags_array, kron
+
+from fingerfit.fem import factor
+from fingerfit.fem.factor import LinearSolver, dissect
+
+
+def cube(n):
+    """Matrix of n^3 points with three unknowns each, coupled as by linear bricks, and where the unknowns are."""
+    line = diags_array([0.4, 1.0, 0.4], offsets=[-1, 0, 1], shape=(n, n))
+    matrix = kron(kron(line, line), line)
+    grid = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    return kron(matrix, np.eye(3) + 0.1).tocsc(), np.repeat(grid.astype(float), 3, axis=0)
+
+
+def test_nested_dissection_is_an_order_with_less_fill():
+    from scipy.sparse.linalg import splu
+
+    matrix, positions = cube(12)
+    order = dissect(positions, matrix)
+    assert np.array_equal(np.sort(order), np.arange(len(order)))
+    options = {"diag_pivot_thresh": 0.001, "options": {"SymmetricMode": True}}
+    ours = splu(matrix[order][:, order].tocsc(), permc_spec="NATURAL", **options).L.nnz
+    assert ours < 0.6 * splu(matrix, permc_spec="NATURAL", **options).L.nnz
+    assert ours < splu(matrix, permc_spec="MMD_AT_PLUS_A", **options).L.nnz
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("n", [5, 11], ids=["small", "large"])
+def test_solutions(rng, symmetric, n):
+    matrix, positions = cube(n)
+    assert (len(positions) >= factor.LARGE) == (n == 11)
+    if not symmetric:
+        matrix = (matrix + diags_array(np.linspace(0, 0.2, matrix.shape[0] - 1), offsets=1, shape=matrix.shape)).tocsc()
+    solver = LinearSolver(positions, symmetric)
+    for _ in range(2):
+        right = rng.normal(size=matrix.shape[0])
+        assert matrix @ solver.solve(matrix, right) == pytest.approx(right, abs=1e-10)
+        matrix = 1.5 * matrix
+
+
+def test_superlu_alone_agrees(rng, monkeypatch):
+    matrix, positions = cube(11)
+    right = rng.normal(size=matrix.shape[0])
+    first = LinearSolver(positions, True).solve(matrix, right)
+    monkeypatch.setattr(factor._Pardiso, "load", classmethod(lambda cls, symmetric: None))
+    assert LinearSolver(positions, True).solve(matrix, right) == pytest.approx(first, abs=1e-10)
+    assert LinearSolver(None, True).solve(matrix, right) == pytest.approx(first, abs=1e-10)
+
+
+@pytest.mark.parametrize("n", [5, 11], ids=["small", "large"])
+def test_a_singular_matrix_is_told(n):
+    matrix, positions = cube(n)
+    matrix = matrix.tolil()
+    matrix[7, :] = 0.0
+    matrix[:, 7] = 0.0
+    assert LinearSolver(positions, True).solve(matrix.tocsc(), np.ones(matrix.shape[0])) is None
