@@ -1,0 +1,123 @@
+"""Displacements that are left between a synthesized and a measured picture, patch by patch of material.
+
+In each patch the measured picture is taken for the synthesized one moved by u and brighter by b:
+M - S = -grad u + b in the least-squares sense (Lucas and Kanade 1981), grad being the mean gradient of both
+pictures; large moves are found on smoothed pictures first. The last step is linear in the pictures, so that noise
+can be sent through the same equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.imaging.preprocess import smooth
+from fingerfit.imaging.warp import sample, spline_coefficients
+
+COARSE = (4.0, 1.0, 0.0)
+"""Extra smoothing of the passes, pixels."""
+FEWEST = 30
+"""Pixels that a patch needs."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Least-squares equations of one picture.
+
+    Parameters
+    ----------
+    values : ndarray, shape (patches, 1 + dim)
+        Displacement in pixels along each axis (x first), then brightness; NaN for patches without enough pixels.
+    patch : ndarray of int, shape (pixels,)
+        Patch of the pixels that are used.
+    pixel : ndarray of int, shape (pixels,)
+        Their flat indices.
+    design : ndarray, shape (pixels, dim + 1)
+        Columns of the equations.
+    normal : ndarray, shape (patches, dim + 1, dim + 1)
+        Inverse normal matrices.
+    """
+
+    values: np.ndarray
+    patch: np.ndarray
+    pixel: np.ndarray
+    design: np.ndarray
+    normal: np.ndarray
+
+    def solve(self, difference: np.ndarray) -> np.ndarray:
+        """Solution for another difference picture, shape (patches, dim + 1)."""
+        right = self.design * difference.ravel()[self.pixel, None]
+        count = len(self.values)
+        sums = np.stack([np.bincount(self.patch, column, minlength=count) for column in right.T], axis=1)
+        return np.einsum("pij,pj->pi", self.normal, sums)
+
+
+def register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, count: int) -> Fit:
+    """Register a synthesized picture to the measured one.
+
+    Parameters
+    ----------
+    synthesized, measured : ndarray, shape (ny, nx) or (nz, ny, nx)
+    patch : ndarray of int, like the pictures
+        Patch of each pixel; -1 where none.
+    count : int
+        Number of patches.
+    """
+    dim = synthesized.ndim
+    moves = np.zeros((count, dim))
+    inside = patch.ravel() >= 0
+    owner = patch.ravel()[inside]
+    pixels = np.maximum(np.bincount(owner, minlength=count), 1)
+    coefficients = spline_coefficients(synthesized)
+    index = np.indices(synthesized.shape)[::-1].reshape(dim, -1).T.astype(float)
+    fit = None
+    for extra in COARSE:
+        moved = synthesized
+        if np.any(moves):
+            # the field is smoother than the moves of the patches: what it really moved them by counts
+            field = _spread(moves, patch)
+            moved = sample(coefficients, index - field).reshape(synthesized.shape)
+            sums = [np.bincount(owner, column[inside], minlength=count) for column in field.T]
+            moves = np.stack(sums, axis=1) / pixels[:, None]
+        fit = _equations(smooth(moved, extra), smooth(measured, extra), patch, count)
+        step = np.clip(np.nan_to_num(fit.values[:, :dim]), -4.0, 4.0)
+        moves = moves + step
+    assert fit is not None
+    values = fit.values.copy()
+    values[:, :dim] = np.where(np.isnan(values[:, :dim]), np.nan, moves)
+    return Fit(values, fit.patch, fit.pixel, fit.design, fit.normal)
+
+
+def _equations(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, count: int) -> Fit:
+    gradients = [
+        (a + b).ravel() / 2 for a, b in zip(_gradient(synthesized), _gradient(measured), strict=True)
+    ]  # x first
+    pixel = np.flatnonzero(patch.ravel() >= 0)
+    owner = patch.ravel()[pixel]
+    design = np.stack([*(-g[pixel] for g in gradients), np.ones(len(pixel))], axis=1)
+    size = design.shape[1]
+    normal = np.zeros((count, size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            normal[:, i, j] = normal[:, j, i] = np.bincount(owner, design[:, i] * design[:, j], minlength=count)
+    enough = np.bincount(owner, minlength=count) >= FEWEST
+    inverse = np.full_like(normal, np.nan)
+    inverse[enough] = np.linalg.pinv(normal[enough], hermitian=True)
+    fit = Fit(np.empty((count, size)), owner, pixel, design, inverse)
+    return Fit(fit.solve(measured - synthesized), owner, pixel, design, inverse)
+
+
+def _gradient(picture: np.ndarray) -> list[np.ndarray]:
+    found = np.gradient(picture)
+    return list(found[::-1])
+
+
+def _spread(moves: np.ndarray, patch: np.ndarray) -> np.ndarray:
+    """Moves of the patches as a smooth field, shape (pixels, dim)."""
+    inside = patch >= 0
+    width = 0.5 * np.sqrt(inside.sum() / max(1, len(np.unique(patch[inside]))))
+    weight = smooth(inside.astype(float), width) + 1e-6
+    values = np.where(inside[..., None], moves[patch], 0.0)
+    columns = [smooth(values[..., axis], width) / weight for axis in range(moves.shape[1])]
+    return np.stack([column.ravel() for column in columns], axis=1)

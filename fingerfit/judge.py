@@ -1,0 +1,103 @@
+"""The score test: how much of what is left would an effect explain, once the model's own constants follow.
+
+The residual r = J d + S t + noise is whitened with its covariance; what the model's own constants (columns J) could
+still take up is projected away, and the fall of the misfit by the columns S of an effect follows (the Lagrange
+multiplier test: Rao 1948; modification indices of structural equation models are the same thing).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What an effect would do.
+
+    Parameters
+    ----------
+    fall : float
+        Predicted fall of the misfit.
+    size : ndarray, shape (columns,)
+        Best sizes of the effect's columns.
+    visible : float
+        Share of the columns' signal that the model's own constants cannot imitate, 0 to 1.
+    signal : float
+        Misfit that the effect would cause at the size of its columns, after the constants have followed.
+    """
+
+    fall: float
+    size: np.ndarray
+    visible: float
+    signal: float
+
+
+class Judge:
+    """Residual and own sensitivities, whitened.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (values,)
+    covariance : ndarray, shape (values, values)
+        Of the noise.
+    own : ndarray, shape (values, parameters)
+        Slopes of the model's constants.
+    nuisance : ndarray, shape (values, nuisances)
+        Signals of unknown size with standard deviation 1: force noise by step, error of the mesh by step.
+    """
+
+    def __init__(self, residual: np.ndarray, covariance: np.ndarray, own: np.ndarray, nuisance: np.ndarray) -> None:
+        self._root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
+        basis, sizes, _ = np.linalg.svd(self.whiten(own), full_matrices=False)
+        self._own = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)]
+        self.rest = self._without_own(self.whiten(residual))
+        self.misfit = float(self.rest @ self.rest)
+        self.freedom = len(residual) - self._own.shape[1]
+
+    def whiten(self, columns: np.ndarray) -> np.ndarray:
+        """Columns in units of the noise."""
+        return np.linalg.solve(self._root, columns)
+
+    def _without_own(self, columns: np.ndarray) -> np.ndarray:
+        return columns - self._own @ (self._own.T @ columns)
+
+    def signature(self, columns: np.ndarray) -> np.ndarray:
+        """What the own constants cannot imitate of columns, in units of the noise."""
+        return self._without_own(self.whiten(columns))
+
+    def test(self, columns: np.ndarray, low: np.ndarray, high: np.ndarray) -> Finding:
+        """Test an effect.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (values, k)
+            Its slopes.
+        low, high : ndarray, shape (k,)
+            Bounds of their sizes.
+        """
+        whitened = self.whiten(columns)
+        signature = self._without_own(whitened)
+        total, left = float((whitened**2).sum()), float((signature**2).sum())
+        visible = left / total if total > 0 else 0.0
+        if visible < 1e-4:
+            return Finding(0.0, np.zeros(columns.shape[1]), visible, left)
+        size = np.linalg.lstsq(signature, self.rest, rcond=1e-8)[0]
+        inside = np.clip(size, low, high)
+        if not np.allclose(inside, size) and len(size) > 1:
+            free = inside == size
+            rest = self.rest - signature[:, ~free] @ inside[~free]
+            inside[free] = np.clip(np.linalg.lstsq(signature[:, free], rest, rcond=1e-8)[0], low[free], high[free])
+        after = self.rest - signature @ inside
+        return Finding(max(0.0, self.misfit - float(after @ after)), inside, visible, left)
+
+
+def likeness(a: np.ndarray, b: np.ndarray) -> float:
+    """Largest squared cosine between two sets of signatures, 0 to 1: 1 where one can do all that the other does."""
+    bases = []
+    for columns in (a, b):
+        basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+        bases.append(basis[:, sizes > 1e-8 * sizes.max(initial=1e-300)])
+    cosines = np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)
+    return float(cosines.max(initial=0.0) ** 2)

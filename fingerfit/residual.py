@@ -1,0 +1,218 @@
+"""What a model leaves unexplained: displacements and brightness by patch and step, forces, and their noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.data import Data
+from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.preprocess import smooth
+from fingerfit.imaging.registration import Fit, register
+from fingerfit.imaging.warp import BackwardMap, Probe, spline_coefficients, warp
+from fingerfit.mesh import Mesh
+from fingerfit.predict import since_first_picture
+from fingerfit.score import Prediction
+from fingerfit.solvers.contract import Outcome
+
+DRAWS = 40
+FLOOR = 0.001
+"""Error of a registered displacement that is not noise (interpolation), mm."""
+
+
+@dataclass(frozen=True)
+class Patches:
+    """A grid of patches of material.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (patches, dim)
+        Reference positions, mm.
+    low : ndarray, shape (dim,)
+        Lower corner of the grid, mm.
+    size : ndarray, shape (dim,)
+        Of a patch, mm.
+    count : tuple of int
+        Patches along each axis.
+    """
+
+    centre: np.ndarray
+    low: np.ndarray
+    size: np.ndarray
+    count: tuple[int, ...]
+
+    @classmethod
+    def over(cls, mesh: Mesh, across: int = 10) -> Patches:
+        """Patches over the box around a mesh, nearly square, `across` along the first axis."""
+        low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+        count = np.maximum(1, np.rint((high - low) / ((high[0] - low[0]) / across))).astype(int)
+        size = (high - low) / count
+        index = np.stack([i.ravel() for i in np.indices(tuple(count))], axis=1)
+        return cls(low + (index + 0.5) * size, low, size, tuple(int(c) for c in count))
+
+    def of(self, points: np.ndarray) -> np.ndarray:
+        """Patch of reference points, shape (points,); -1 outside."""
+        index = np.floor((points - self.low) / self.size).astype(int)
+        inside = ((index >= 0) & (index < np.array(self.count))).all(axis=1)
+        flat = np.ravel_multi_index(tuple(np.clip(index, 0, np.array(self.count) - 1).T), self.count)
+        return np.where(inside, flat, -1)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What is left, as one vector with its covariance.
+
+    The vector has, for each picture and patch, a displacement (mm) and a brightness, then the conjugate quantity of
+    each step (N or mm). `kept` says which of them are known.
+
+    Parameters
+    ----------
+    value : ndarray, shape (pictures, patches, dim + 1)
+        Measured minus predicted.
+    conjugate : ndarray, shape (steps,)
+    covariance : ndarray, shape (kept, kept)
+        Of the noise of pictures and of the conjugate quantity.
+    kept : ndarray of bool, shape (all,)
+    error, floor : ndarray, shape (pictures,)
+        Root mean square difference of intensity inside the body, and what noise alone leaves of it.
+    fits : tuple of Fit
+        Registrations, by picture.
+    """
+
+    value: np.ndarray
+    conjugate: np.ndarray
+    covariance: np.ndarray
+    kept: np.ndarray
+    error: np.ndarray
+    floor: np.ndarray
+    fits: tuple[Fit, ...]
+
+    @property
+    def vector(self) -> np.ndarray:
+        """All known values, shape (kept,)."""
+        return flat(self.value, self.conjugate)[self.kept]
+
+
+def flat(value: np.ndarray, conjugate: np.ndarray) -> np.ndarray:
+    """One vector of displacements, brightness and conjugate quantity."""
+    return np.concatenate([value.ravel(), conjugate])
+
+
+def residual_of(
+    data: Data, prediction: Prediction, maps: list[BackwardMap], patches: Patches, seed: int = 1
+) -> Residual:
+    """Residual of a prediction.
+
+    Parameters
+    ----------
+    data : Data
+    prediction : Prediction
+    maps : list of BackwardMap
+        Of its pictures.
+    patches : Patches
+    seed : int
+        Of the noise that is sent through the registration.
+    """
+    frame = Picture(data.before, data.spacing, data.origin, data.direction)
+    count, dim = len(patches.centre), data.before.ndim
+    owners = [_owners(data, frame, way, patches) for way in maps]
+    pairs = list(zip(prediction.pictures, data.measured, owners, strict=True))
+    fits = tuple(register(s, m, owner, count) for s, m, owner in pairs)
+    value = np.full((len(maps), count, dim + 1), np.nan)
+    for n, fit in enumerate(fits):
+        value[n] = fit.values
+    scale = np.concatenate([data.spacing, [1.0]])
+    value = value * scale
+    measured, spread = data.conjugate
+    conjugate = measured - prediction.conjugate if spread > 0 else np.full(len(data.step), np.nan)
+    vector = flat(value, conjugate)
+    kept = np.isfinite(vector)
+    noise, floor = _noise(data, maps, fits, owners, scale, seed)
+    covariance = np.zeros((len(vector), len(vector)))
+    size = dim + 1
+    for patch in range(count):
+        rows = np.ravel([[(n * count + patch) * size + c for c in range(size)] for n in range(len(maps))]).astype(int)
+        if len(rows):
+            covariance[np.ix_(rows, rows)] = noise[patch]
+    last = np.arange(len(vector) - len(conjugate), len(vector))
+    covariance[last, last] = spread**2
+    error = [np.sqrt(np.mean((s - m)[o >= 0] ** 2)) for s, m, o in pairs]
+    return Residual(value, conjugate, covariance[np.ix_(kept, kept)], kept, np.array(error), floor, fits)
+
+
+def _owners(data: Data, frame: Picture, way: BackwardMap, patches: Patches) -> np.ndarray:
+    """Patch of each pixel well inside the deformed body, like a picture; -1 elsewhere."""
+    found = np.full(data.before.size, -1)
+    found[way.pixel] = patches.of(frame.to_points(way.index))
+    found = found.reshape(data.before.shape)
+    deep = smooth((found >= 0).astype(float), max(data.smooth, 1.0)) > 0.98
+    return np.where(deep, found, -1)
+
+
+def _noise(
+    data: Data, maps: list[BackwardMap], fits: tuple[Fit, ...], owners: list[np.ndarray], scale: np.ndarray, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance of each patch over all pictures, and the noise floor of the pictures.
+
+    The noise of each measured picture is its own; that of the first picture moves with the material into all
+    synthesized ones.
+    """
+    rng = np.random.default_rng(seed)
+    count = len(fits[0].values) if fits else 0
+    size, pictures = len(scale), len(maps)
+    own = np.zeros((DRAWS, pictures, count, size))
+    first = np.zeros((DRAWS, pictures, count, size))
+    power = np.zeros(pictures)
+    for draw in range(DRAWS if pictures else 0):
+        before = spline_coefficients(rng.normal(0.0, data.picture_noise, data.before.shape))
+        for n, (way, fit, owner) in enumerate(zip(maps, fits, owners, strict=True)):
+            mine = smooth(rng.normal(0.0, data.picture_noise, data.before.shape), data.smooth)
+            carried = smooth(warp(before, 0.0, way), data.smooth)
+            own[draw, n], first[draw, n] = fit.solve(mine) * scale, fit.solve(-carried) * scale
+            power[n] += np.mean((mine - carried)[owner >= 0] ** 2) / DRAWS
+    found = np.zeros((count, pictures * size, pictures * size))
+    bias = np.diag([FLOOR**2] * (size - 1) + [0.0])
+    for patch in range(count):
+        block = np.zeros((pictures, size, pictures, size))
+        root = []
+        for n in range(pictures):
+            block[n, :, n] = np.cov(own[:, n, patch], rowvar=False) + bias
+            shared = np.atleast_2d(np.cov(first[:, n, patch], rowvar=False))
+            values, vectors = np.linalg.eigh(np.nan_to_num(shared))
+            root.append((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+        for n in range(pictures):
+            for m in range(pictures):
+                block[n, :, m] += root[n] @ root[m].T
+        found[patch] = block.reshape(pictures * size, -1)
+    return found, np.sqrt(power)
+
+
+class Reader:
+    """Reads solutions as such vectors.
+
+    Parameters
+    ----------
+    data : Data
+    mesh : Mesh
+        Of the solutions.
+    patches : Patches
+    """
+
+    def __init__(self, data: Data, mesh: Mesh, patches: Patches) -> None:
+        self.data = data
+        offsets = np.stack([o.ravel() for o in np.meshgrid(*[(-0.25, 0.25)] * mesh.dim)], axis=1)
+        points = (patches.centre[:, None] + offsets * patches.size).reshape(-1, mesh.dim)
+        self._each = len(offsets)
+        self._probe = Probe(mesh, points)
+
+    def read(self, outcome: Outcome) -> np.ndarray:
+        """Displacements (mm), brightness 0, and the conjugate quantity of a solution, as one vector."""
+        data, outcome = self.data, since_first_picture(outcome, len(self.data.step))
+        found = []
+        for step in data.picture_step:
+            u = self._probe.read(outcome.displacement[step])
+            u = u.reshape(-1, self._each, u.shape[1]).mean(axis=1)
+            found.append(np.concatenate([u, np.zeros((len(u), 1))], axis=1))
+        conjugate = outcome.indenter if data.control == "force" else outcome.reaction
+        return flat(np.array(found), -conjugate[: len(data.step), -1])
