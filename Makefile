@@ -27,6 +27,7 @@ lint: setup  ## style, types, rules
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/snakemake --lint
 
 clean:  ## remove results, not the environment
 	rm -rf results .snakemake

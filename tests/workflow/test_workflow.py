@@ -125,6 +125,13 @@ def test_the_constants_are_found(made):
         assert (made / f"results/study/base/figures/{figure}.png").stat().st_size > 5000
 
 
+def test_rules_are_in_good_condition(place):
+    """Snakemake's own linter: environments, logs, names, nothing from outside of the rules."""
+    done = subprocess.run(command("--lint"), cwd=place, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "Congratulations" in done.stderr + done.stdout
+
+
 def test_nothing_to_do_afterwards(place):
     done = subprocess.run(command("-n", "--quiet", "host"), cwd=place, capture_output=True, text=True)
     assert "Nothing to be done" in done.stderr + done.stdout
