@@ -99,7 +99,7 @@ def study_files(settings: Settings) -> list[str]:
         if path.is_file()
         and "sealed" not in path.parts
         and path.suffix not in {".j2", ".md"}
-        and path.name not in {"experiment.yaml", "config.yaml"}
+        and (path.suffix != ".yaml" or path.name == "study.yaml")
     )
 
 
