@@ -80,7 +80,7 @@ class ModelSettings(_Strict):
     )
     refined: MeshSettings | None = Field(
         default=None,
-        description="Finer mesh, solved at the best guess to correct the estimate for the coarseness of the first.",
+        description="Finer mesh of the last steps: it gives the estimate, and the difference tells the error left.",
     )
     parameters: dict[str, ParameterSettings] = Field(
         min_length=1, description="What is identified: mu, alpha or poisson, or for one layer as mu_top."
