@@ -267,7 +267,8 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", default=list(PARTS), help=f"of {', '.join(PARTS)}; all when left out")
     CACHE.mkdir(exist_ok=True)
     for part in parser.parse_args().parts:
-        section = "\n".join(PARTS[part]()) + "\n"
+        load = os.getloadavg()[0]
+        section = "\n".join([*PARTS[part](), "", f"Load of the machine when this began: {load:.1f}."]) + "\n"
         write_text(CACHE / f"phantom_{part}.md", section)
         print(section, flush=True)
     head = "# The phantom study in figures\n\nMade by `benchmarks/phantom.py` (`make benchmark`) on two cores.\n"
