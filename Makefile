@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test setup lint clean
+.PHONY: help run test benchmark setup lint clean
 
 PYTHON ?= python3
 CORES ?= 2
@@ -14,6 +14,10 @@ run: setup  ## set up and identify the phantom study
 test: setup  ## set up and run the tests
 	$(BIN)/python -m pytest -n $(CORES)
 
+benchmark: setup  ## make benchmarks/*.md again: about an hour, needs ccx
+	$(BIN)/python benchmarks/phantom.py
+	$(BIN)/python benchmarks/noise.py
+
 setup: .venv/ready  ## make the virtual environment in .venv from the lock file
 
 .venv/ready: requirements.lock pyproject.toml
@@ -27,6 +31,7 @@ lint: setup  ## style, types, rules
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/snakefmt --check Snakefile workflow
+	$(BIN)/snakemake --lint
 
 clean:  ## remove results, not the environment
 	rm -rf results .snakemake

@@ -16,7 +16,7 @@ from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.imaging.pictures import Picture
 from fingerfit.judge import Finding, Judge, likeness
 from fingerfit.predict import Predictor, positions
-from fingerfit.refine import ORDER, finest, mesh_of
+from fingerfit.refine import finest, left_over, mesh_of
 from fingerfit.residual import Patches, Reader, Residual, flat, residual_of
 from fingerfit.rounds import Asked, Round
 from fingerfit.solvers.contract import CONVERGED
@@ -160,9 +160,7 @@ class Examination:
         fine = self.read(self.base)
         if self.mesh != REFINED or coarse is None or fine is None:
             return np.zeros(len(self.residual.kept))
-        meshes = self.fit.meshes
-        ratio = (meshes[REFINED].element_count / meshes[SEARCH].element_count) ** (1 / meshes[SEARCH].dim)
-        return (fine - coarse) / max(ratio**ORDER - 1.0, 0.1)
+        return (fine - coarse) * left_over(self.fit)
 
     def mesh_covariance(self, anchor: Asked) -> np.ndarray:
         """Error of the mesh as a random field, shape (kept, kept).
@@ -187,7 +185,7 @@ class Examination:
         return np.nan_to_num(whole[np.ix_(self.residual.kept, self.residual.kept)])
 
     def _at_step(self, step: int) -> np.ndarray:
-        value = np.zeros(self.residual.value.shape)
+        value: np.ndarray = np.zeros(self.residual.value.shape)
         value[self.data.picture_step == step] = 1.0
         conjugate = np.zeros(len(self.data.step))
         conjugate[step] = 1.0
@@ -220,14 +218,14 @@ class Examination:
         data, dim = self.data, self.fit.meshes[SEARCH].dim
         seen = Observation((effect,), trial, *self._corners(), len(data.step))
         x, y = positions(Picture(data.before, data.spacing, data.origin, data.direction))
-        value = np.zeros(self.residual.value.shape)
+        value: np.ndarray = np.zeros(self.residual.value.shape)
         for n, (step, picture, way) in enumerate(
             zip(data.picture_step, self.prediction.pictures, self.residual.fits, strict=True)
         ):
-            value[n, :, :dim] = seen.shift(int(step) + 1)
+            value[n][:, :dim] = seen.shift(int(step) + 1)
             change = (seen.intensity(picture, int(step) + 1, x, y) - picture).ravel()[way.pixel]
             size = np.maximum(np.bincount(way.patch, minlength=value.shape[1]), 1)
-            value[n, :, dim] = np.bincount(way.patch, change, minlength=value.shape[1]) / size
+            value[n][:, dim] = np.bincount(way.patch, change, minlength=value.shape[1]) / size
         conjugate = self.prediction.conjugate
         name = "displacement" if data.control == "force" else "force"
         changed = seen.conjugate(conjugate, name) - conjugate

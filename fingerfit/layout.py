@@ -33,6 +33,7 @@ _FIT = (
     *_MESH,
     "deck/render.py",
     "estimate.py",
+    "effects",
     "fit.py",
     "refine.py",
     "course.py",
@@ -100,13 +101,15 @@ def study_files(settings: Settings) -> list[str]:
         if path.is_file()
         and "sealed" not in path.parts
         and path.suffix not in {".j2", ".md"}
-        and path.name not in {"experiment.yaml", "config.yaml"}
+        and (path.suffix != ".yaml" or path.name == "study.yaml")
     )
 
 
 def template_files(settings: Settings) -> list[str]:
-    """All templates, those of the study included."""
-    return [*sorted(map(str, TEMPLATES.rglob("*.j2"))), *sorted(map(str, Path(settings.study).rglob("*.j2")))]
+    """All templates and effects, those of the study included."""
+    study = Path(settings.study)
+    found = [*TEMPLATES.rglob("*.j2"), *TEMPLATES.rglob("*.yaml"), *study.rglob("*.j2"), *study.glob("effects/*.yaml")]
+    return sorted(map(str, found))
 
 
 def figures(settings: Settings) -> list[str]:

@@ -111,9 +111,14 @@ def mesh_error(fit: Fit, found: Minimum, searched: Minimum) -> np.ndarray | None
         return None
     parameters = fit.settings.parameters()
     change = coordinates(parameters, found.values) - coordinates(parameters, searched.values)
+    return np.abs(change) * left_over(fit)
+
+
+def left_over(fit: Fit) -> float:
+    """Error of the finer mesh as a share of what it changed, from its order of convergence."""
     coarse, fine = fit.meshes[SEARCH], fit.meshes[REFINED]
     ratio = (fine.element_count / coarse.element_count) ** (1 / coarse.dim)
-    return np.abs(change) / max(ratio**ORDER - 1.0, 0.1)
+    return 1.0 / max(ratio**ORDER - 1.0, 0.1)
 
 
 def mesh_of(fit: Fit, asked: Asked) -> str:

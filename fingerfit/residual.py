@@ -137,15 +137,15 @@ def residual_of(
             covariance[np.ix_(rows, rows)] = noise[patch]
     last = np.arange(len(vector) - len(conjugate), len(vector))
     covariance[last, last] = spread**2
-    error = [np.sqrt(np.mean((s - m)[o >= 0] ** 2)) for s, m, o in pairs]
+    error = [float(np.sqrt(np.mean((s - m)[o >= 0] ** 2))) for s, m, o in pairs]
     return Residual(value, conjugate, covariance[np.ix_(kept, kept)], kept, np.array(error), floor, fits)
 
 
 def _owners(data: Data, frame: Picture, way: BackwardMap, patches: Patches) -> np.ndarray:
     """Patch of each pixel well inside the deformed body, like a picture; -1 elsewhere."""
-    found = np.full(data.before.size, -1)
-    found[way.pixel] = patches.of(frame.to_points(way.index))
-    found = found.reshape(data.before.shape)
+    owner = np.full(data.before.size, -1)
+    owner[way.pixel] = patches.of(frame.to_points(way.index))
+    found = owner.reshape(data.before.shape)
     deep = smooth((found >= 0).astype(float), max(data.smooth, 1.0)) > 0.98
     return np.where(deep, found, -1)
 

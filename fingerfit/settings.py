@@ -31,8 +31,11 @@ class _Strict(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _no_truth_for_numbers(cls, value: Any, info: Any) -> Any:
+        annotation = cls.model_fields[info.field_name].annotation
+        if annotation is bool or _models_in(annotation):  # models look at their own fields
+            return value
         inside = value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]
-        if cls.model_fields[info.field_name].annotation is not bool and any(isinstance(v, bool) for v in inside):
+        if any(isinstance(v, bool) for v in inside):
             raise PydanticCustomError("truth", "a value that is not true or false")
         return value
 
@@ -79,7 +82,7 @@ class ModelSettings(_Strict):
     )
     refined: MeshSettings | None = Field(
         default=None,
-        description="Finer mesh, solved at the best guess to correct the estimate for the coarseness of the first.",
+        description="Finer mesh of the last steps: it gives the estimate, and the difference tells the error left.",
     )
     parameters: dict[str, ParameterSettings] = Field(
         min_length=1, description="What is identified: mu, alpha or poisson, or for one layer as mu_top."

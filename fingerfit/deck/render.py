@@ -39,7 +39,7 @@ def render_deck(template: str, context: Mapping[str, Any], folders: Sequence[Pat
         raise InputError(error.filename or template, f"line {error.lineno}", error.message, "valid Jinja") from error
     except jinja2.TemplateNotFound as error:
         expected = "a template in " + " or ".join(map(str, folders))
-        raise InputError(template, "template", f"no file {error.message}", expected) from error
+        raise InputError(template, "template", f"no file {error.name}", expected) from error
     except Exception as error:  # whatever a user's template does wrong
         where, line = _place(error, template)
         raise InputError(where, f"line {line}", error, "names that a deck's context has") from error

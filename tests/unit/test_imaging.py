@@ -147,3 +147,45 @@ def test_a_dicom_series_is_a_volume(tmp_path):
 def test_an_empty_folder_is_no_series(tmp_path):
     with pytest.raises(InputError, match="without a DICOM series"):
         read_picture(tmp_path)
+
+
+CORNERS = np.array([[3.0, 4.0], [7.0, 10.0]])
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_crop_keeps_every_pixel_where_it_is(rng, turned):
+    direction = np.array([[0.0, -1.0], [1.0, 0.0]]) if turned else np.eye(2)
+    origin = np.array([14.0, 0.0]) if turned else np.array([0.0, 0.0])
+    whole = Picture(rng.uniform(size=(60, 80)), np.array([0.25, 0.25]), origin, direction)
+    part = whole.crop(CORNERS, 0.25)
+    index = np.stack(np.meshgrid(*[np.arange(n) for n in part.values.shape[::-1]]), axis=-1).reshape(-1, 2)
+    there = whole.to_index(part.to_points(index.astype(float)))
+    assert there == pytest.approx(there.round(), abs=1e-9)
+    x, y = there.round().astype(int).T
+    assert np.array_equal(whole.values[y, x], part.values.ravel())
+    assert np.array_equal(part.spacing, whole.spacing)
+    assert np.array_equal(part.direction, whole.direction)
+
+
+def test_crop_is_wider_by_a_share_of_the_extent():
+    whole = Picture(np.zeros((60, 80)), np.array([0.25, 0.25]), np.zeros(2), np.eye(2))
+    part = whole.crop(CORNERS, 0.25)
+    low, high = part.origin, part.to_points(np.array(part.values.shape[::-1]) - 1.0)
+    # 4 x 6 mm around which 1 and 1.5 mm
+    assert low == pytest.approx([2.0, 2.5])
+    assert high == pytest.approx([8.0, 11.5])
+
+
+def test_crop_ends_at_the_border_of_the_picture():
+    whole = Picture(np.zeros((60, 80)), np.array([0.25, 0.25]), np.zeros(2), np.eye(2))
+    assert whole.crop(CORNERS, 50.0).same_place(whole)
+    part = whole.crop(np.array([[-5.0, -5.0], [1.0, 1.0]]), 0.0)
+    assert part.values.shape == (5, 5)
+    assert part.origin == pytest.approx([0.0, 0.0])
+
+
+def test_crop_in_space(rng):
+    whole = Picture(rng.uniform(size=(6, 8, 10)), np.ones(3), np.zeros(3), np.eye(3))
+    part = whole.crop(np.array([[2.0, 3.0, 1.0], [5.0, 6.0, 4.0]]), 0.0)
+    assert np.array_equal(part.values, whole.values[1:5, 3:7, 2:6])
+    assert part.origin == pytest.approx([2.0, 3.0, 1.0])

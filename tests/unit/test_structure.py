@@ -13,6 +13,7 @@ ORDER = (
     ("errors",),
     ("files", "keys", "units"),
     ("guess", "mesh", "material", "study"),
+    ("effects",),
     ("fem",),
     ("study_file",),
     ("deck", "meshing", "mesh_io"),
@@ -22,11 +23,14 @@ ORDER = (
     ("predict", "estimate", "rounds"),
     ("settings",),
     ("prepare", "fit", "experiment", "settings_check"),
+    ("residual",),
     ("refine",),
-    ("course",),
+    ("course", "judge"),
+    ("diagnose",),
     ("report", "plots", "check", "recipes", "layout", "testing"),
     ("commands",),
     ("cli",),
+    ("__main__",),
 )
 LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
 
@@ -65,3 +69,13 @@ def test_generated_files_are_up_to_date():
 
 def test_the_lock_file_names_no_registry():
     assert "://" not in (ROOT / "requirements.lock").read_text()
+
+
+def test_a_fit_depends_on_what_was_measured_only(monkeypatch):
+    from fingerfit.layout import study_files
+    from fingerfit.settings import load_settings
+
+    monkeypatch.chdir(ROOT)
+    names = {Path(path).name for path in study_files(load_settings(ROOT / "config.yaml"))}
+    pictures = {"before.nii.gz", *(f"step_{n}.nii.gz" for n in (1, 3, 5, 7))}
+    assert names == {"study.yaml", "steps.csv"} | pictures

@@ -9,8 +9,9 @@ from fingerfit.errors import FingerfitError
 from fingerfit.rounds import Walk
 from fingerfit.settings import load_settings
 
-# the fingerfit that jobs run is the one beside this Python
-os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+# jobs run the Python and the fingerfit that read this, or those of a conda environment and this fingerfit
+PATHS = {"PATH": Path(sys.executable).parent, "PYTHONPATH": layout.PACKAGE.parent}
+os.environ.update({name: os.pathsep.join(filter(None, [str(path), os.getenv(name)])) for name, path in PATHS.items()})
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 try:
@@ -20,8 +21,11 @@ try:
 except FingerfitError as error:
     raise WorkflowError(str(error))
 
-STUDY = str(layout.study_folder(SETTINGS))  # simulations, shared by the models of a study
-MODEL = str(layout.model_folder(SETTINGS))  # rounds, estimate, figures
+# simulations, shared by the models of a study
+STUDY = str(layout.study_folder(SETTINGS))
+# rounds, estimate, figures
+MODEL = str(layout.model_folder(SETTINGS))
+SIMS = f"{STUDY}/sims"
 SETTINGS_FILE = layout.write_settings(SETTINGS, Path(MODEL) / "settings.json")
 WALK = Walk(Path(STUDY), Path(MODEL))
 FIGURES = [f"{MODEL}/figures/{name}.png" for name in FIGURE_NAMES]
@@ -41,7 +45,7 @@ def round_file(number):
 
 
 def solution(sim):
-    return f"{STUDY}/sims/{sim}/solution.npz"
+    return f"{SIMS}/{sim}/solution.npz"
 
 
 def before_round(wildcards):
@@ -54,6 +58,7 @@ def before_round(wildcards):
 
 
 def last_option(wildcards):
+    """The round before this one as an option of the command."""
     number = int(wildcards.round)
     return f"--last {round_file(number - 1)}" if number else ""
 
@@ -77,9 +82,19 @@ def last_round(wildcards):
     return round_file(number)
 
 
-def deck_files(wildcards):
-    """The deck of a simulation, the files it includes and the identity of its solver."""
-    return [ancient(path) for path in WALK.sim_inputs(wildcards.sim)]
+def deck(wildcards):
+    """The deck of a simulation."""
+    return ancient(WALK.sim_inputs(wildcards.sim)[0])
+
+
+def solver(wildcards):
+    """The identity of the solver of a simulation."""
+    return ancient(WALK.sim_inputs(wildcards.sim)[1])
+
+
+def included(wildcards):
+    """The files that the deck of a simulation includes."""
+    return [ancient(path) for path in WALK.sim_inputs(wildcards.sim)[2:]]
 
 
 def show_table():

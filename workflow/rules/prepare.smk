@@ -4,15 +4,18 @@ rule prepare:
         settings=ancient(SETTINGS_FILE),
         study=layout.study_files(SETTINGS),
     output:
-        data=f"{MODEL}/prepared.npz",
         **MESHES,
+        data=f"{MODEL}/prepared.npz",
     log:
         f"{MODEL}/logs/prepare.log",
-    params:
-        settings=PARTS["prepare"],
-        code=layout.fingerprint("prepare"),
+    conda:
+        "../envs/fingerfit.yaml"
     threads: 1
     resources:
         mem_mb=1000,
+    params:
+        settings=PARTS["prepare"],
+        code=layout.fingerprint("prepare"),
+        meshes=MESH_OPTIONS,
     shell:
-        "fingerfit prepare {input.settings} --out {output.data} {MESH_OPTIONS} 2> {log}"
+        "python -P -m fingerfit prepare {input.settings} --out {output.data} {params.meshes} 2> {log}"

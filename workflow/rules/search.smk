@@ -5,38 +5,47 @@ localrules:
 checkpoint propose:
     # Scores the guesses of the round before and asks for the next ones, or says stop.
     input:
-        before_round,
+        **MESHES,
+        before=before_round,
         settings=ancient(SETTINGS_FILE),
         data=f"{MODEL}/prepared.npz",
-        **MESHES,
         templates=layout.template_files(SETTINGS),
     output:
-        f"{MODEL}/rounds/{{round}}.json",
+        round=f"{MODEL}/rounds/{{round}}.json",
     log:
         f"{MODEL}/logs/propose/{{round}}.log",
+    conda:
+        "../envs/fingerfit.yaml"
+    threads: 2
+    resources:
+        mem_mb=1000,
     params:
         settings=PARTS["propose"],
         last=last_option,
         code=layout.fingerprint("propose"),
-    threads: 2
-    resources:
-        mem_mb=1000,
+        meshes=MESH_OPTIONS,
+        sims=SIMS,
     shell:
-        "fingerfit propose {input.settings} --data {input.data} {MESH_OPTIONS} --sims {STUDY}/sims"
-        " {params.last} --out {output} --threads {threads} 2> {log}"
+        "python -P -m fingerfit propose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
+        " {params.last} --out {output.round} --threads {threads} 2> {log}"
 
 
 rule simulate:
     # One deck, solved once: the name of its folder is the hash of the deck, its includes and the solver.
     input:
-        deck_files,
+        deck=deck,
+        solver=solver,
+        included=included,
     output:
-        f"{STUDY}/sims/{{sim}}/solution.npz",
+        solution=f"{SIMS}/{{sim}}/solution.npz",
     log:
-        f"{STUDY}/sims/{{sim}}/solver.log",
+        f"{SIMS}/{{sim}}/solver.log",
+    cache: "omit-software"
+    conda:
+        "../envs/fingerfit.yaml"
     threads: 1
     resources:
         mem_mb=1000,
-    cache: "omit-software"
     shell:
-        "fingerfit simulate {input[0]} --solver {input[1]} --out {output} --threads {threads} 2> {log}"
+        "python -P -m fingerfit simulate {input.deck} --solver {input.solver}"
+        " --out {output.solution} --threads {threads} 2> {log}"

@@ -1,0 +1,158 @@
+"""Virtual experiments: same seed same digits, new seed new noise only, the truth sealed apart."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from fingerfit.errors import InputError, Problems
+from fingerfit.experiment import FULL_SCALE, add_noise, read_truth, run_experiment, solve, write_study
+from fingerfit.imaging.pictures import read_picture
+from fingerfit.study_file import load_study
+
+DESCRIPTION = {
+    "title": "small",
+    "body": {
+        "width": 12,
+        "thickness": 70,
+        "layers": [
+            {"name": "top", "height": 6, "mu": 0.031234, "intensity": 0.5},
+            {"name": "bottom", "height": 6, "mu": 0.067891, "intensity": 0.9},
+        ],
+    },
+    "material": {"alpha": 1.4, "poisson": 0.49},
+    "mesh": {"element": "CPE4", "across": 3, "per_layer": 2, "grading": 1},
+    "solver": "builtin",
+    "displacement": [0.5, 1.0, 1.5],
+    "picture": {"pixels": 64, "side": 20, "texture": 0.1, "correlation": 1.0, "noise": 0.02, "pictured": [1, 3]},
+    "noise": {"force": 0.01, "displacement": 0.02},
+    "seed": 3,
+}
+
+
+@pytest.fixture(scope="module")
+def description(tmp_path_factory):
+    path = tmp_path_factory.mktemp("described") / "experiment.yaml"
+    path.write_text(yaml.safe_dump(DESCRIPTION))
+    return path
+
+
+@pytest.fixture(scope="module")
+def truth(description):
+    return read_truth(description)
+
+
+@pytest.fixture(scope="module")
+def solved(truth, tmp_path_factory):
+    return solve(truth, tmp_path_factory.mktemp("solved"))
+
+
+def contents(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def test_same_seed_same_digits(description, tmp_path):
+    for name in ("a", "b"):
+        run_experiment(description, tmp_path / name)
+    first, second = contents(tmp_path / "a"), contents(tmp_path / "b")
+    assert len(first) == 6
+    assert first == second
+
+
+def test_another_seed_is_new_noise_on_the_same_body(truth, solved, tmp_path):
+    for seed in (3, 4):
+        write_study(truth, solved, tmp_path / str(seed), seed)
+    first, second = contents(tmp_path / "3"), contents(tmp_path / "4")
+    differ = {str(path) for path in first if first[path] != second[path]}
+    assert differ == {"steps.csv", *(f"pictures/{n}.nii.gz" for n in ("before", "step_1", "step_3"))}
+
+
+def test_noise_has_the_size_that_is_described(truth, solved):
+    drawn = [add_noise(truth, solved, seed) for seed in range(300)]
+    force = np.array([d[0] for d in drawn]) - solved.force
+    moved = np.array([d[1] for d in drawn]) - DESCRIPTION["displacement"]
+    assert force.std() == pytest.approx(0.01 * solved.force.max(), rel=0.1)
+    assert moved.std() == pytest.approx(0.02, rel=0.1)
+    inside = solved.pictures[0] > 0.4
+    noise = drawn[0][2][0][inside] / FULL_SCALE - solved.pictures[0][inside]
+    assert noise.std() == pytest.approx(0.02, rel=0.1)
+    # Rician: where there is no signal the magnitude of the noise remains, 0.02 sqrt(pi / 2) on average
+    outside = drawn[0][2][0][solved.pictures[0] == 0] / FULL_SCALE
+    assert outside.mean() == pytest.approx(0.02 * np.sqrt(np.pi / 2), rel=0.05)
+
+
+def test_the_truth_is_only_in_the_sealed_file(truth, solved, tmp_path):
+    write_study(truth, solved, tmp_path / "s")
+    sealed = yaml.safe_load((tmp_path / "s/sealed/truth.yaml").read_text())
+    assert sealed["constants"] == {"mu_top": 0.031234, "mu_bottom": 0.067891, "alpha": 1.4, "poisson": 0.49}
+    assert sealed["force"] == pytest.approx(solved.force, abs=1e-6)
+    for path, content in contents(tmp_path / "s").items():
+        if path.parts[0] != "sealed":
+            assert b"31234" not in content
+            assert b"67891" not in content
+
+
+def test_what_is_written_is_a_study(truth, solved, tmp_path):
+    write_study(truth, solved, tmp_path / "s")
+    study = load_study(tmp_path / "s")
+    assert study.layer_names == ["top", "bottom"]
+    assert [step.number for step in study.steps if step.picture] == [1, 3]
+    force, moved, pictures = add_noise(truth, solved, truth.seed)
+    assert [step.force for step in study.steps] == pytest.approx(force, abs=1e-4)
+    assert [step.displacement for step in study.steps] == pytest.approx(moved, abs=1e-4)
+    picture = read_picture(tmp_path / "s/pictures/step_3.nii.gz")
+    assert np.array_equal(picture.values, pictures[3])
+    assert picture.same_place(solved.frame)
+
+
+def test_pictures_show_the_layers_and_the_compression(solved):
+    frame = solved.frame
+    at = frame.to_index(np.array([[6.0, 9.0], [6.0, 3.0], [6.0, 11.5], [-2.0, 6.0]])).round().astype(int)
+    before, last = solved.pictures[0], solved.pictures[-1]
+    around = [before[y - 3 : y + 4, x - 3 : x + 4].mean() for x, y in at[:2]]
+    assert around == pytest.approx([0.5, 0.9], rel=0.15)
+    x, y = at[2]
+    assert before[y, x] > 0.3
+    assert last[y, x] == 0.0  # 1.5 mm down: the indenter is there now
+    assert before[at[3][1], at[3][0]] == 0.0
+    # nearly incompressible: what is lost in height bulges out
+    assert (last > 0).sum() == pytest.approx((before > 0).sum(), rel=0.05)
+
+
+def test_a_failure_leaves_nothing(truth, solved, tmp_path, monkeypatch):
+    def fail(*args, **options):
+        raise OSError("no space")
+
+    monkeypatch.setattr("fingerfit.experiment.write_picture", fail)
+    with pytest.raises(OSError, match="no space"):
+        write_study(truth, solved, tmp_path / "s")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_mistake_of_a_description_is_told(tmp_path):
+    wrong = yaml.safe_load(yaml.safe_dump(DESCRIPTION))
+    wrong["solvr"] = wrong.pop("solver")
+    wrong["body"]["layers"][1]["mu"] = -1
+    del wrong["mesh"]["across"]
+    (tmp_path / "e.yaml").write_text(yaml.safe_dump(wrong))
+    with pytest.raises(Problems) as raised:
+        read_truth(tmp_path / "e.yaml")
+    fields = {problem.field for problem in raised.value.problems}
+    assert fields == {"solvr", "solver", "body.layers.1.mu", "mesh.across"}
+    with pytest.raises(InputError, match="the description of an experiment"):
+        run_experiment(tmp_path / "no.yaml", tmp_path / "s")
+    assert not (tmp_path / "s").exists()
+
+
+def test_the_shipped_study_is_that_of_its_description():
+    folder = Path(__file__).resolve().parents[2] / "studies/phantom"
+    truth = read_truth(folder / "experiment.yaml")
+    sealed = yaml.safe_load((folder / "sealed/truth.yaml").read_text())
+    assert {f"mu_{layer['name']}": layer["mu"] for layer in truth.layers} | truth.material == sealed["constants"]
+    assert truth.mesh == sealed["mesh"]
+    assert truth.solver == sealed["solver"]["name"]
+    study = load_study(folder)
+    force = np.array([step.force for step in study.steps])
+    spread = truth.force_noise * max(sealed["force"])
+    assert np.abs(force - sealed["force"]).max() < 4 * spread

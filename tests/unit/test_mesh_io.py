@@ -1,0 +1,95 @@
+"""Meshes as ABAQUS keywords and from other formats."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from fingerfit.errors import InputError
+from fingerfit.mesh import Block
+from fingerfit.mesh_io import format_mesh, read_mesh
+from fingerfit.meshing import brick, layered_block
+
+LAYERS = [("top", 4.0), ("bottom", 8.0)]
+
+
+@pytest.mark.parametrize("element", ["CPE4", "CPE4H", "CPE6", "CPE8", "CPE8H", "CPE8R", "C3D8"])
+def test_written_and_read_is_the_same_mesh(tmp_path, element):
+    if element == "C3D8":
+        mesh = brick([2.0, 3.0, 4.0], [2, 3, 5], element=element)
+    else:
+        mesh = layered_block(12.0, LAYERS, 15, 2, element, 3.0, (1.0, -2.0))
+    (tmp_path / "m.inp").write_text(format_mesh(mesh))
+    read = read_mesh(tmp_path / "m.inp")
+    assert read.points == pytest.approx(mesh.points, abs=1e-10)
+    assert [block.element for block in read.blocks] == [element]
+    assert np.array_equal(read.blocks[0].nodes, mesh.blocks[0].nodes)
+    for ours, theirs in ((mesh.node_sets, read.node_sets), (mesh.element_sets, read.element_sets)):
+        for name, members in ours.items():
+            assert np.array_equal(np.sort(theirs[name]), np.sort(members)), name
+
+
+def test_elements_are_counted_through_all_blocks(tmp_path):
+    plain = layered_block(12.0, LAYERS, 2, 1, "CPE8")
+    nodes = plain.blocks[0].nodes
+    mesh = replace(plain, blocks=(Block("CPE8", nodes[:2]), Block("CPE8R", nodes[2:])))
+    (tmp_path / "m.inp").write_text(format_mesh(mesh))
+    read = read_mesh(tmp_path / "m.inp")
+    assert [(block.element, block.nodes.tolist()) for block in read.blocks] == [
+        ("CPE8", nodes[:2].tolist()),
+        ("CPE8R", nodes[2:].tolist()),
+    ]
+    assert read.element_sets["TOP"].tolist() == mesh.element_sets["TOP"].tolist() == [2, 3]
+    labels = [line.split(",")[0] for line in format_mesh(mesh).splitlines() if line.count(",") == 8]
+    assert labels == ["1", "2", "3", "4"]
+
+
+def test_the_same_mesh_is_the_same_text():
+    first, second = (layered_block(12.0, LAYERS, 4, 2, grading=3.0) for _ in range(2))
+    assert format_mesh(first) == format_mesh(second)
+    assert format_mesh(first) != format_mesh(layered_block(12.0, LAYERS, 4, 2, grading=3.1))
+
+
+def test_lines_are_short_enough_for_every_program():
+    # ABAQUS and CalculiX take 16 entries on a line of a set
+    lines = format_mesh(layered_block(12.0, LAYERS, 30, 2)).splitlines()
+    at = next(n for n, line in enumerate(lines) if line.startswith("*NSET"))
+    assert max(line.count(",") for line in lines[at:] if not line.startswith("*")) < 16
+
+
+def test_other_formats_with_their_sets(monkeypatch):
+    points = np.array([[0, 0], [2, 0], [2, 1], [0, 1], [4, 0], [4, 1]], dtype=float)
+    cells = [("quad", np.array([[0, 1, 2, 3], [1, 4, 5, 2]]))]
+    sets = {"left": [np.array([0])], "right": [np.array([1])]}
+    made = meshio.Mesh(points, cells, point_sets={"Bottom": np.array([0, 1, 4])}, cell_sets=sets)
+    monkeypatch.setattr(meshio, "read", lambda path: made)
+    read = read_mesh(Path("m.other"))
+    assert read.points == pytest.approx(points)
+    assert np.array_equal(read.node_sets["BOTTOM"], [0, 1, 4])
+    assert np.array_equal(read.element_sets["RIGHT"], [1])
+    assert read.dim == 2
+    assert read.blocks[0].element == "CPE4"
+    assert np.array_equal(read.blocks[0].nodes, cells[0][1])
+
+
+def test_a_file_of_another_format(tmp_path):
+    points = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]], dtype=float)
+    meshio.Mesh(points, [("quad", np.array([[0, 1, 2, 3]]))]).write(tmp_path / "m.vtk", binary=False)
+    read = read_mesh(tmp_path / "m.vtk")
+    assert (read.dim, read.blocks[0].element, read.blocks[0].nodes.tolist()) == (2, "CPE4", [[0, 1, 2, 3]])
+    assert read.points == pytest.approx(points[:, :2])
+
+
+def test_a_file_without_known_elements_is_told(tmp_path):
+    meshio.Mesh(np.eye(3), [("line", np.array([[0, 1], [1, 2]]))]).write(tmp_path / "m.vtk", binary=False)
+    with pytest.raises(InputError, match="found line; expected one of quad, quad8, hexahedron"):
+        read_mesh(tmp_path / "m.vtk")
+
+
+@pytest.mark.parametrize("name", ["m.vtk", "m.nothing"])
+def test_an_unreadable_file_is_told(tmp_path, name):
+    (tmp_path / name).write_text("no mesh")
+    with pytest.raises(InputError, match="a mesh that meshio reads"):
+        read_mesh(tmp_path / name)

@@ -1,0 +1,178 @@
+"""What follows a search: the error that a finer mesh leaves, and which solution is the base."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fingerfit.estimate import LinearModel, coordinates, moved, sensitivity_values
+from fingerfit.fit import FINAL, REFINED, SEARCH
+from fingerfit.guess import Parameter
+from fingerfit.meshing import brick, layered_block
+from fingerfit.refine import ORDER, Minimum, finest, mesh_error, refine_round
+from fingerfit.rounds import Asked, Round
+from fingerfit.score import Prediction
+from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
+
+PARAMETERS = (Parameter("mu_top", "MPa", 1e-3, 1.0, 0.1), Parameter("poisson", "1", 0.3, 0.5, 0.4, log=False))
+LAYERS = [("top", 6.0), ("bottom", 6.0)]
+
+
+def fit_on(search, refined=None):
+    meshes = {SEARCH: search} | ({REFINED: refined} if refined else {})
+    return SimpleNamespace(
+        settings=SimpleNamespace(parameters=lambda: PARAMETERS),
+        meshes=meshes,
+        mesh_names={name: name for name in meshes},
+    )
+
+
+def at(values, mesh):
+    return Minimum(values, Asked(values, "sim", mesh, ""), None, 0.0)
+
+
+COARSE, FINE = {"mu_top": 0.020, "poisson": 0.40}, {"mu_top": 0.022, "poisson": 0.41}
+
+
+@pytest.mark.parametrize(("across", "per_layer", "ratio"), [(8, 4, 2.0), (6, 3, 1.5), (4, 4, np.sqrt(2))])
+def test_the_error_left_is_the_change_continued_with_the_order_of_a_glued_corner(across, per_layer, ratio):
+    fit = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, across, per_layer))
+    left = mesh_error(fit, at(FINE, REFINED), at(COARSE, SEARCH))
+    change = [np.log(1.1), 0.01 / 0.2]
+    assert left == pytest.approx(np.array(change) / (ratio**1.2 - 1), rel=1e-12)
+
+
+def test_a_sequence_of_that_order_is_continued_exactly():
+    # log mu(h) = log mu(0) - c h^p, solved with h and h / 2
+    exact, c, h = np.log(0.0211), 0.08, 0.5
+    mu = {name: float(np.exp(exact - c * size**ORDER)) for name, size in ((SEARCH, h), (REFINED, h / 2))}
+    fit = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
+    minima = [at({"mu_top": mu[name], "poisson": 0.4}, name) for name in (REFINED, SEARCH)]
+    left = mesh_error(fit, *minima)
+    assert left[0] == pytest.approx(exact - np.log(mu[REFINED]), rel=1e-9)
+    assert left[1] == 0.0
+
+
+def test_sizes_of_a_brick_follow_the_cube_root():
+    fit = fit_on(brick([1.0] * 3, [2, 2, 2]), brick([1.0] * 3, [4, 4, 4]))
+    left = mesh_error(fit, at(FINE, REFINED), at(COARSE, SEARCH))
+    assert left[0] == pytest.approx(np.log(1.1) / (2**1.2 - 1), rel=1e-12)
+
+
+def test_the_sign_of_the_change_does_not_matter():
+    fit = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
+    there, back = (mesh_error(fit, at(a, REFINED), at(b, SEARCH)) for a, b in ((FINE, COARSE), (COARSE, FINE)))
+    assert there == pytest.approx(back)
+    assert (there > 0).all()
+
+
+def test_nearly_the_same_mesh_does_not_make_the_error_endless():
+    mesh = layered_block(12.0, LAYERS, 4, 2)
+    left = mesh_error(fit_on(mesh, mesh), at(FINE, REFINED), at(COARSE, SEARCH))
+    assert left[0] == pytest.approx(10 * np.log(1.1))
+
+
+def test_without_a_finer_solution_nothing_is_known():
+    fit = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
+    assert mesh_error(fit, at(COARSE, SEARCH), at(COARSE, SEARCH)) is None
+    assert mesh_error(fit_on(fit.meshes[SEARCH]), at(COARSE, SEARCH), at(COARSE, SEARCH)) is None
+
+
+def test_sensitivities_are_at_either_side():
+    sides = sensitivity_values(PARAMETERS, COARSE)
+    assert set(sides) == {"+mu_top", "-mu_top", "+poisson", "-poisson"}
+    assert sides["+mu_top"]["mu_top"] / sides["-mu_top"]["mu_top"] == pytest.approx(np.exp(0.06), rel=1e-8)
+    assert sides["+poisson"]["poisson"] - sides["-poisson"]["poisson"] == pytest.approx(0.06 * 0.2, rel=1e-8)
+    assert sides["+mu_top"]["poisson"] == sides["-mu_top"]["poisson"] == 0.40
+
+
+def test_coordinates_and_values_are_inverse():
+    delta = np.array([0.07, -0.3])
+    there = moved(PARAMETERS, COARSE, delta)
+    assert coordinates(PARAMETERS, there) - coordinates(PARAMETERS, COARSE) == pytest.approx(delta, abs=1e-9)
+
+
+def test_a_linear_model_adds_slopes_and_offset():
+    def one(value):
+        return Prediction(np.full((1, 2, 2), value), np.full(1, value), np.full((1, 2), value))
+
+    model = LinearModel(one(1.0), (one(10.0), one(100.0)), one(7.0), COARSE)
+    assert np.all(model.at(np.array([0.1, 0.02])).pictures == pytest.approx(1 + 1 + 2))
+    assert model.at(np.zeros(2), one(0.5)).conjugate == pytest.approx([1.5])
+
+
+class Body:
+    """A fit whose pictures are a known function of the constants; the finer mesh sees mu 5 % differently."""
+
+    def __init__(self, sims, truth=0.030, lost=()):
+        self.sims, self.truth, self.lost = sims, truth, lost
+        self.settings = SimpleNamespace(parameters=lambda: PARAMETERS[:1])
+        self.mesh_names = {SEARCH: SEARCH, REFINED: REFINED}
+
+    def ask(self, values, role=SEARCH, gain=1.0):
+        mesh = REFINED if role == FINAL else SEARCH
+        asked = Asked(dict(values), f"{mesh}_{values['mu_top']:.10g}_{gain:g}", mesh, "", role)
+        status = DIVERGED if asked.sim in self.lost else CONVERGED
+        empty = np.zeros((1, 1, 2))
+        Outcome(status, empty, empty[0], empty[0]).save(self.sims / asked.sim / "solution.npz")
+        return asked
+
+    def prediction(self, asked):
+        stiffer = 1.05 if asked.mesh == REFINED else 1.0
+        z = np.log(asked.values["mu_top"] * stiffer)
+        return Prediction(np.array([[[z, z**2 / 10]]]), np.zeros(1), np.zeros((0, 2)))
+
+    def score(self, prediction):
+        z = np.log(self.truth)
+        return float(((prediction.pictures - np.array([z, z**2 / 10])) ** 2).sum())
+
+    def start(self, mu):
+        best = {"mu_top": mu}
+        batch = [self.ask(best, FINAL)]
+        batch += [self.ask(values, role) for role, values in sensitivity_values(PARAMETERS[:1], best).items()]
+        batch += [self.ask(best, "+control", 1.03), self.ask(best, "-control", 0.97)]
+        history = {"values": best, "sim": "s", "score": 0.0}
+        return Round(9, "sensitivity", None, {}, {}, [], batch, history, "tolerances met")
+
+
+def test_rounds_end_at_the_minimum_of_the_finer_mesh(tmp_path):
+    fit = Body(tmp_path)
+    last = fit.start(0.026)
+    numbers = []
+    while last.stop is None:
+        last = refine_round(fit, last)
+        numbers.append(last.number)
+    assert last.stop == "tolerances met"
+    assert numbers == list(range(10, 10 + len(numbers)))
+    assert finest(fit, last).mesh == REFINED
+    assert finest(fit, last).values["mu_top"] == pytest.approx(0.030 / 1.05, rel=1e-3)
+    # a first move of 9 % is checked by another solution; the next one is short
+    assert sum(asked.role == FINAL for asked in last.batch) == 3
+
+
+def test_a_short_move_is_not_solved_again_and_again(tmp_path):
+    fit = Body(tmp_path)
+    last = refine_round(fit, fit.start(0.0290))
+    assert last.stop == "tolerances met"
+    assert sum(asked.role == FINAL for asked in last.batch) == 2
+
+
+def test_when_the_finer_mesh_has_no_solution_the_search_mesh_is_the_base(tmp_path):
+    best = {"mu_top": 0.0310}
+    fit = Body(tmp_path)
+    fit.lost = (fit.ask(best, FINAL).sim,)
+    last = fit.start(0.0310)
+    assert finest(fit, last).mesh == SEARCH
+    assert finest(fit, last).values == best
+
+
+def test_a_minimum_without_solution_ends_with_the_one_before(tmp_path):
+    fit = Body(tmp_path)
+    first = fit.start(0.026)
+    second = refine_round(fit, first)
+    fit.lost = (second.batch[-1].sim,)
+    second = refine_round(fit, first)
+    third = refine_round(fit, second)
+    assert third.stop == "tolerances met"
+    assert third.batch == second.batch
+    assert finest(fit, third).sim == first.batch[0].sim

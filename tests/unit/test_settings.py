@@ -1,0 +1,116 @@
+"""config.yaml: what is refused and how it is told, defaults, the schema."""
+
+import copy
+from pathlib import Path
+
+import pytest
+import yaml
+
+from fingerfit.errors import Problems
+from fingerfit.keys import read_yaml
+from fingerfit.settings import Settings, describe, load_settings, schema
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIG = read_yaml(ROOT / "config.yaml")
+
+
+def changed(path, value):
+    config = copy.deepcopy(CONFIG)
+    at = config
+    *parents, last = path.split(".")
+    for parent in parents:
+        at = at[int(parent)] if parent.isdigit() else at[parent]
+    at[last] = value
+    return config
+
+
+@pytest.mark.parametrize("file", ["config.yaml", "studies/phantom/calculix.yaml", "studies/ecoflex/config.yaml"])
+def test_configs_that_are_shipped_are_right(file):
+    load_settings(ROOT / file)
+
+
+def test_what_is_left_out_has_its_default():
+    config = copy.deepcopy(CONFIG)
+    for key in ("smooth", "crop", "bins", "batch"):
+        config["fit"].pop(key, None)
+    del config["solver"]
+    settings = load_settings(config)
+    assert (settings.solver, settings.fit.bins, settings.fit.crop, settings.fit.smooth) == ("builtin", 32, 0.3, 1.0)
+
+
+def test_parameters_keep_the_order_of_the_file():
+    names = [p.name for p in load_settings(CONFIG).parameters()]
+    assert names == ["mu_top", "mu_middle", "mu_bottom"]
+    turned = {name: CONFIG["model"]["parameters"][name] for name in reversed(names)}
+    assert [p.name for p in load_settings(changed("model.parameters", turned)).parameters()] == names[::-1]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        ("studdy", 1, "studdy: found an unknown key; expected study (did you mean that?)"),
+        ("model.mesh.acros", 3, "model.mesh.acros: found an unknown key; expected across (did you mean that?)"),
+        (
+            "model.refined.gradin",
+            3,
+            "model.refined.gradin: found an unknown key; expected grading (did you mean that?)",
+        ),
+        ("fit.stages.1.tolX", 3, "fit.stages.1.tolX: found an unknown key; expected tolx (did you mean that?)"),
+        ("fit.qqq", 3, "fit.qqq: found an unknown key; expected one of score, steps, smooth"),
+        ("model.parameters.mu_top.strat", 1, "strat: found an unknown key; expected start (did you mean that?)"),
+        ("model.parameters.mu_top.unit", "1", "model.parameters.mu_top.unit: found 1; expected MPa"),
+        ("model.parameters.mu_top.start", 2.0, "found start 2; expected 0.001 to 1, the bounds"),
+        ("model.parameters.mu_top.lower", 0.0, "found 0.0; expected above 0, for a search in the logarithm"),
+        ("model.material.poisson", 0.5, "model.material.poisson: found 0.5; expected between -1 and 0.5"),
+        ("model.material.alpha", 0, "model.material.alpha: found 0; expected not 0"),
+        ("model.material.nu", 0.4, "model.material.nu: found an unknown key; expected one of mu, alpha, poisson"),
+        ("model.mesh.element", "CPE9", "model.mesh.element: found CPE9; expected"),
+        ("fit.bins", 2, "fit.bins: found 2; expected greater than or equal to 4"),
+        ("fit.bins", True, "fit.bins: found True; expected a value that is not true or false"),
+        ("fit.steps", [True], "fit.steps: found [True]; expected a value that is not true or false"),
+        ("model.material.mu", True, "model.material: found {"),
+        ("fit.smooth", float("nan"), "fit.smooth: found nan; expected a finite number"),
+        ("fit.stages.1.name", "grid", "fit.stages: found grid twice; expected a name of its own for each stage"),
+        ("study", "my study", "study: found 'my study'; expected letters, digits and . / _ + - only"),
+        ("solver", "calculx", "did you mean calculix?"),
+    ],
+)
+def test_a_mistake_is_one_line(path, value, says):
+    with pytest.raises(Problems) as raised:
+        load_settings(changed(path, value), "mine.yaml")
+    assert len(raised.value.problems) == 1
+    assert str(raised.value).startswith("mine.yaml: ")
+    assert says in str(raised.value)
+
+
+def test_all_mistakes_are_told_at_once(tmp_path):
+    config = changed("fit.scor", "nmi")
+    config["model"]["mesh"]["across"] = 0
+    del config["fit"]["score"]
+    (tmp_path / "c.yaml").write_text(yaml.safe_dump(config))
+    with pytest.raises(Problems) as raised:
+        load_settings(tmp_path / "c.yaml")
+    assert {str(p).split(": ")[1] for p in raised.value.problems} == {"fit.scor", "fit.score", "model.mesh.across"}
+
+
+def test_the_schema_says_what_the_settings_do():
+    made = schema()
+    assert made["additionalProperties"] is False
+    assert set(made["required"]) == {"study", "model", "fit"}
+    for name, definition in made["$defs"].items():
+        assert definition["additionalProperties"] is False, name
+        for key, value in definition["properties"].items():
+            assert value.get("description"), f"{name}.{key}"
+
+
+def test_every_key_is_described():
+    text = describe()
+
+    def walk(data, prefix):
+        for key, value in data.items():
+            assert f"| `{prefix}{key}" in text, f"{prefix}{key}"
+            if isinstance(value, dict) and key not in ("material", "parameters"):
+                walk(value, f"{prefix}{key}.")
+
+    walk(CONFIG, "")
+    assert all(field.description for field in Settings.model_fields.values())

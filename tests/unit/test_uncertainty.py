@@ -1,0 +1,137 @@
+"""Minimum, spread, intervals and what the data cannot tell, against closed forms."""
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+from fingerfit.guess import Parameter
+from fingerfit.uncertainty import as_json, gradient_and_hessian, identifiability, minimise, repeat, summarise
+
+A = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
+LOG = tuple(Parameter(name, "MPa", 1e-3, 1.0, 0.1) for name in ("mu_a", "mu_b", "mu_c"))
+
+
+def bowl(centre, matrix=A):
+    return lambda d: 0.5 * (d - centre) @ matrix @ (d - centre)
+
+
+def test_differences_of_a_quadratic_are_exact():
+    centre = np.array([0.03, -0.02, 0.05])
+    gradient, hessian = gradient_and_hessian(bowl(centre), 3)
+    assert gradient == pytest.approx(-A @ centre, abs=1e-12)
+    assert hessian == pytest.approx(A, abs=1e-10)
+
+
+@pytest.mark.parametrize("reach", [0.01, 0.15])
+def test_minimum_of_a_quadratic(reach):
+    centre = np.array([0.05, -0.1, 0.02])
+    found = minimise(bowl(centre), 3, reach)
+    assert found == pytest.approx(centre, abs=1e-4 if reach > 0.1 else 1e-3)
+
+
+def test_minimum_of_something_else():
+    found = minimise(lambda d: float(np.cosh(3 * (d[0] - 0.2)) + np.exp(d[1]) - 1.1 * d[1]), 2)
+    assert found == pytest.approx([0.2, np.log(1.1)], abs=5e-4)
+
+
+def test_from_the_top_of_a_hill_it_goes_down():
+    def hill(d):
+        return float(-np.cos(4 * (d[0] - 0.1)) + d[1] ** 2)
+
+    start = np.zeros(2)
+    found = minimise(lambda d: hill(d + np.array([0.55, 0.0])), 2)
+    assert hill(found + np.array([0.55, 0.0])) < hill(start + np.array([0.55, 0.0])) - 0.3
+
+
+def test_what_the_score_does_not_see_is_not_moved():
+    found = minimise(lambda d: float((d[0] - d[1] - 0.1) ** 2), 2)
+    assert found[0] - found[1] == pytest.approx(0.1, abs=1e-4)
+    assert found.sum() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_repetitions_shift_as_their_noise_says():
+    rng = np.random.default_rng(4)
+    noise = rng.normal(0.0, 0.01, (4000, 3))
+    drawn = iter(noise)
+    shifts, hessian = repeat(lambda: bowl(next(drawn)), 3, len(noise))
+    assert shifts == pytest.approx(noise, abs=1e-9)
+    assert hessian == pytest.approx(A, abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [20, 60, 400])
+def test_intervals_without_a_mesh_are_those_of_student(count):
+    shifts = np.random.default_rng(2).normal(0.0, [0.01, 0.02, 0.03], (count, 3))
+    values = [0.02, 0.03, 0.06]
+    found = summarise(shifts, A, LOG, values)
+    spread = shifts.std(axis=0, ddof=1)
+    assert found.relative == pytest.approx(spread, rel=1e-12)
+    half = student.ppf(0.975, count - 1) * spread
+    assert np.log(found.interval[:, 1] / values) == pytest.approx(half, rel=5e-4)
+    assert np.log(values / found.interval[:, 0]) == pytest.approx(half, rel=5e-4)
+    assert found.mesh == pytest.approx(np.zeros(3))
+
+
+def test_the_error_of_the_mesh_widens_the_interval_but_not_the_standard_error():
+    shifts = np.random.default_rng(2).normal(0.0, 0.01, (60, 3))
+    mesh = np.array([0.0, 0.01, 0.5])
+    without, found = (summarise(shifts, A, LOG, [0.02, 0.03, 0.06], m) for m in (None, mesh))
+    assert np.array_equal(found.relative, without.relative)
+    half, plain = (np.log(u.interval[:, 1] / u.interval[:, 0]) / 2 for u in (found, without))
+    assert half == pytest.approx(np.hypot(plain, mesh), rel=1e-12)
+    entry = as_json(found, LOG, [0.02, 0.03, 0.06])["mu_c"]
+    assert entry["mesh_error"] == pytest.approx(0.5 * 0.06)
+    assert entry["standard_error"] == pytest.approx(found.relative[2] * 0.06)
+
+
+def test_without_a_logarithm_the_interval_is_symmetric_in_the_value():
+    parameters = (Parameter("poisson", "1", 0.3, 0.5, 0.4, log=False),)
+    shifts = np.random.default_rng(3).normal(0.0, 0.05, (60, 1))
+    found = summarise(shifts, np.eye(1), parameters, [0.45])
+    low, high = found.interval[0]
+    assert (low + high) / 2 == pytest.approx(0.45)
+    expected = student.ppf(0.975, 59) * shifts.std(ddof=1) * 0.2
+    assert (high - low) / 2 == pytest.approx(expected, rel=1e-4)
+    assert as_json(found, parameters, [0.45])["poisson"]["standard_error"] == pytest.approx(shifts.std(ddof=1) * 0.2)
+
+
+def test_correlation_of_two_constants():
+    common, own = np.random.default_rng(5).normal(0.0, 1.0, (2, 4000))
+    shifts = np.stack([common, -common + 0.1 * own], axis=1)
+    found = summarise(shifts, np.eye(2), LOG[:2], [0.1, 0.1])
+    assert found.correlation[0, 1] == pytest.approx(-1 / np.sqrt(1.01), abs=1e-3)
+    assert np.diag(found.correlation) == pytest.approx([1.0, 1.0])
+
+
+NAMES = ["mu_a", "mu_b", "mu_c"]
+
+
+def plane(*directions):
+    """Curvature that is 0 along these directions and 1 across them."""
+    blind = np.linalg.qr(np.array(directions, dtype=float).T)[0]
+    return np.eye(len(directions[0])) - blind @ blind.T
+
+
+def test_everything_seen_is_no_remark():
+    assert identifiability(A, NAMES) == ()
+    assert identifiability(np.diag([1.0, 1.0, 1e-3]), NAMES) == ()
+
+
+def test_only_ratios():
+    (remark,) = identifiability(plane([1, 1, 1]), NAMES)
+    assert remark == "only ratios of mu_a, mu_b, mu_c are identifiable: these data do not see their common scale"
+
+
+def test_one_constant_not_seen():
+    assert identifiability(np.diag([1.0, 1e-6, 1.0]), NAMES) == ("mu_b is not identifiable from these data",)
+
+
+def test_a_combination_not_seen():
+    (remark,) = identifiability(plane([1, -2, 0]), NAMES)
+    assert remark.startswith("the combination ")
+    assert "mu_c" not in remark
+    assert "0.45 log mu_a" in remark
+    assert "0.89 log mu_b" in remark
+
+
+def test_a_flat_score_sees_nothing():
+    assert len(identifiability(np.zeros((2, 2)), NAMES[:2])) == 2
