@@ -33,6 +33,18 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("tests", type=Path, nargs="+", help="the authors' CSV files, one for each test")
     sub.add_argument("--out", type=Path, required=True, help="folder of the study")
 
+    for name, text in (("add", "add an effect to the model"), ("drop", "take an effect out of the model")):
+        sub = command(name, text)
+        sub.add_argument("effect", help="name, as `fingerfit effects` lists them")
+        sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
+
+    sub = command("discover", "fit, diagnose, add what is missing, and again, until nothing is missing")
+    sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
+    sub.add_argument("--cores", type=int, default=2)
+
+    sub = command("effects", "list the effects that are known")
+    sub.add_argument("study", type=Path, nargs="?", help="folder of a study with effects of its own")
+
     sub = command("docs", "write the schema and the table of the keys of config.yaml")
     sub.add_argument("folder", type=Path, nargs="?", default=Path(), help="folder of the project")
 
@@ -52,6 +64,7 @@ def _parser() -> argparse.ArgumentParser:
         ("propose", "ask for the next guesses (for the workflow)"),
         ("estimate", "constants with standard errors (for the workflow)"),
         ("plot", "figures of a finished fit (for the workflow)"),
+        ("diagnose", "where a fitted model fails and what it lacks (for the workflow)"),
     ):
         sub = command(name, text)
         sub.add_argument("settings", type=Path)
@@ -65,6 +78,13 @@ def _parser() -> argparse.ArgumentParser:
             sub.add_argument("--table", type=Path, required=True)
         if name == "propose":
             sub.add_argument("--threads", type=int, default=1)
+        if name == "diagnose":
+            sub.add_argument("--estimate", type=Path, required=True)
+            sub.add_argument("--threads", type=int, default=1)
+
+    sub = command("ladder", "put the rungs of a study together (for the workflow)")
+    sub.add_argument("folder", type=Path)
+    sub.add_argument("--out", type=Path, required=True)
     return parser
 
 

@@ -95,6 +95,65 @@ def plot(args: argparse.Namespace) -> None:
     plot_fit(_fit(args), Round.load(args.last), args.out)
 
 
+def diagnose(args: argparse.Namespace) -> None:
+    """Say where a fitted model fails and which effect is missing."""
+    from fingerfit.examine import examine
+    from fingerfit.files import read_json, write_json
+    from fingerfit.findings import rung_of, write_compare, write_diagnosis
+    from fingerfit.prepare import prepare
+    from fingerfit.rounds import Round
+
+    fit, last = _fit(args), Round.load(args.last)
+    smooth, crop = fit.settings.fit.smooth, fit.settings.fit.crop
+    everything = prepare(fit.study, fit.meshes["search"], None, smooth, crop)
+    found = examine(fit, last, everything, args.threads)
+    estimate = read_json(args.estimate)
+    write_compare(found.examination, args.out.parent / "compare.npz")
+    write_json(args.out.parent / "rung.json", rung_of(found, estimate, estimate["simulations"].get("reused", 0)))
+    write_diagnosis(found, args.out)
+    print(f"{fit.settings.model.name}: {found.verdict.sentence}", flush=True)
+
+
+def add(args: argparse.Namespace) -> None:
+    """Add an effect to config.yaml."""
+    from fingerfit.climb import add
+
+    print(add(args.config, args.effect))
+
+
+def drop(args: argparse.Namespace) -> None:
+    """Take an effect out of config.yaml."""
+    from fingerfit.climb import drop
+
+    print(drop(args.config, args.effect))
+
+
+def discover(args: argparse.Namespace) -> None:
+    """Climb the ladder until nothing is missing."""
+    import functools
+
+    from fingerfit.climb import discover
+
+    discover(args.config, args.cores, functools.partial(print, flush=True))
+
+
+def effects(args: argparse.Namespace) -> None:
+    """List the effects that are known."""
+    from fingerfit.effects.catalogue import catalogue
+
+    for effect in catalogue(args.study).values():
+        print(f"{effect.name:<18}{effect.title}\n{'':<18}{effect.words}\n{'':<18}looks like: {effect.look}")
+
+
+def ladder(args: argparse.Namespace) -> None:
+    """Put the rungs of a study together."""
+    from fingerfit.files import write_json
+    from fingerfit.findings import ladder
+
+    folders = sorted(path.parent for path in args.folder.glob("*/rung.json"))
+    write_json(args.out, ladder(folders, args.folder.name))
+
+
 def check(args: argparse.Namespace) -> None:
     """Say what was understood of a study."""
     from fingerfit.check import check_study

@@ -27,6 +27,16 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
     if last is not None and last.stage in (SENSITIVITY, FINAL):
         return refine_round(fit, last)
     parameters = fit.settings.parameters()
+    if last is None and fit.settings.model.effects:
+        # a model with effects starts where the one without them stopped
+        start = {parameter.name: parameter.start for parameter in parameters}
+        base: dict[str, Any] = {
+            "number": 0,
+            "solver": fit.solver,
+            "meshes": _meshes(fit),
+            "best": {"values": start, "score": None},
+        }
+        return around_best(fit, base, start, "effects added")
     names = [parameter.name for parameter in parameters]
     history = list(last.history) if last else []
     if last:
@@ -35,10 +45,10 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
     proposal = propose(evaluations, parameters, fit.settings.plan())
     scored = [e for e in history if e["score"] is not None]
     best = min(scored, key=lambda e: e["score"]) if scored else None
-    base: dict[str, Any] = {
+    base = {
         "number": last.number + 1 if last else 0,
         "solver": fit.solver,
-        "meshes": {fit.mesh_names[name]: path.name for name, path in fit.mesh_files.items()},
+        "meshes": _meshes(fit),
         "history": history,
         "best": best,
     }
@@ -48,6 +58,10 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
     if best is None:
         return Round(stage=proposal.stage, stop="no guess has a solution", **base)
     return around_best(fit, base, best["values"], proposal.stop)
+
+
+def _meshes(fit: Fit) -> dict[str, str]:
+    return {fit.mesh_names[name]: path.name for name, path in fit.mesh_files.items()}
 
 
 def _evaluate_all(fit: Fit, batch: list[Asked], threads: int) -> list[dict[str, Any]]:

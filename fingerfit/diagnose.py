@@ -16,12 +16,11 @@ from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.imaging.pictures import Picture
 from fingerfit.judge import Finding, Judge, likeness
 from fingerfit.predict import Predictor, positions
-from fingerfit.refine import finest, left_over, mesh_of
+from fingerfit.refine import ANCHOR, finest, left_over, mesh_of
 from fingerfit.residual import Patches, Reader, Residual, flat, residual_of
 from fingerfit.rounds import Asked, Round
 from fingerfit.solvers.contract import CONVERGED
 
-ANCHOR = "anchor"
 SMOOTH = 3.0
 """Length over which the error of a mesh is alike, mm."""
 ALIKE = 0.9

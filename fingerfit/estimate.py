@@ -29,22 +29,22 @@ def coordinates(parameters: tuple[Parameter, ...], values: Mapping[str, float]) 
 
 
 def moved(parameters: tuple[Parameter, ...], values: Mapping[str, float], delta: np.ndarray) -> dict[str, float]:
-    """Values at a distance in those coordinates, with the digits of a guess."""
+    """Values at a distance in those coordinates, within the bounds, with the digits of a guess."""
     z = coordinates(parameters, values) + delta
-    return {
-        p.name: round_value(float(np.exp(x) if p.log else x * (p.upper - p.lower)))
-        for p, x in zip(parameters, z, strict=True)
-    }
+    found = (float(np.exp(x) if p.log else x * (p.upper - p.lower)) for p, x in zip(parameters, z, strict=True))
+    return {p.name: round_value(min(max(x, p.lower), p.upper)) for p, x in zip(parameters, found, strict=True)}
 
 
 def sensitivity_values(parameters: tuple[Parameter, ...], best: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Guesses at either side of the best one, by role ``+name`` and ``-name``."""
-    steps = np.eye(len(parameters)) * STEP
-    return {
-        sign + parameter.name: moved(parameters, best, factor * step)
-        for parameter, step in zip(parameters, steps, strict=True)
-        for sign, factor in (("+", 1.0), ("-", -1.0))
-    }
+    """Guesses at either side of the best one, by role ``+name`` and ``-name``; those beyond a bound are left out."""
+    found = {}
+    at = coordinates(parameters, best)
+    for n, (parameter, step) in enumerate(zip(parameters, np.eye(len(parameters)) * STEP, strict=True)):
+        for sign, factor in (("+", 1.0), ("-", -1.0)):
+            guess = moved(parameters, best, factor * step)
+            if abs(abs(coordinates(parameters, guess)[n] - at[n]) - STEP) < 1e-3 * STEP:
+                found[sign + parameter.name] = guess
+    return found
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from fingerfit.files import digest, write_text
-from fingerfit.settings import Settings
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.errors import InputError
+from fingerfit.extend import extended
+from fingerfit.files import digest, read_json, write_text
+from fingerfit.settings import CONFIG, Settings
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study_file import load_study
 
@@ -47,6 +50,19 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
     "plot": (*_FIT, "plots.py"),
+    "diagnose": (
+        *_FIT,
+        "diagnose.py",
+        "examine.py",
+        "extend.py",
+        "findings.py",
+        "judge.py",
+        "prepare.py",
+        "residual.py",
+        "simulate.py",
+        "verdict.py",
+        "uncertainty.py",
+    ),
 }
 
 
@@ -78,6 +94,7 @@ def settings_of(settings: Settings, stage: str) -> str:
         },
         "estimate": {"model": every["model"], "fit": fit},
         "plot": {},
+        "diagnose": {"solver": get_solver(settings.solver).identity(), "model": every["model"], "fit": fit},
     }
     return json.dumps(chosen[stage], sort_keys=True)
 
@@ -89,7 +106,33 @@ def study_folder(settings: Settings) -> Path:
 
 def model_folder(settings: Settings) -> Path:
     """``results/{study}/{model}``."""
-    return study_folder(settings) / settings.model.name
+    return study_folder(settings) / settings.model.full_name
+
+
+def warm(settings: Settings) -> Settings:
+    """Settings whose search starts at the estimate of the model with one effect less.
+
+    Raises
+    ------
+    InputError
+        When that model has no estimate yet.
+    """
+    if not settings.model.effects:
+        return settings
+    data = settings.model_dump(mode="json")
+    effects = data["model"]["effects"]
+    *before, last = effects
+    parent = settings.model_copy(
+        update={"model": settings.model.model_copy(update={"effects": {name: effects[name] for name in before}})}
+    )
+    path = model_folder(parent) / "estimate.json"
+    if not path.exists():
+        found, wanted = f"{last}, but no {path}", f"an estimate without it first: fingerfit drop {last}, then snakemake"
+        raise InputError(CONFIG, f"model.effects.{last}", found, wanted)
+    values = {name: entry["value"] for name, entry in read_json(path)["parameters"].items()}
+    effect = catalogue(Path(settings.study))[last]
+    place = {effect.key(name): effects[last][name] for name in effect.scan if name in effects[last]}
+    return extended(parent, effect, place, effects[last], values)
 
 
 def study_files(settings: Settings) -> list[str]:

@@ -32,11 +32,14 @@ def _outlines(mesh: Mesh, points: np.ndarray) -> list[np.ndarray]:
     """Outline of each element of a plane mesh: corners with the mid-side nodes between them."""
     rings = []
     for block in mesh.blocks:
-        count = block.nodes.shape[1]
-        half = count // 2
-        order = np.ravel([[n, n + half] for n in range(half)]) if count in (6, 8) else np.arange(count)
-        rings += list(points[block.nodes[:, order]])
+        rings += list(points[block.nodes[:, outline(block.nodes.shape[1])]])
     return rings
+
+
+def outline(count: int) -> np.ndarray:
+    """Order of the nodes of a plane element along its outline: corners with the mid-side nodes between them."""
+    half = count // 2
+    return np.ravel([[n, n + half] for n in range(half)]) if count in (6, 8) else np.arange(count)
 
 
 def draw_mesh(axes: Any, mesh: Mesh, points: np.ndarray, fill: bool = True, line: float = 0.4) -> None:

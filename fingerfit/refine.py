@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,12 @@ from fingerfit.score import Prediction
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.uncertainty import minimise
 
+ANCHOR = "anchor"
+"""Role of a guess that is solved on the search mesh to be compared with the finest one."""
+FAR = 0.12
+"""A longer move needs new slopes."""
+AGAIN = 3
+"""How often slopes are taken at most."""
 CLOSE = 0.05
 """A longer move, in the logarithm, is checked by another solution."""
 SOLUTIONS = 4
@@ -49,19 +56,28 @@ class Minimum:
     move: float
 
 
-def around_best(fit: Fit, base: Mapping[str, object], best: Mapping[str, float], reason: str) -> Round:
+def around_best(fit: Fit, base: Mapping[str, Any], best: Mapping[str, float], reason: str, slopes: int = 1) -> Round:
     """The round that asks for the slopes around the best guess, and for the finest solution there."""
     parameters = fit.settings.parameters()
     # the costly one first: it runs beside the others
-    batch = [fit.ask(best, FINAL)]
+    batch = [fit.ask(best, FINAL), fit.ask(best, ANCHOR)]
     batch += [fit.ask(values, role) for role, values in sensitivity_values(parameters, best).items()]
     batch += [fit.ask(best, "+control", 1.0 + STEP), fit.ask(best, "-control", 1.0 - STEP)]
-    return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=reason, **base)  # type: ignore[arg-type]
+    return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=reason, slopes=slopes, **base)
 
 
 def refine_round(fit: Fit, last: Round) -> Round:
     """The round after slopes or a finest solution are known: solve at the minimum of the linear model."""
     found = minimum(fit, last)
+    if found.move > FAR and last.slopes < AGAIN:
+        base: dict[str, Any] = {
+            "number": last.number + 1,
+            "solver": last.solver,
+            "meshes": last.meshes,
+            "history": last.history,
+            "best": {"values": found.values, "score": None},
+        }
+        return around_best(fit, base, found.values, last.reason or "", last.slopes + 1)
     asked = fit.ask(found.values, FINAL)
     solutions = sum(a.role == FINAL for a in last.batch)
     lost = solutions > 1 and _diverged(fit, last.batch[-1])
@@ -73,9 +89,11 @@ def refine_round(fit: Fit, last: Round) -> Round:
         solver=last.solver,
         meshes=last.meshes,
         history=last.history,
-        batch=last.batch if lost else [*last.batch, asked],
+        # the same guess on the search mesh shows what the finer mesh changes there
+        batch=last.batch if lost else [*last.batch, fit.ask(found.values, ANCHOR), asked],
         best=last.best,
         reason=last.reason,
+        slopes=last.slopes,
     )
 
 
@@ -129,7 +147,10 @@ def mesh_of(fit: Fit, asked: Asked) -> str:
 def _minimum(fit: Fit, last: Round, base: Asked) -> Minimum:
     parameters = fit.settings.parameters()
     model = _linear_model(fit, last, base)
-    delta = minimise(lambda d: fit.score(model.at(d)), len(parameters))
+    at = coordinates(parameters, base.values)
+    low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
+    high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
+    delta = minimise(lambda d: fit.score(model.at(d)), len(parameters), low=low, high=high)
     return Minimum(moved(parameters, base.values, delta), base, model, float(np.abs(delta).max(initial=0.0)))
 
 
@@ -137,8 +158,9 @@ def _linear_model(fit: Fit, last: Round, base: Asked) -> LinearModel:
     by_role = {asked.role: asked for asked in last.batch}
 
     def slope(name: str) -> Prediction:
-        sides = [by_role[sign + name] for sign in "+-"]
-        lost = [_diverged(fit, side) for side in sides]
+        # a side beyond a bound was not asked for
+        sides = [by_role.get(sign + name, fit.ask(_best(last))) for sign in "+-"]
+        lost = [sign + name not in by_role or _diverged(fit, side) for sign, side in zip("+-", sides, strict=True)]
         if all(lost):
             raise StateError(f"no solution on either side of the best guess in {name}")
         # one-sided where one side has no solution

@@ -38,7 +38,7 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
     everything = {e["sim"] for e in last.history} | {a.sim for a in last.batch}
     return {
         "study": settings.study,
-        "model": settings.model.name,
+        "model": settings.model.full_name,
         "solver": last.solver,
         "parameters": as_json(found, parameters, point),
         "correlation": {

@@ -72,6 +72,8 @@ class Round:
         The best evaluation so far.
     reason : str or None
         Why the search ended, while the finer mesh is still to be solved.
+    slopes : int
+        How often slopes were taken so far.
     """
 
     number: int
@@ -83,6 +85,7 @@ class Round:
     batch: list[Asked] = field(default_factory=list)
     best: dict[str, Any] | None = None
     reason: str | None = None
+    slopes: int = 0
 
     def save(self, path: Path) -> None:
         """Write as JSON, whole or not at all."""

@@ -92,6 +92,11 @@ class ModelSettings(_Strict):
         description="Effects that were added, in order; numbers of an effect where they differ from its own.",
     )
 
+    @property
+    def full_name(self) -> str:
+        """Name with the effects: that of its folder."""
+        return "+".join([self.name, *self.effects])
+
 
 class StageSettings(_Strict):
     """A stage of the search."""
@@ -158,6 +163,9 @@ class Settings(_Strict):
             for p in effect.parameters:
                 start = given.get(p.name, p.null)
                 added.append(Parameter(effect.key(p.name), p.unit, p.lower, p.upper, start, log=False))
+            for name, (lower, upper) in effect.refine.items():
+                start = min(max(given.get(name, effect.scan[name][0]), lower), upper)
+                added.append(Parameter(effect.key(name), "1", lower, upper, start, log=False))
         return own + tuple(added)
 
     def effects(self) -> tuple[Effect, ...]:
@@ -172,6 +180,7 @@ class Settings(_Strict):
             effect.key(name): self.model.effects[effect.name].get(name, values[0])
             for effect in self.effects()
             for name, values in effect.scan.items()
+            if name not in effect.refine
         }
 
     def plan(self) -> Plan:

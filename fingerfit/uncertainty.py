@@ -37,7 +37,13 @@ def _positive(hessian: np.ndarray) -> np.ndarray:
     return (vectors * np.abs(values)) @ vectors.T
 
 
-def minimise(objective: Callable[[np.ndarray], float], size: int, reach: float = 0.15) -> np.ndarray:
+def minimise(
+    objective: Callable[[np.ndarray], float],
+    size: int,
+    reach: float = 0.15,
+    low: np.ndarray | None = None,
+    high: np.ndarray | None = None,
+) -> np.ndarray:
     """Minimum of a smooth score near 0 by Newton steps with the curvature at 0, shape (size,).
 
     Directions that the score does not see are not moved along.
@@ -49,12 +55,20 @@ def minimise(objective: Callable[[np.ndarray], float], size: int, reach: float =
     size : int
     reach : float
         Longest step.
+    low, high : ndarray, shape (size,), optional
+        Bounds, around 0.
     """
     gradient, hessian = gradient_and_hessian(objective, size)
-    inverse = np.linalg.pinv(_positive(hessian), rcond=FLAT, hermitian=True)
+    hessian = _positive(hessian)
+    low = np.full(size, -np.inf) if low is None else low
+    high = np.full(size, np.inf) if high is None else high
     at, value = np.zeros(size), objective(np.zeros(size))
     for _ in range(20):
-        step = -inverse @ gradient
+        # a constant at its bound that would go further stays; the others find their minimum without it
+        free = ~(((at <= low) & (gradient > 0)) | ((at >= high) & (gradient < 0)))
+        step = np.zeros(size)
+        step[free] = -np.linalg.pinv(hessian[np.ix_(free, free)], rcond=FLAT, hermitian=True) @ gradient[free]
+        step = np.clip(at + step, low, high) - at
         step *= min(1.0, reach / max(np.abs(step).max(initial=0.0), 1e-300))
         while np.abs(step).max(initial=0.0) > 1e-5 and not objective(at + step) < value:
             step = step / 2

@@ -50,7 +50,7 @@ def _read(path: Path, stamp: int) -> Effect:
     problems: list[FingerfitError] = []
     keys = Keys(path, read_yaml(path), "", problems)
     words = ("title", "words", "look", "confirm")
-    keys.known(*words, "acts", "parameters", "scan", "changes", "observes", "needs", "control")
+    keys.known(*words, "acts", "parameters", "scan", "refine", "changes", "observes", "needs", "control")
     texts = {name: keys.text(name) or "" for name in words}
     acts = keys.text("acts") or ""
     if acts not in ACTS and not problems:
@@ -65,16 +65,20 @@ def _read(path: Path, stamp: int) -> Effect:
             scan.wrong(name, values, "a list of numbers")
         else:
             places[str(name)] = tuple(float(v) for v in values)
+    group = keys.mapping("refine", {})
+    group.known(*places)
+    bounds = {name: group.numbers(name, 2) for name in group.data}
     needs, control = keys.text("needs", None), keys.text("control", None)
     if needs not in (None, "time"):
         keys.wrong("needs", needs, "time")
     if control not in (None, "force", "displacement"):
         keys.wrong("control", control, "force or displacement")
+    refine = {name: (pair[0], pair[1]) for name, pair in bounds.items() if pair}
     part = path.with_suffix(".inp.j2")
     if problems:
         raise Problems(problems)
     return Effect(
-        path.stem, **texts, acts=acts, parameters=parameters, scan=places, changes=changes, observes=observes,
+        path.stem, **texts, acts=acts, parameters=parameters, scan=places, refine=refine, changes=changes, observes=observes,
         needs=needs or "", control=control or "", part=f"effects/{part.name}" if part.exists() else None,
     )  # fmt: skip
 

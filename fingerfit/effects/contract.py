@@ -51,7 +51,9 @@ class Effect:
     parameters : tuple of EffectParameter
         At their null values the model is the one without the effect.
     scan : mapping
-        Places and the like that a first look tries: name to values. They are fixed numbers of a fit.
+        Places and the like that a first look tries: name to values.
+    refine : mapping
+        Bounds of those scanned numbers that a fit then moves, too; the others stay.
     changes : mapping
         Formulas for what goes into the deck: ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a factor on
         mu at a place), ``force``, ``displacement`` (prescribed), ``before`` (prescribed before the first picture),
@@ -75,6 +77,7 @@ class Effect:
     confirm: str
     parameters: tuple[EffectParameter, ...]
     scan: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    refine: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     changes: Mapping[str, str] = field(default_factory=dict)
     observes: Mapping[str, str] = field(default_factory=dict)
     needs: str = ""

@@ -15,7 +15,7 @@ os.environ.update({name: os.pathsep.join(filter(None, [str(path), os.getenv(name
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 try:
-    SETTINGS = load_settings(config)
+    SETTINGS = layout.warm(load_settings(config))
     PARTS = {stage: layout.settings_of(SETTINGS, stage) for stage in layout.SOURCES}
     FIGURE_NAMES = layout.figures(SETTINGS)
 except FingerfitError as error:

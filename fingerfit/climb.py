@@ -1,0 +1,107 @@
+"""Up and down the ladder of models: effects are added to config.yaml and taken out again."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fingerfit.effects.catalogue import catalogue, chosen
+from fingerfit.errors import FingerfitError, InputError
+from fingerfit.files import read_json, write_text
+from fingerfit.layout import model_folder
+from fingerfit.settings import Settings, load_settings
+
+RUNGS = 6
+"""Highest ladder that is climbed without asking."""
+
+
+def add(config: Path, name: str) -> str:
+    """Add an effect to a config file, with the numbers that the last diagnosis found; says what was done.
+
+    Raises
+    ------
+    FingerfitError
+        For an effect that is not known, or is there already.
+    """
+    settings = load_settings(config)
+    effect = chosen([name], catalogue(Path(settings.study)), config)[0]
+    if name in settings.model.effects:
+        raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
+    numbers = _found(settings, name)
+    _rewrite(config, {**settings.model.effects, name: numbers})
+    what = ", ".join(f"{key} {value:.4g}" for key, value in numbers.items())
+    start = f", starting at {what}" if what else ""
+    return f"{config}: added {name} ({effect.title}){start}; now: snakemake --cores 2 diagnose"
+
+
+def drop(config: Path, name: str) -> str:
+    """Take an effect out of a config file; says what was done.
+
+    Raises
+    ------
+    InputError
+        When the model does not have it.
+    """
+    settings = load_settings(config)
+    if name not in settings.model.effects:
+        has = ", ".join(settings.model.effects) or "none"
+        raise InputError(config, f"model.effects.{name}", "no such effect in the model", f"one that it has: {has}")
+    _rewrite(config, {key: value for key, value in settings.model.effects.items() if key != name})
+    return f"{config}: dropped {name}; its results stay where they are"
+
+
+def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
+    """Fit, diagnose, add what is missing, and again, until nothing is missing or nothing known explains the rest.
+
+    Raises
+    ------
+    FingerfitError
+        When the workflow fails.
+    """
+    for _ in range(RUNGS):
+        command = [sys.executable, "-m", "snakemake", "--cores", str(cores), "--configfile", str(config), "diagnose"]
+        if subprocess.run(command, check=False).returncode:
+            raise FingerfitError(f"{config}: the workflow failed; its messages are above")
+        settings = load_settings(config)
+        diagnosis = read_json(model_folder(settings) / "diagnosis.json")
+        say(f"{diagnosis['model']}: {diagnosis['sentence']}")
+        if not diagnosis["effects"]:
+            return
+        say(add(config, diagnosis["effects"][0]))
+    say(f"stopped after {RUNGS} effects")
+
+
+def _found(settings: Settings, name: str) -> dict[str, float]:
+    """Place and size of an effect in the diagnosis of the model without it; nothing where there is none."""
+    path = model_folder(settings) / "diagnosis.json"
+    if not path.exists():
+        return {}
+    for entry in read_json(path)["ranking"]:
+        if entry["effect"] == name:
+            return {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"]}.items()}
+    return {}
+
+
+def _rewrite(config: Path, effects: dict[str, dict[str, float]]) -> None:
+    """Replace `model.effects`; every other line, comments included, stays as it is."""
+    text = config.read_text(encoding="utf-8")
+    lines = re.sub(r"(?m)^  effects:.*\n((?:    .*\n)*)", "", text).splitlines(keepends=True)
+    at = next((n for n, line in enumerate(lines) if re.match(r"model:\s*(#.*)?$", line)), None)
+    if at is None:
+        raise InputError(config, "model", "no line `model:` of its own", "one, so that effects can be written below it")
+    block = [f"    {name}: {_flow(numbers)}\n" for name, numbers in effects.items()]
+    changed = "".join([*lines[: at + 1], *["  effects:\n"][: len(block)], *block, *lines[at + 1 :]])
+    write_text(config, changed)
+    try:
+        load_settings(config)
+    except FingerfitError:
+        write_text(config, text)
+        raise
+
+
+def _flow(numbers: dict[str, Any]) -> str:
+    return "{" + ", ".join(f"{key}: {value:g}" for key, value in numbers.items()) + "}"

@@ -1,0 +1,144 @@
+"""What an examination found, written down: compare.npz, diagnosis.json and .npz, and the model's rung of the ladder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerfit.diagnose import Examination
+from fingerfit.effects.catalogue import as_text
+from fingerfit.examine import Examined, errors, fitted_pictures
+from fingerfit.files import read_json, write_json, write_npz
+from fingerfit.plots import outline
+from fingerfit.predict import since_first_picture
+from fingerfit.verdict import confusions
+
+SHOWN = 6
+"""Effects whose patterns are kept."""
+
+
+def write_compare(examination: Examination, path: Path) -> None:
+    """Measured and synthesized pictures, residual displacements, forces and meshes, as arrays."""
+    fit, data, residual = examination.fit, examination.data, examination.residual
+    mesh = fit.meshes[examination.mesh]
+    outcome = since_first_picture(fit.outcome(examination.base), len(data.step))
+    dim = mesh.dim
+    spread = np.full(residual.kept.shape, np.nan)
+    spread[residual.kept] = np.sqrt(np.diag(residual.covariance))
+    layer = np.zeros(mesh.element_count, dtype=int)
+    for number, members in enumerate(mesh.element_sets.values()):
+        layer[members] = number
+    force = -outcome.reaction[:, -1] if data.control == "displacement" else data.force
+    moved = -outcome.indenter[:, -1] if data.control == "force" else data.displacement
+    write_npz(
+        path,
+        {
+            "measured": data.measured,
+            "synthesized": examination.prediction.pictures,
+            "picture_step": data.step[data.picture_step],
+            "fitted": fitted_pictures(fit, data),
+            "error": residual.error,
+            "floor": residual.floor,
+            "spacing": data.spacing,
+            "origin": data.origin,
+            "moves": residual.value[..., :dim],
+            "moves_noise": spread[: residual.value.size].reshape(residual.value.shape)[..., :dim],
+            "patch_centre": examination.patches.centre,
+            "patch_count": np.array(examination.patches.count),
+            "mesh_points": mesh.points,
+            "mesh_moved": mesh.points + outcome.displacement[data.picture_step],
+            "mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks]),
+            "mesh_layer": layer,
+            "layer_names": np.array(list(mesh.element_sets)),
+            "step": data.step,
+            "force": data.force,
+            "displacement": data.displacement,
+            "force_model": force,
+            "displacement_model": moved,
+            "force_noise": np.array(data.force_noise),
+            "displacement_noise": np.array(data.displacement_noise),
+        },
+    )
+
+
+def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
+    """Verdict and ranking as JSON, patterns beside it as .npz; returns the former."""
+    model = found.examination.fit.settings.model
+    excess = max(found.judge.misfit - found.judge.freedom, 1.0)
+    ranking = []
+    for look in found.looks:
+        effect, refit = look.suspect.effect, found.refits.get(look.suspect.effect.name)
+        sizes = zip(effect.parameters, look.finding.size, strict=True)
+        ranking.append(
+            {
+                **as_text(effect),
+                "effect": effect.name,
+                "place": {key.split(".")[1]: value for key, value in look.suspect.place.items()},
+                "size": {p.name: float(p.null + s) for p, s in sizes},
+                "units": {p.name: p.unit for p in effect.parameters},
+                "predicted_fall": look.finding.fall,
+                "share_of_excess": min(1.0, look.finding.fall / excess),
+                "visible": look.finding.visible,
+                "refit": refit
+                and {
+                    "misfit": refit.misfit,
+                    "error": {"fitted": refit.fitted, "held_out": refit.held_out},
+                    "parameters": {name: float(value) for name, value in refit.values.items()},
+                },
+            }
+        )
+    verdict = found.verdict
+    data = {
+        "model": model.full_name,
+        "verdict": verdict.kind,
+        "sentence": verdict.sentence,
+        "effects": list(verdict.effects),
+        "misfit": found.judge.misfit,
+        "freedom": found.judge.freedom,
+        "threshold": verdict.threshold,
+        "ranking": ranking,
+        "confusions": confusions(found.judge, found.looks),
+        "measurements": [{"title": title, "gain": gain} for title, gain in found.measurements],
+        "add": f"fingerfit add {verdict.effects[0]}" if verdict.effects else "",
+        "simulations": found.run,
+    }
+    residual = found.examination.residual
+    dim = residual.value.shape[2] - 1
+    patterns = {"there": residual.value[..., :dim]}
+    for look in found.looks[:SHOWN]:
+        whole = np.full(residual.kept.shape, np.nan)
+        whole[residual.kept] = look.columns @ look.finding.size
+        pattern = whole[: residual.value.size].reshape(residual.value.shape)
+        patterns[f"pattern_{look.suspect.effect.name}"] = pattern[..., :dim]
+    write_npz(path.with_suffix(".npz"), patterns)
+    write_json(path, data)
+    return data
+
+
+def rung_of(found: Examined, estimate: dict[str, Any], known: int) -> dict[str, Any]:
+    """The model's rung of the ladder; `known` of its simulations were there before it."""
+    fitted, held_out = errors(found.examination)
+    settings, judge = found.examination.fit.settings, found.judge
+    count = len(settings.parameters())
+    return {
+        "model": settings.model.full_name,
+        "effects": list(settings.model.effects),
+        "parameters": estimate["parameters"],
+        "error": {"fitted": fitted, "held_out": held_out},
+        "misfit": judge.misfit,
+        "freedom": judge.freedom,
+        "parameters_count": count,
+        "aic": judge.misfit + 2 * count,
+        "bic": judge.misfit + count * float(np.log(judge.freedom + count)),
+        "verdict": found.verdict.kind,
+        "sentence": found.verdict.sentence,
+        "simulations": {"run": estimate["simulations"]["run"] - known, "reused": known},
+    }
+
+
+def ladder(folders: list[Path], study: str) -> dict[str, Any]:
+    """The ladder from the rungs that are there, in order of the number of their effects."""
+    rungs = [read_json(folder / "rung.json") for folder in folders if (folder / "rung.json").exists()]
+    return {"study": study, "rungs": sorted(rungs, key=lambda rung: len(rung["effects"]))}

@@ -1,0 +1,49 @@
+"""Simulations that one job asks for itself: solved beside each other, kept under the same names as all others."""
+
+from __future__ import annotations
+
+import functools
+import multiprocessing
+from collections.abc import Sequence
+from pathlib import Path
+
+from fingerfit.course import next_round
+from fingerfit.files import write_json, write_text
+from fingerfit.fit import Fit
+from fingerfit.rounds import Asked, Round
+from fingerfit.solvers.registry import get_solver
+
+
+def solve_missing(fit: Fit, asked: Sequence[Asked], threads: int) -> int:
+    """Solve what has no solution yet; returns how many that were."""
+    missing = {a.sim: a for a in asked if not (fit.sims / a.sim / "solution.npz").exists()}
+    for a in missing.values():
+        folder = fit.sims / a.sim
+        write_text(folder / "deck.inp", a.deck)
+        write_json(folder / "solver.json", {**fit.solver, "includes": [f"{a.mesh}.inp"]})
+        mesh = fit.sims.parent / "meshes" / f"{a.mesh}.inp"
+        if not mesh.exists():
+            name = next(key for key, value in fit.mesh_names.items() if value == a.mesh)
+            write_text(mesh, fit.mesh_files[name].read_text())
+    solve = functools.partial(_solve, fit.sims, fit.settings.solver)
+    if threads < 2 or len(missing) < 2:
+        for sim in missing:
+            solve(sim)
+    else:
+        with multiprocessing.get_context("fork").Pool(min(threads, len(missing))) as pool:
+            list(pool.imap_unordered(solve, missing))
+    return len(missing)
+
+
+def _solve(sims: Path, solver: str, sim: str) -> None:
+    folder = sims / sim
+    get_solver(solver).solve(folder / "deck.inp", folder, 1).save(folder / "solution.npz")
+
+
+def run_fit(fit: Fit, threads: int) -> tuple[Round, int]:
+    """All rounds of a fit in this process; the last round, and how many simulations were not known before."""
+    last, run = None, 0
+    while last is None or last.stop is None:
+        last = next_round(fit, last, threads)
+        run += solve_missing(fit, last.batch, threads)
+    return last, run

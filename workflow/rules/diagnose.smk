@@ -1,0 +1,47 @@
+rule examine:
+    # Where the model fails and which effect is missing. It solves what its tests and refits need, two at a time.
+    input:
+        **MESHES,
+        rounds=rounds_and_solutions,
+        last=last_round,
+        settings=ancient(SETTINGS_FILE),
+        study=layout.study_files(SETTINGS),
+        data=f"{MODEL}/prepared.npz",
+        estimate=f"{MODEL}/estimate.json",
+        templates=layout.template_files(SETTINGS),
+    output:
+        diagnosis=f"{MODEL}/diagnosis.json",
+        patterns=f"{MODEL}/diagnosis.npz",
+        compare=f"{MODEL}/compare.npz",
+        rung=f"{MODEL}/rung.json",
+    log:
+        f"{MODEL}/logs/examine.log",
+    conda:
+        "../envs/fingerfit.yaml"
+    threads: 2
+    resources:
+        mem_mb=2000,
+    params:
+        settings=PARTS["diagnose"],
+        code=layout.fingerprint("diagnose"),
+        meshes=MESH_OPTIONS,
+        sims=SIMS,
+    shell:
+        "python -P -m fingerfit diagnose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
+        " --last {input.last} --estimate {input.estimate} --out {output.diagnosis} --threads {threads} 2> {log}"
+
+
+rule ladder:
+    # The rungs that are there, of this model and of those with fewer effects.
+    input:
+        rung=f"{MODEL}/rung.json",
+    output:
+        ladder=f"{STUDY}/ladder.json",
+    log:
+        f"{STUDY}/ladder.log",
+    conda:
+        "../envs/fingerfit.yaml"
+    params:
+        folder=STUDY,
+    shell:
+        "python -P -m fingerfit ladder {params.folder} --out {output.ladder} 2> {log}"
