@@ -63,7 +63,7 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         When the workflow fails.
     """
     for _ in range(RUNGS):
-        command = [sys.executable, "-m", "snakemake", "--cores", str(cores), "--configfile", str(config), "diagnose"]
+        command = [sys.executable, "-m", "snakemake", "diagnose", "--cores", str(cores), "--configfile", str(config)]
         if subprocess.run(command, check=False).returncode:
             raise FingerfitError(f"{config}: the workflow failed; its messages are above")
         settings = load_settings(config)

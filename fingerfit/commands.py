@@ -66,7 +66,8 @@ def propose(args: argparse.Namespace) -> None:
     current = next_round(fit, Round.load(args.last) if args.last else None, args.threads)
     current.save(args.out)
     known = sum((args.sims / asked.sim / "solution.npz").exists() for asked in current.batch)
-    best = "" if current.best is None else f"best {fit.settings.fit.score} {current.best['score']:.6f}, "
+    scored = current.best is not None and current.best["score"] is not None
+    best = "" if current.best is None or not scored else f"best {fit.settings.fit.score} {current.best['score']:.6f}, "
     stop = f"; stop: {current.stop}" if current.stop else ""
     print(
         f"round {current.number:3d}  {current.stage:<12} {best}simulations: {known} cached,"
@@ -146,12 +147,14 @@ def effects(args: argparse.Namespace) -> None:
 
 
 def ladder(args: argparse.Namespace) -> None:
-    """Put the rungs of a study together."""
+    """Put the rungs of a study together, and write the page."""
     from fingerfit.files import write_json
     from fingerfit.findings import ladder
+    from fingerfit.page import write_page
 
     folders = sorted(path.parent for path in args.folder.glob("*/rung.json"))
     write_json(args.out, ladder(folders, args.folder.name))
+    write_page(args.folder, args.page)
 
 
 def check(args: argparse.Namespace) -> None:

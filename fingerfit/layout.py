@@ -50,6 +50,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
     "plot": (*_FIT, "plots.py"),
+    "ladder": ("findings.py", "page"),
     "diagnose": (
         *_FIT,
         "diagnose.py",
@@ -94,6 +95,7 @@ def settings_of(settings: Settings, stage: str) -> str:
         },
         "estimate": {"model": every["model"], "fit": fit},
         "plot": {},
+        "ladder": {},
         "diagnose": {"solver": get_solver(settings.solver).identity(), "model": every["model"], "fit": fit},
     }
     return json.dumps(chosen[stage], sort_keys=True)
@@ -158,7 +160,8 @@ def template_files(settings: Settings) -> list[str]:
 def figures(settings: Settings) -> list[str]:
     """Names of the figures that a finished fit has."""
     pictured = any(step.picture for step in load_study(Path(settings.study)).steps)
-    return ["force", "search", *(["deformed_mesh", "pictures"] if pictured else [])]
+    searched = not settings.model.effects  # a model with effects starts at an estimate
+    return ["force", *["search"][:searched], *["deformed_mesh", "pictures"][: 2 * pictured]]
 
 
 def write_settings(settings: Settings, path: Path) -> str:

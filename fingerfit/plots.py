@@ -181,7 +181,8 @@ def plot_fit(fit: Fit, last: Round, folder: Path) -> None:
     outcome, name = fit.outcome(shown), mesh_of(fit, shown)
     mesh, data = fit.meshes[name], fit.data
     save(figure_forces(data, outcome), folder / "force.png")
-    save(figure_search(last, fit.settings.fit.score), folder / "search.png")
+    if last.history:
+        save(figure_search(last, fit.settings.fit.score), folder / "search.png")
     predicted = fit.predictor(name).predict(outcome)
     if mesh.dim == 2 and len(data.measured) and predicted:
         steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]

@@ -32,16 +32,21 @@ rule examine:
 
 
 rule ladder:
-    # The rungs that are there, of this model and of those with fewer effects.
+    # All models of the study that were diagnosed, as data and as a page to look at.
     input:
         rung=f"{MODEL}/rung.json",
     output:
         ladder=f"{STUDY}/ladder.json",
+        page=f"{STUDY}/report.html",
     log:
         f"{STUDY}/ladder.log",
     conda:
         "../envs/fingerfit.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
     params:
         folder=STUDY,
+        code=layout.fingerprint("ladder"),
     shell:
-        "python -P -m fingerfit ladder {params.folder} --out {output.ladder} 2> {log}"
+        "python -P -m fingerfit ladder {params.folder} --out {output.ladder} --page {output.page} 2> {log}"
