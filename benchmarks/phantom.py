@@ -202,7 +202,7 @@ def profile() -> list[str]:
     """Where the time of a cold run goes, from Snakemake's own records of its jobs."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "config.yaml").write_text(yaml.safe_dump(config_of("config.yaml")))
+        (folder / "config.yaml").write_text(yaml.safe_dump(config_of("config.yaml"), sort_keys=False))
         command = [str(Path(sys.executable).parent / "snakemake"), "-s", str(ROOT / "Snakefile"), "--cores", "2"]
         command += ["--workflow-profile", str(ROOT / "workflow/profiles/default")]
         start = time.time()
