@@ -33,6 +33,15 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("tests", type=Path, nargs="+", help="the authors' CSV files, one for each test")
     sub.add_argument("--out", type=Path, required=True, help="folder of the study")
 
+    deck = subs.add_parser("deck", help="look at a deck", description="Look at a deck.")
+    sub = deck.add_subparsers(title="commands", required=True, metavar="COMMAND").add_parser(
+        "show",
+        help="write what the built-in solver understood of it",
+        description="Write a deck as the built-in solver understood it: flat, in its own numbers, as keywords.",
+    )
+    sub.add_argument("deck", type=Path, metavar="DECK", help="the .inp file")
+    sub.set_defaults(run=commands.show_deck)
+
     sub = command("docs", "write the schema and the table of the keys of config.yaml")
     sub.add_argument("folder", type=Path, nargs="?", default=Path(), help="folder of the project")
 
