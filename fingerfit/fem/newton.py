@@ -162,7 +162,7 @@ class Newton:
                 return None, 1
         for iteration in range(1, ITERATIONS + 1):
             u = system.expand(q, load.given)
-            evaluation = system.evaluate(u)
+            evaluation = system.evaluate(u, tangent=False)
             if evaluation is None:
                 return None, iteration
             internal = evaluation.internal
@@ -171,6 +171,9 @@ class Newton:
             error = np.abs(residual).max() / scale if len(residual) else 0.0
             if error < TOLERANCE:
                 return State(q, u, internal), iteration
+            evaluation = system.evaluate(u)
+            if evaluation is None:
+                return None, iteration
             step = system.solve(system.matrix(evaluation), -residual)
             if step is None:
                 return None, iteration
