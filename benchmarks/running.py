@@ -23,8 +23,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from fingerfit.solvers.builtin import BuiltinSolver  # noqa: E402
-from fingerfit.solvers.calculix import CalculixSolver  # noqa: E402
+from fingerfit.solvers.calculix import CalculixSolver, _read_dat  # noqa: E402
 from fingerfit.solvers.contract import Outcome  # noqa: E402
+from fingerfit.solvers.process import run  # noqa: E402
 
 _SHORT = 5.0
 """Seconds of a first solve up to which a second one is timed."""
@@ -41,7 +42,7 @@ class Run:
 
 
 def run_solver(name: str, deck: Path, threads: int, limit: float = 3600.0) -> Run:
-    """Run `builtin` or `calculix` on a deck in a new process."""
+    """Run `builtin`, `calculix` (the adapter) or `ccx` (any deck) in a new process."""
     out = deck.parent / f"{name}.npz"
     limits = {key: str(threads) for key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     command = [sys.executable, __file__, name, str(deck), str(out), str(threads), str(limit)]
@@ -91,17 +92,39 @@ def _watch(peak: list[float], done: threading.Event) -> None:
             peak[0] = max(peak[0], _peak(pid))
 
 
+class _Ccx:
+    """CalculiX on decks that only it reads; every step prints U of ALL and INDENTER, and RF of BOTTOM."""
+
+    def __init__(self, limit: float) -> None:
+        self.limit = limit
+
+    def solve(self, deck: Path, workdir: Path, threads: int) -> Outcome:
+        count = str(threads)
+        environment = {"OMP_NUM_THREADS": count, "CCX_NPROC_EQUATION_SOLVER": count}
+        run(["ccx", "-i", deck.stem], workdir, self.limit, environment)
+        tables = _read_dat((workdir / f"{deck.stem}.dat").read_text(), deck.read_text().count("*END STEP"))
+        moved = np.array([table["ALL"][:, 1:] for table in tables])
+        force = np.array([-table["BOTTOM"][:, 1:].sum(axis=0) for table in tables])
+        indenter = np.array([table["INDENTER"][0, 1:] for table in tables])
+        return Outcome("converged", moved, force, indenter, f"{len(tables)} steps")
+
+
 def _work() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("name", choices=("builtin", "calculix"))
+    parser.add_argument("name", choices=("builtin", "calculix", "ccx"))
     parser.add_argument("deck", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("threads", type=int)
     parser.add_argument("limit", type=float)
     args = parser.parse_args()
-    solver = BuiltinSolver(averaged=False) if args.name == "builtin" else CalculixSolver(args.limit)
+    solvers = {
+        "builtin": BuiltinSolver(averaged=False),
+        "calculix": CalculixSolver(args.limit),
+        "ccx": _Ccx(args.limit),
+    }
+    solver = solvers[args.name]
     peak, done = [0.0], threading.Event()
-    if args.name == "calculix":
+    if args.name != "builtin":
         threading.Thread(target=_watch, args=(peak, done), daemon=True).start()
     start = time.perf_counter()
     outcome = solver.solve(args.deck, args.deck.parent, args.threads)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from fingerfit.fem.factor import CLOSE, LARGE
 from fingerfit.fem.system import System
 
 TOLERANCE = 1e-8
 """Largest residual force, relative to the largest internal force."""
+_SAME_TANGENT = 1e-6
+"""Error below which the tangent is not made anew."""
 ITERATIONS = 20
 CUTS = 7
 
@@ -160,6 +164,7 @@ class Newton:
             q = self._tangent_start(load)
             if q is None:
                 return None, 1
+        matrix: Any = None
         for iteration in range(1, ITERATIONS + 1):
             u = system.expand(q, load.given)
             evaluation = system.evaluate(u, tangent=False)
@@ -171,10 +176,15 @@ class Newton:
             error = np.abs(residual).max() / scale if len(residual) else 0.0
             if error < TOLERANCE:
                 return State(q, u, internal), iteration
-            evaluation = system.evaluate(u)
-            if evaluation is None:
-                return None, iteration
-            step = system.solve(system.matrix(evaluation), -residual)
+            # near the end the tangent of the last iteration is as good, but a small one costs nothing
+            if matrix is None or error > _SAME_TANGENT or len(q) < LARGE:
+                evaluation = system.evaluate(u)
+                if evaluation is None:
+                    return None, iteration
+                matrix = system.matrix(evaluation)
+            # what is solved more exactly than Newton's method converges is of no use
+            close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), 1e-2)
+            step = system.solve(matrix, -residual, close)
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
