@@ -22,11 +22,44 @@ from fingerfit.deck.reader import read_deck
 from fingerfit.solvers.analysis import run_steps
 
 EXAMPLES = Path(os.environ.get("FINGERFIT_CCX_EXAMPLES", "/usr/share/doc/calculix-ccx-test/examples/test"))
-DECKS = (
-    "achtel2 achtel29 achtel9 achtelcas achteld achtelp ax6 axiplane beam10p beam20p beam8p beamd beamidset beamnh"
-    " beamnld beamnlmpc beamnlp beamnlptp beamp beamp1rotate beamp2stage beampdepmpc beampic beampis beamprb beampset"
-    " beamptied1 beamptied2 beamrb beamrb2 beamwrite mpcforce oneel planestress planestress2 resstress1"
-).split()
+DECKS = [
+    "achtel2",
+    "achtel29",
+    "achtel9",
+    "achtelcas",
+    "achteld",
+    "achtelp",
+    "ax6",
+    "axiplane",
+    "beam10p",
+    "beam20p",
+    "beam8p",
+    "beamd",
+    "beamidset",
+    "beamnh",
+    "beamnld",
+    "beamnlmpc",
+    "beamnlp",
+    "beamnlptp",
+    "beamp",
+    "beamp1rotate",
+    "beamp2stage",
+    "beampdepmpc",
+    "beampic",
+    "beampis",
+    "beamprb",
+    "beampset",
+    "beamptied1",
+    "beamptied2",
+    "beamrb",
+    "beamrb2",
+    "beamwrite",
+    "mpcforce",
+    "oneel",
+    "planestress",
+    "planestress2",
+    "resstress1",
+]
 CLOSE = 1e-5
 TOLERANCES = {
     "ax6": 1e-4,  # a wedge of 2 degrees
