@@ -103,6 +103,7 @@ class System:
         points: np.ndarray | None = None,
     ) -> None:
         self.bodies, self.size, self.terms, self.rigid = bodies, size, list(terms), list(rigid)
+        self.driven = any(getattr(term, "driven", False) for term in terms)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
         if set(turning) & set(ties):
             raise ValueError(min(set(turning) & set(ties)))
