@@ -1,12 +1,12 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test setup lint clean benchmark-solver
+.PHONY: help run test setup lint clean benchmark-solver benchmark-indentation
 
 PYTHON ?= python3
 CORES ?= 2
 BIN := .venv/bin
 
 help:  ## show this list
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 20
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
 
 run: setup  ## set up and identify the phantom study
 	$(BIN)/snakemake --cores $(CORES)
@@ -25,6 +25,9 @@ setup: .venv/ready  ## make the virtual environment in .venv from the lock file
 
 benchmark-solver: setup  ## the built-in solver against CalculiX: benchmarks/solver.md (4 minutes)
 	$(BIN)/python benchmarks/solver.py
+
+benchmark-indentation: setup  ## the same in space, a sphere into a finger: benchmarks/indentation.md (10 minutes)
+	$(BIN)/python benchmarks/indentation.py
 
 lint: setup  ## style, types, rules
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

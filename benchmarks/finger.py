@@ -52,7 +52,7 @@ def finger(cells: tuple[int, int, int], element: str) -> tuple[np.ndarray, np.nd
     corners = np.stack([index[i + (c & 1), j + (c >> 1 & 1), k + (c >> 2 & 1)] for c in range(8)], axis=1)
     nodes = np.concatenate([corners[:, list(tetrahedron)] for tetrahedron in TETRAHEDRA])
     centre = np.stack([(2 * i + 1) / nx - 1, (2 * j + 1) / ny - 1, (k + 0.5) / nz], axis=1)
-    bone = (np.abs(centre[:, :2]) < 0.34).all(axis=1) & (centre[:, 2] < 0.8)
+    bone = (np.abs(centre[:, 0]) < 0.34) & (np.abs(centre[:, 1] + 0.4) < 0.34) & (centre[:, 2] < 0.8)
     skin = (i == 0) | (i == nx - 1) | (j == 0) | (j == ny - 1) | (k == nz - 1)
     kind = np.tile(np.where(bone, 0, np.where(skin, 2, 1)), 6)
     edges = points[nodes[:, 1:]] - points[nodes[:, :1]]
