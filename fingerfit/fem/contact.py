@@ -91,6 +91,7 @@ class RigidContact:
         dim = points.shape[1]
         self.areas, self.surface, self.law, self.driven, self.dim = areas, surface, law, driven, dim
         self.symmetric = law.friction == 0 or law.glued
+        self.slides = law.friction == 0 and not law.glued
         self.start = sampling @ points
         nodes = np.unique(sampling.indices)
         columns = [(nodes[:, None] * dim + np.arange(dim)).ravel()]

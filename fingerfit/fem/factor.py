@@ -210,6 +210,8 @@ class _Pardiso:
         """None where pypardiso or its library is not installed."""
         # else pypardiso looks through all folders of the environment for it
         library = next(Path(sys.prefix, "lib").glob("libmkl_rt.so.*"), None)
+        # threads that wait for work would take the processor from others
+        os.environ.setdefault("KMP_BLOCKTIME", "0")
         if library is not None:
             os.environ.setdefault("PYPARDISO_MKL_RT", str(library))
         try:

@@ -16,7 +16,7 @@ TOLERANCE = 1e-8
 _SAME_TANGENT = 1e-6
 """Error below which the tangent is not made anew."""
 _PATIENCE = 8
-"""Iterations after which a contact that is pushed must be nearer to equilibrium."""
+"""Iterations after which a body in contact must be nearer to equilibrium."""
 ITERATIONS = 20
 CUTS = 7
 
@@ -180,7 +180,7 @@ class Newton:
             scale = max(evaluation.largest, np.abs(load.force).max(), self.floor)
             error = np.abs(residual).max() / scale if len(residual) else 0.0
             first = first or error
-            if system.driven and iteration > _PATIENCE and error > 0.1 * first:
+            if system.slides and iteration > _PATIENCE and error > 0.1 * first:
                 return None, iteration
             if error < TOLERANCE:
                 return State(q, u, internal), iteration
@@ -239,7 +239,7 @@ class Newton:
         norm, slope = np.abs(residual).max(), float(step @ residual)
         start: float | None = None
         # where contact opens and closes, residuals say little
-        enough = 0.3 if system.driven else 1.0
+        enough = 0.3 if system.slides else 1.0
         for cut in range(9):
             trial = q + 0.5**cut * step
             u = system.expand(trial, load.given)
