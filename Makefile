@@ -1,12 +1,12 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test benchmark setup lint clean
+.PHONY: help run test benchmark benchmark-solver benchmark-indentation setup lint clean
 
 PYTHON ?= python3
 CORES ?= 2
 BIN := .venv/bin
 
 help:  ## show this list
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 24
 
 run: setup  ## set up and identify the phantom study
 	$(BIN)/snakemake --cores $(CORES)
@@ -26,6 +26,12 @@ setup: .venv/ready  ## make the virtual environment in .venv from the lock file
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
+
+benchmark-solver: setup  ## the built-in solver against CalculiX: benchmarks/solver.md (4 minutes)
+	$(BIN)/python benchmarks/solver.py
+
+benchmark-indentation: setup  ## the same in space, a sphere into a finger: benchmarks/indentation.md (10 minutes)
+	$(BIN)/python benchmarks/indentation.py
 
 lint: setup  ## style, types, rules
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

@@ -45,6 +45,15 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("effects", "list the effects that are known")
     sub.add_argument("study", type=Path, nargs="?", help="folder of a study with effects of its own")
 
+    deck = subs.add_parser("deck", help="look at a deck", description="Look at a deck.")
+    sub = deck.add_subparsers(title="commands", required=True, metavar="COMMAND").add_parser(
+        "show",
+        help="write what the built-in solver understood of it",
+        description="Write a deck as the built-in solver understood it: flat, in its own numbers, as keywords.",
+    )
+    sub.add_argument("deck", type=Path, metavar="DECK", help="the .inp file")
+    sub.set_defaults(run=commands.show_deck)
+
     sub = command("docs", "write the schema and the table of the keys of config.yaml")
     sub.add_argument("folder", type=Path, nargs="?", default=Path(), help="folder of the project")
 

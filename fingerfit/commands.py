@@ -11,6 +11,14 @@ if TYPE_CHECKING:
     from fingerfit.fit import Fit
 
 
+def show_deck(args: argparse.Namespace) -> None:
+    """Write a deck as it was understood."""
+    from fingerfit.deck.reader import read_deck
+    from fingerfit.deck.write import format_deck
+
+    sys.stdout.write(format_deck(read_deck(args.deck)))
+
+
 def simulate(args: argparse.Namespace) -> None:
     """Solve one deck."""
     from fingerfit.errors import StateError

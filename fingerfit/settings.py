@@ -23,6 +23,14 @@ PLAIN = r"^[\w./+@~:,=-]+$"
 """Paths and names that need no quotes in a shell and are no patterns to Snakemake."""
 UNITS = {"mu": "MPa", "alpha": "1", "poisson": "1"}
 LIMITS = {"mu": (0.0, math.inf), "alpha": (-math.inf, math.inf), "poisson": (-1.0, 0.5)}
+# fmt: off
+Element = Literal[
+    "CPE3", "CPE3H", "CPE4", "CPE4H", "CPE6", "CPE8", "CPE8H", "CPE8R", "CPE8RH",
+    "CPS3", "CPS4", "CPS6", "CPS8", "CPS8R",
+    "C3D4", "C3D4H", "C3D8", "C3D8H", "C3D10", "C3D10H", "C3D20", "C3D20H", "C3D20R", "C3D20RH",
+]
+# fmt: on
+"""What `fingerfit.meshing` makes of blocks and bricks."""
 
 
 class _Strict(BaseModel):
@@ -43,8 +51,9 @@ class _Strict(BaseModel):
 class MeshSettings(_Strict):
     """Mesh of a block or brick that the study describes."""
 
-    element: Literal["CPE4", "CPE4H", "CPE6", "CPE8", "CPE8H", "CPE8R", "CPE8RH", "C3D8", "C3D8H"] = Field(
-        description="Element type; those with H have a pressure field of their own and need `solver: builtin`."
+    element: Element = Field(
+        description="Element type: plane strain, plane stress or, for bricks, solid; those with H, which have a"
+        " pressure field of their own, need `solver: builtin` or `abaqus`."
     )
     across: int = Field(ge=1, le=1000, description="Elements over the width (bricks: along each side).")
     per_layer: int = Field(ge=1, le=1000, description="Elements over the height of each layer.")
@@ -148,7 +157,7 @@ class Settings(_Strict):
 
     study: str = Field(pattern=PLAIN, description="Folder of the study.")
     results: str = Field(default="results", pattern=PLAIN, description="Folder of all results.")
-    solver: str = Field(default="builtin", description="builtin, calculix, or another one that is installed.")
+    solver: str = Field(default="builtin", description="builtin, calculix, abaqus, or another one that is installed.")
     model: ModelSettings = Field(description="The model of the body.")
     fit: FitSettings = Field(description="How the model is fitted.")
 

@@ -40,6 +40,38 @@ class Strain:
     frame: np.ndarray | None = None
 
 
+@dataclass(frozen=True)
+class Response:
+    """Forces at some displacements, and what the tangent needs of the way to them.
+
+    Parameters
+    ----------
+    strain : Strain
+    first, second, stress : ndarray, shape (elements, points, 3), (elements, points, 3, 3) and (elements, points, 3)
+        Derivatives of the isotropic energy by the logarithms, and principal second Piola-Kirchhoff stresses.
+    weighted : ndarray, shape (elements, points, axes)
+        All normal stresses times the volume.
+    bulk : ndarray or None
+        Of elements with a pressure of their own.
+    directed : Directed or None
+    g, fa : ndarray, shape (elements, points, nodes, dim) and (elements, points, dim, dim)
+        Shape gradients and deformation gradient, in the principal directions.
+    force : ndarray, shape (elements, dofs)
+        N.
+    """
+
+    strain: Strain
+    first: np.ndarray
+    second: np.ndarray
+    stress: np.ndarray
+    weighted: np.ndarray
+    bulk: np.ndarray | None
+    directed: Any
+    g: np.ndarray
+    fa: np.ndarray
+    force: np.ndarray
+
+
 class Body:
     """Elements of one type with their materials.
 
@@ -99,6 +131,7 @@ class Body:
         if initial is not None:
             self.points.initial = np.repeat(initial, len(xi), axis=0)
         self._last: tuple[np.ndarray, Strain | None] | None = None
+        self._kept: Response | None = None
         self.history = None
         if material.prony is not None:
             from fingerfit.material.prony import History
@@ -108,7 +141,7 @@ class Body:
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
         """Get ready for a time increment of `dt` s; with `relaxed`, for an infinitely slow one."""
-        self._last = None
+        self._last = self._kept = None
         if self.history is not None:
             self.points.increment = self.history.begin(dt, relaxed)
 
@@ -132,7 +165,7 @@ class Body:
         local = u[self.dofs].reshape(*self.connectivity.shape, dim)
         f = np.swapaxes(local, 1, 2)[:, None] @ self.gradient
         f[..., range(dim), range(dim)] += 1.0
-        if not np.isfinite(f).all() or np.linalg.det(f).min() <= 0:
+        if not np.isfinite(f).all() or determinants(f).min() <= 0:
             return None
         c = np.swapaxes(f, -1, -2) @ f
         if dim == 3:
@@ -199,11 +232,20 @@ class Body:
         stiffness : ndarray, shape (elements, dofs, dofs), N/mm
             None instead of both where an element is inverted.
         """
+        found = self._response(u)
+        if found is None:
+            return None
+        return (found.force, self._stiffness(found)) if tangent else (found.force, np.empty(0))
+
+    def _response(self, u: np.ndarray) -> Response | None:
+        """Stresses and forces; the last are kept, because the line search asks first and the tangent afterwards."""
         strain = self._strain(u)
         if strain is None:
             return None
+        if self._kept is not None and self._kept.strain is strain:
+            return self._kept
         f, squared, directions = strain.f, strain.squared, strain.directions
-        dim, (count, gauss) = self.dim, f.shape[:2]
+        count, gauss = f.shape[:2]
         stretch = np.sqrt(squared).reshape(-1, 3)
         bulk = None
         first, second = self.points.isotropic(stretch)
@@ -214,50 +256,56 @@ class Body:
             first += pressure[:, None]
             second += pressure[:, None, None]
         first, second = first.reshape(count, gauss, 3), second.reshape(count, gauss, 3, 3)
-        stress = first / squared
+        stress = full = first / squared
         directed = None
         if strain.frame is not None:
             directed = self.points.directions(squared.reshape(-1, 3), strain.frame)
+            full = stress + directed.stress.reshape(count, gauss, 6)[..., :3]
         g = self.gradient @ directions
         fa = f @ directions
-        normal = g[..., :, None, :] * fa[..., None, :, :]  # (elements, points, nodes, dim, a)
-        if self.hoop is not None:
-            around = np.zeros((*normal.shape[:-1], 1))
-            around[..., 0, 0] = self.hoop * np.sqrt(squared[..., None, 2])
-            normal = np.concatenate([normal, around], axis=-1)
-        axes = normal.shape[-1]
-        pairs = [(a, b) for a in range(dim) for b in range(a + 1, dim)]
-        shear: list[np.ndarray] = []
-        if tangent or directed:
-            shear = [g[..., None, j] * fa[..., None, :, i] + g[..., None, i] * fa[..., None, :, j] for i, j in pairs]
-        full = stress
-        if directed:
-            components = directed.stress.reshape(count, gauss, 6)
-            full = stress + components[..., :3]
+        axes = self.dim if self.hoop is None else 3
         weighted = full[..., :axes] * self.weight[..., None]
-        nodes = g.shape[2]
-        force = np.einsum("epnia,epa->eni", normal, weighted).reshape(count, -1)
+        # sum over the directions of g_a S_a f_a
+        by_point = (g * weighted[..., None, : self.dim]) @ np.swapaxes(fa, -1, -2)
+        if self.hoop is not None:
+            by_point[..., 0] += self.hoop * (weighted[..., 2] * np.sqrt(squared[..., 2]))[..., None]
         if directed:
-            for k, row in enumerate(shear):
-                tau = components[..., 3 + k] * self.weight
-                force += np.einsum("epni,ep->eni", row, tau).reshape(count, -1)
-        if not tangent:
-            return force, np.empty(0)
-        rows = [*np.moveaxis(normal, -1, 0), *shear]
-        b = np.stack(rows, axis=2).reshape(count, gauss, len(rows), nodes * dim)
-        d = self._tangent(first, second, stress, squared, axes, pairs, directed)
+            for k, (i, j) in enumerate(_pairs(self.dim)):
+                tau = (directed.stress.reshape(count, gauss, 6)[..., 3 + k] * self.weight)[..., None, None]
+                by_point += tau * (g[..., None, j] * fa[..., None, :, i] + g[..., None, i] * fa[..., None, :, j])
+        force = by_point.sum(axis=1).reshape(count, -1)
+        self._kept = Response(strain, first, second, stress, weighted, bulk, directed, g, fa, force)
+        return self._kept
+
+    def _stiffness(self, found: Response) -> np.ndarray:
+        """Tangent stiffnesses, shape (elements, dofs, dofs), N/mm."""
+        squared, weighted, g, fa = found.strain.squared, found.weighted, found.g, found.fa
+        dim, directed, pairs = self.dim, found.directed, _pairs(self.dim)
+        count, gauss, nodes = g.shape[:3]
+        axes = weighted.shape[-1]
+        b = np.zeros((count, gauss, axes + len(pairs), nodes, dim))
+        for a in range(dim):
+            np.multiply(g[..., a, None], fa[..., None, :, a], out=b[:, :, a])
+        if self.hoop is not None:
+            b[:, :, 2, :, 0] = self.hoop * np.sqrt(squared[..., None, 2])
+        for k, (i, j) in enumerate(pairs, axes):
+            np.multiply(g[..., j, None], fa[..., None, :, i], out=b[:, :, k])
+            b[:, :, k] += g[..., i, None] * fa[..., None, :, j]
+        d = self._tangent(found.first, found.second, found.stress, squared, axes, pairs, directed)
         d *= self.weight[..., None, None]
-        db = d @ b
-        flat = (count, gauss * len(rows), nodes * dim)
+        flat = (count, gauss * b.shape[2], nodes * dim)
+        db = d @ b.reshape(count, gauss, b.shape[2], nodes * dim)
         stiffness = np.swapaxes(b.reshape(flat), 1, 2) @ db.reshape(flat)
-        if bulk is not None:
-            volume = (normal / squared[:, :, None, None, :axes]).sum(axis=-1).reshape(count, gauss, -1)
-            volume = self.pressure @ (volume * stretch.prod(axis=-1).reshape(count, gauss, 1))
-            stiffness += np.swapaxes(volume, 1, 2) @ (volume * (bulk.reshape(count, gauss) * self.weight)[..., None])
+        if found.bulk is not None:
+            volume = (b[:, :, :axes] / squared[:, :, :axes, None, None]).sum(axis=2).reshape(count, gauss, -1)
+            jacobian = np.sqrt(squared.prod(axis=-1))
+            volume = self.pressure @ (volume * jacobian[..., None])
+            bulk = found.bulk.reshape(count, gauss) * self.weight
+            stiffness += np.swapaxes(volume, 1, 2) @ (volume * bulk[..., None])
         by_stress = g * weighted[..., None, :dim]
         if directed:
             for k, (i, j) in enumerate(pairs):
-                tau = (components[..., 3 + k] * self.weight)[..., None]
+                tau = (directed.stress.reshape(count, gauss, 6)[..., 3 + k] * self.weight)[..., None]
                 by_stress[..., i] += g[..., j] * tau
                 by_stress[..., j] += g[..., i] * tau
         scaled = by_stress.swapaxes(1, 2).reshape(count, nodes, -1)
@@ -267,7 +315,7 @@ class Body:
             view[:, :, axis, :, axis] += geometric
         if self.hoop is not None:
             view[:, :, 0, :, 0] += np.swapaxes(self.hoop, 1, 2) @ (self.hoop * weighted[..., None, 2])
-        return force, stiffness
+        return stiffness
 
     def _tangent(
         self,
@@ -296,6 +344,18 @@ class Body:
             column = d[..., kept, 2]
             d = d[..., kept, :][..., kept] - column[..., :, None] * column[..., None, :] / d[..., None, None, 2, 2]
         return d
+
+
+def _pairs(dim: int) -> list[tuple[int, int]]:
+    return [(a, b) for a in range(dim) for b in range(a + 1, dim)]
+
+
+def determinants(f: np.ndarray) -> np.ndarray:
+    """Determinants of many small matrices, shape (..., dim, dim)."""
+    if f.shape[-1] == 2:
+        return f[..., 0, 0] * f[..., 1, 1] - f[..., 0, 1] * f[..., 1, 0]
+    minors = f[..., 1, [1, 2, 0]] * f[..., 2, [2, 0, 1]] - f[..., 1, [2, 0, 1]] * f[..., 2, [1, 2, 0]]
+    return (f[..., 0, :] * minors).sum(axis=-1)
 
 
 def _projection(element: str, xi: np.ndarray, weight: np.ndarray) -> np.ndarray | None:

@@ -20,6 +20,9 @@ from fingerfit.fem.system import Contribution
 _TOUCHING = 1e-9
 """Gap, as a share of the body's size, below which a point touches."""
 
+_GROWTH = 3.0
+"""Force of a point over the largest at the last equilibrium beyond which the tangent leaves its turning out."""
+
 
 @dataclass(frozen=True)
 class Interaction:
@@ -88,6 +91,7 @@ class RigidContact:
         dim = points.shape[1]
         self.areas, self.surface, self.law, self.driven, self.dim = areas, surface, law, driven, dim
         self.symmetric = law.friction == 0 or law.glued
+        self.slides = law.friction == 0 and not law.glued
         self.start = sampling @ points
         nodes = np.unique(sampling.indices)
         columns = [(nodes[:, None] * dim + np.arange(dim)).ravel()]
@@ -101,6 +105,7 @@ class RigidContact:
         gap = surface.gap(self.start)[0]
         self._before = self.start
         self._open = np.maximum(gap, 0.0)
+        self._most = 0.0
         self._traction = np.zeros((len(areas), dim))
         self._held = np.zeros(len(areas), dtype=bool)
         self._rest, self._spring = np.zeros((len(areas), dim)), np.zeros((len(areas), dim, dim))
@@ -118,6 +123,7 @@ class RigidContact:
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Take slip and traction into the history."""
         local = self._local(u)
+        self._most = float((-self.law.stiffness * self.areas * local.gap)[local.active].max(initial=0.0))
         if self.law.glued:
             self._hold(local)
             return
@@ -178,7 +184,9 @@ class RigidContact:
             return Contribution(force, empty, empty, np.empty(0))
         n = local.normal
         outer = n[:, :, None] * n[:, None, :]
-        block = normal_stiffness[:, None, None] * outer + push[:, None, None] * local.curvature
+        # far from equilibrium, where overclosures are deep, the surface's curvature makes the tangent indefinite
+        turning = np.clip(push, -_GROWTH * self._most, None) if self._most > 0 else push
+        block = normal_stiffness[:, None, None] * outer + turning[:, None, None] * local.curvature
         if law.glued:
             block = block + self._spring
         elif law.stick:

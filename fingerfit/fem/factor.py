@@ -2,11 +2,17 @@
 
 Large systems in space are what costs: there PARDISO (package pypardiso) is several times faster than SuperLU. Without
 it, unknowns are ordered by nested dissection of the nodes' positions (George 1973), which has less fill than minimum
-degree.
+degree. A factorisation there costs as much as some tens of solutions with it, and in Newton's method the matrix changes
+little, or in a few entries where nodes come into contact: the last factorisation preconditions conjugate gradients, and
+a new one is made when they do not converge soon (docs/decisions/0006-large-systems.md).
 """
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +26,13 @@ _LEAF = 40
 """Nodes that are not divided further."""
 _RESIDUAL = 1e-6
 """Residual of a solution, relative to the right side, beyond which the matrix counts as singular."""
+
+_GRADIENTS = 12
+"""Solutions with an old factorisation that a system may take; a new one costs about as much."""
+CLOSE = 1e-6
+"""Residual of conjugate gradients, relative to the right side in the norm of the preconditioner."""
+
+Apply = Callable[[np.ndarray], np.ndarray]
 
 
 class LinearSolver:
@@ -38,45 +51,105 @@ class LinearSolver:
         self._order: np.ndarray | None = None
         self._pardiso: _Pardiso | None = None
         self._asked = False
+        self._last: Apply | None = None
 
-    def solve(self, matrix: csc_matrix, right: np.ndarray) -> np.ndarray | None:
-        """Solution, or None where the matrix is singular."""
+    def solve(self, matrix: csc_matrix, right: np.ndarray, close: float = CLOSE) -> np.ndarray | None:
+        """Solution, or None where the matrix is singular; to a residual of `close` where it is iterated."""
         if not len(right):
             return right
         large = len(right) >= LARGE
+        in_space = self.positions is not None and self.positions.shape[1] == 3
+        if self._last is not None:
+            found = conjugate_gradients(matrix, right, self._last, close)
+            if found is not None:
+                return found
+            self._last = None
         if large and not self._asked:
             self._asked, self._pardiso = True, _Pardiso.load(self.symmetric)
         if self._pardiso is not None:
-            return self._pardiso.solve(matrix, right)
-        if large and self.positions is not None and self.positions.shape[1] == 3:
-            return self._ordered(matrix, right)
-        options: dict[str, Any] = {}
-        if self.symmetric:
-            options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.001, "options": {"SymmetricMode": True}}
-        return _superlu(matrix, right, options)
+            apply = self._pardiso.factor(matrix)
+        elif large and in_space:
+            apply = self._ordered(matrix)
+        else:
+            options: dict[str, Any] = {}
+            if self.symmetric:
+                options = {**_SYMMETRIC, "permc_spec": "MMD_AT_PLUS_A"}
+            apply = _superlu(matrix, options)
+        if apply is None:
+            return None
+        solution = apply(right)
+        if not np.isfinite(solution).all():
+            return None
+        if large and np.abs(matrix @ solution - right).max() > _RESIDUAL * np.abs(right).max():
+            return None
+        if large and in_space and self.symmetric:
+            self._last = apply
+        return solution
 
-    def _ordered(self, matrix: csc_matrix, right: np.ndarray) -> np.ndarray | None:
+    def _ordered(self, matrix: csc_matrix) -> Apply | None:
         assert self.positions is not None
         if self._order is None:
             self._order = dissect(self.positions, matrix)
         order = self._order
-        options = {"permc_spec": "NATURAL", "diag_pivot_thresh": 0.001, "options": {"SymmetricMode": True}}
-        found = _superlu(matrix[order][:, order].tocsc(), right[order], options)
-        if found is None:
+        inner = _superlu(matrix[order][:, order].tocsc(), {**_SYMMETRIC, "permc_spec": "NATURAL"})
+        if inner is None:
             return None
-        solution = np.empty_like(found)
-        solution[order] = found
-        return solution
+
+        def apply(right: np.ndarray) -> np.ndarray:
+            solution = np.empty_like(right)
+            solution[order] = inner(right[order])
+            return solution
+
+        return apply
 
 
-def _superlu(matrix: csc_matrix, right: np.ndarray, options: dict[str, Any]) -> np.ndarray | None:
+def conjugate_gradients(
+    matrix: csc_matrix, right: np.ndarray, precondition: Apply, close: float = CLOSE
+) -> np.ndarray | None:
+    """Solution of a symmetric system by preconditioned conjugate gradients; None where they do not converge soon.
+
+    Parameters
+    ----------
+    matrix : sparse, shape (n, n)
+    right : ndarray, shape (n,)
+    precondition : function
+        Solves nearly the same system.
+    close : float
+        Residual that is wanted, relative to the right side in the norm of the preconditioner.
+    """
+    solution = np.zeros_like(right)
+    residual = right.copy()
+    better = precondition(residual)
+    way, size = better, float(residual @ better)
+    first = size
+    for count in range(1, _GRADIENTS + 1):
+        along = matrix @ way
+        curvature = float(way @ along)
+        if not (size > 0 and curvature > 0):
+            return None
+        solution += size / curvature * way
+        residual -= size / curvature * along
+        better = precondition(residual)
+        before, size = size, float(residual @ better)
+        if not size > close**2 * first:
+            return solution if np.isfinite(solution).all() else None
+        # at this rate it would take too long
+        if count > 2 and size > first * close ** (2 * count / _GRADIENTS):
+            return None
+        way = better + size / before * way
+    return None
+
+
+_SYMMETRIC: dict[str, Any] = {"diag_pivot_thresh": 0.001, "options": {"SymmetricMode": True}}
+
+
+def _superlu(matrix: csc_matrix, options: dict[str, Any]) -> Apply | None:
     from scipy.sparse.linalg import splu
 
     try:
-        solution = splu(matrix, **options).solve(right)
+        return splu(matrix, **options).solve
     except RuntimeError:
         return None
-    return solution if np.isfinite(solution).all() else None
 
 
 def dissect(positions: np.ndarray, matrix: csc_matrix) -> np.ndarray:
@@ -135,6 +208,12 @@ class _Pardiso:
     @classmethod
     def load(cls, symmetric: bool) -> _Pardiso | None:
         """None where pypardiso or its library is not installed."""
+        # else pypardiso looks through all folders of the environment for it
+        library = next(Path(sys.prefix, "lib").glob("libmkl_rt.so.*"), None)
+        # threads that wait for work would take the processor from others
+        os.environ.setdefault("KMP_BLOCKTIME", "0")
+        if library is not None:
+            os.environ.setdefault("PYPARDISO_MKL_RT", str(library))
         try:
             from pypardiso import PyPardisoSolver
 
@@ -142,7 +221,8 @@ class _Pardiso:
         except (ImportError, OSError):
             return None
 
-    def solve(self, matrix: csc_matrix, right: np.ndarray) -> np.ndarray | None:
+    def factor(self, matrix: csc_matrix) -> Apply | None:
+        """Factorise; the last factorisation goes."""
         from scipy.sparse import csr_matrix, tril
 
         if self._symmetric:
@@ -155,19 +235,19 @@ class _Pardiso:
         known = self._pattern is not None and all(
             np.array_equal(a, b) for a, b in zip(self._pattern, (given.indptr, given.indices), strict=True)
         )
+        self._pattern = None
         try:
             self._solver.set_phase(22 if known else 12)
-            self._solver._call_pardiso(given, np.zeros((len(right), 1)))
-            self._pattern = given.indptr, given.indices
-            self._solver.set_phase(33)
-            solution = self._solver._call_pardiso(given, np.ascontiguousarray(right[:, None])).ravel()
+            self._solver._call_pardiso(given, np.zeros((matrix.shape[0], 1)))
         except RuntimeError:  # pypardiso's error for what MKL reports
-            self._pattern = None
             return None
-        if not np.isfinite(solution).all():
-            return None
-        error = np.abs(matrix @ solution - right).max()
-        return solution if error <= _RESIDUAL * np.abs(right).max() else None
+        self._pattern = given.indptr, given.indices
+
+        def apply(right: np.ndarray) -> np.ndarray:
+            self._solver.set_phase(33)
+            return self._solver._call_pardiso(given, np.ascontiguousarray(right[:, None])).ravel()
+
+        return apply
 
     def __del__(self) -> None:
         self._solver.free_memory(everything=True)

@@ -22,7 +22,13 @@ class LinearBody:
         body.begin(0.0)
         found = body.forces(still)
         assert found is not None
-        self.body, self.dofs, self._stiffness, self._start = body, body.dofs, found[1], np.zeros(found[0].shape)
+        self.body, self.dim, self.dofs, self._stiffness, self._start = (
+            body,
+            body.dim,
+            body.dofs,
+            found[1],
+            np.zeros(found[0].shape),
+        )
         body.points.initial = initial
         body.begin(0.0)
         if initial is not None:

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from fingerfit.fem.factor import CLOSE, LARGE
 from fingerfit.fem.system import System
 
 TOLERANCE = 1e-8
 """Largest residual force, relative to the largest internal force."""
+_SAME_TANGENT = 1e-6
+"""Error below which the tangent is not made anew."""
+_PATIENCE = 8
+"""Iterations after which a body in contact must be nearer to equilibrium."""
 ITERATIONS = 20
 CUTS = 7
 
@@ -154,24 +160,39 @@ class Newton:
     def _equilibrium(self, load: Load) -> tuple[State | None, int]:
         system = self.system
         q = self._predict(load)
-        if q is not None and self._forces(system.expand(q, load.given)) is None:
+        if q is not None and system.driven:
+            q = self._nearest(q, load)
+        elif q is not None and self._forces(system.expand(q, load.given)) is None:
             q = None
         if q is None:
             q = self._tangent_start(load)
             if q is None:
                 return None, 1
+        matrix: Any = None
+        first = 0.0
         for iteration in range(1, ITERATIONS + 1):
             u = system.expand(q, load.given)
-            evaluation = system.evaluate(u)
+            evaluation = system.evaluate(u, tangent=False)
             if evaluation is None:
                 return None, iteration
             internal = evaluation.internal
             residual = system.reduce(internal - load.force)
             scale = max(evaluation.largest, np.abs(load.force).max(), self.floor)
             error = np.abs(residual).max() / scale if len(residual) else 0.0
+            first = first or error
+            if system.slides and iteration > _PATIENCE and error > 0.1 * first:
+                return None, iteration
             if error < TOLERANCE:
                 return State(q, u, internal), iteration
-            step = system.solve(system.matrix(evaluation), -residual)
+            # near the end the tangent of the last iteration is as good, but a small one costs nothing
+            if matrix is None or error > _SAME_TANGENT or len(q) < LARGE:
+                evaluation = system.evaluate(u)
+                if evaluation is None:
+                    return None, iteration
+                matrix = system.matrix(evaluation)
+            # what is solved more exactly than Newton's method converges is of no use
+            close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), 1e-2)
+            step = system.solve(matrix, -residual, close)
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
@@ -182,6 +203,17 @@ class Newton:
                 return None, iteration
             q = moved
         return None, ITERATIONS
+
+    def _nearest(self, q: np.ndarray, load: Load) -> np.ndarray | None:
+        """The place of least energy on the way to predicted unknowns: what is pushed into contact goes too far."""
+        best, least = None, np.inf
+        for share in (1.0, 0.5, 0.25, 0.0):
+            trial = self.state.q + share * (q - self.state.q)
+            energy = self._potential(self.system.expand(trial, load.given), load)
+            if not energy < least:
+                break
+            best, least = trial, energy
+        return best
 
     def _tangent_start(self, load: Load) -> np.ndarray | None:
         """First step from the last state with its own tangent, the prescribed displacements moved along."""
@@ -206,13 +238,15 @@ class Newton:
         system = self.system
         norm, slope = np.abs(residual).max(), float(step @ residual)
         start: float | None = None
+        # where contact opens and closes, residuals say little
+        enough = 0.3 if system.slides else 1.0
         for cut in range(9):
             trial = q + 0.5**cut * step
             u = system.expand(trial, load.given)
             internal = self._forces(u)
             if internal is None:
                 continue
-            if np.abs(system.reduce(internal - load.force)).max() < norm:
+            if np.abs(system.reduce(internal - load.force)).max() < enough * norm:
                 return trial
             if start is None:
                 start = self._potential(system.expand(q, load.given), load)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from fingerfit.fem.factor import LinearSolver
+from fingerfit.fem.factor import CLOSE, LinearSolver
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -103,6 +103,8 @@ class System:
         points: np.ndarray | None = None,
     ) -> None:
         self.bodies, self.size, self.terms, self.rigid = bodies, size, list(terms), list(rigid)
+        self.driven = any(getattr(term, "driven", False) for term in terms)
+        self.slides = any(getattr(term, "slides", False) for term in terms)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
         if set(turning) & set(ties):
             raise ValueError(min(set(turning) & set(ties)))
@@ -147,22 +149,38 @@ class System:
         self._prepare()
 
     def _prepare(self) -> None:
-        keys, self._kept, self._factors = [], [], []
+        """Where each entry of the element stiffnesses goes: first to pairs of nodes, then to the matrix."""
         unknowns = self.unknown if self.simple else np.arange(self.size)
         count = len(self.free) if self.simple else self.size
-        for body in self.bodies:
-            unknown, factor = unknowns[body.dofs], self.factor[body.dofs]
-            row = np.broadcast_to(unknown[:, :, None], (*unknown.shape, unknown.shape[1])).ravel()
-            column = np.broadcast_to(unknown[:, None, :], (*unknown.shape, unknown.shape[1])).ravel()
-            kept = np.flatnonzero((row >= 0) & (column >= 0))
-            keys.append(column[kept].astype(np.int64) * count + row[kept])
-            self._kept.append(kept)
-            both = (factor[:, :, None] * factor[:, None, :]).ravel()[kept]
-            self._factors.append(None if np.all(both == 1.0) else both)
-        unique, self._position = np.unique(np.concatenate(keys or [np.empty(0, np.int64)]), return_inverse=True)
         self._count = count
-        self._rows = (unique % max(count, 1)).astype(np.int32)
-        self._pointers = np.searchsorted(unique // max(count, 1), np.arange(count + 1)).astype(np.int32)
+        if not self.bodies:
+            self._place, self._row, self._kept = np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0, int)
+            self._position, self._scale, self._pointers = self._kept, None, np.zeros(count + 1, np.int32)
+            return
+        dim = self.bodies[0].dim
+        nodes = [body.dofs[:, ::dim] // dim for body in self.bodies]
+        many = int(max(part.max() for part in nodes)) + 1
+        pairs = [(part[:, :, None] * many + part[:, None, :]).astype(np.int64) for part in nodes]
+        unique, at = np.unique(np.concatenate([part.ravel() for part in pairs]), return_inverse=True)
+        # an element's stiffness has rows by node and axis, columns by node and axis
+        axes = np.arange(dim)
+        places, first = [], 0
+        for part in pairs:
+            here = at[first : first + part.size].reshape(part.shape) * dim**2
+            first += part.size
+            places.append((here[:, :, None, :, None] + axes[:, None, None] * dim + axes).ravel())
+        self._place, self._size = np.concatenate(places), len(unique) * dim**2
+        shape = (len(unique), dim, dim)
+        row = np.broadcast_to(((unique // many) * dim)[:, None, None] + axes[:, None], shape).ravel()
+        column = np.broadcast_to(((unique % many) * dim)[:, None, None] + axes, shape).ravel()
+        scale = self.factor[row] * self.factor[column]
+        row, column = unknowns[row], unknowns[column]
+        self._kept = np.flatnonzero((row >= 0) & (column >= 0))
+        self._scale = None if np.all(scale[self._kept] == 1.0) else scale[self._kept]
+        keys = column[self._kept].astype(np.int64) * count + row[self._kept]
+        final, self._position = np.unique(keys, return_inverse=True)
+        self._row = (final % max(count, 1)).astype(np.int32)
+        self._pointers = np.searchsorted(final // max(count, 1), np.arange(count + 1)).astype(np.int32)
 
     def _maps(self) -> tuple[Any, Any]:
         """Slopes of all displacements, by all independent ones, shape (size, size), and by the unknowns."""
@@ -263,12 +281,14 @@ class System:
         """Stiffness of the unknowns."""
         from scipy.sparse import coo_matrix, csc_matrix
 
-        values = [np.empty(0)]
-        for block, kept, factors in zip(evaluation.blocks, self._kept, self._factors, strict=True):
-            chosen = block.ravel()[kept]
-            values.append(chosen if factors is None else chosen * factors)
-        data = np.bincount(self._position, weights=np.concatenate(values), minlength=len(self._rows))
-        matrix = csc_matrix((data, self._rows, self._pointers), shape=(self._count, self._count))
+        data: np.ndarray = np.empty(0)
+        if self.bodies:
+            values = np.concatenate([block.ravel() for block in evaluation.blocks])
+            data = np.bincount(self._place, weights=values, minlength=self._size)[self._kept]
+            if self._scale is not None:
+                data = data * self._scale
+            data = np.bincount(self._position, weights=data, minlength=len(self._row))
+        matrix = csc_matrix((data, self._row, self._pointers), shape=(self._count, self._count))
         entries = [(e.values, e.rows, e.columns) for e in evaluation.extra if len(e.values)]
         if entries:
             data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
@@ -297,9 +317,9 @@ class System:
             total += np.bincount(added.rows, weights=added.values * move[added.columns], minlength=self.size)
         return total
 
-    def solve(self, matrix: csc_matrix, right: np.ndarray) -> np.ndarray | None:
-        """Solution of the unknowns, or None where the matrix is singular."""
-        return self._linear.solve(matrix, right)
+    def solve(self, matrix: csc_matrix, right: np.ndarray, close: float = CLOSE) -> np.ndarray | None:
+        """Solution of the unknowns, or None where the matrix is singular; large ones to a residual of `close`."""
+        return self._linear.solve(matrix, right, close)
 
 
 def _resolve(

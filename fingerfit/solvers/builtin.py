@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -70,13 +71,15 @@ class BuiltinSolver:
         model.system(prescribed)
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
-        """Solve a deck; nothing is written to `workdir`, one thread is used.
+        """Solve a deck; nothing is written to `workdir`. Large systems are factorised by as many threads (PARDISO).
 
         Raises
         ------
         InputError
             For a deck that is not understood.
         """
+        # read when MKL is loaded; else it takes all processors
+        os.environ.setdefault("MKL_NUM_THREADS", str(threads))
         read = read_deck(deck)
         dim = read.mesh.dim
         node = _indenter(read, deck)

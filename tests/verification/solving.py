@@ -1,13 +1,16 @@
-"""Solving small problems without a deck."""
+"""Solving small problems, without a deck or from one that is also written back."""
 
 import numpy as np
 
+from fingerfit.deck.reader import read_deck
+from fingerfit.deck.write import format_deck
 from fingerfit.fem.assembly import Body
 from fingerfit.fem.elements import ELEMENTS, rule
 from fingerfit.fem.newton import Load, Newton
 from fingerfit.fem.system import System
 from fingerfit.fem.volume import AveragedVolume
 from fingerfit.material.spread import spread
+from fingerfit.solvers.analysis import run_steps
 
 
 def parts_of(element, points, nodes, material, thickness=1.0):
@@ -29,3 +32,20 @@ def solve(body, terms, size, fixed, force=None, given=None, steps=1, ties=None):
         arrived, _ = newton.advance(load, 1.0 / steps)
     assert arrived
     return newton
+
+
+def solve_deck(path):
+    """A deck and its steps; what `fingerfit deck show` writes of it must have the same solution, and be stable."""
+    deck = read_deck(path)
+    steps = list(run_steps(deck, path))
+    shown = path.with_name("shown.inp")
+    shown.write_text(format_deck(deck))
+    again = read_deck(shown)
+    assert format_deck(again).splitlines()[-1] == "*END STEP"
+    found = list(run_steps(again, shown))
+    assert len(found) == len(steps)
+    for ours, theirs in zip(found, steps, strict=True):
+        assert ours.arrived == theirs.arrived
+        scale = np.abs(theirs.displacement).max() + 1e-300
+        assert np.abs(ours.displacement - theirs.displacement).max() <= 1e-9 * scale
+    return deck, steps

@@ -1,17 +1,18 @@
 """Genuine ABAQUS results: every results file is read, and every deck whose elements are known is solved alike."""
 
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import ROOT
+from solving import solve_deck
 
 from fingerfit.deck.reader import read_deck
 from fingerfit.errors import InputError
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.solvers.abaqus_fil import read_fil
-from fingerfit.solvers.analysis import run_steps
 
 SHARED = Path(os.environ.get("FINGERFIT_SHARED", ROOT.parent / "shared")) / "abaqus"
 RESULTS = sorted(SHARED.glob("*.fil"))
@@ -41,7 +42,7 @@ def test_every_results_file_is_read(path):
 
 
 @pytest.mark.parametrize("path", RESULTS, ids=lambda p: p.stem)
-def test_displacements_are_those_of_abaqus(path):
+def test_displacements_are_those_of_abaqus(path, tmp_path):
     deck = path.with_name(path.name.replace("_results", "")).with_suffix(".inp")
     if path.stem in UNKNOWN:
         with pytest.raises(InputError, match=UNKNOWN[path.stem]):
@@ -49,8 +50,9 @@ def test_displacements_are_those_of_abaqus(path):
         return
     results = read_fil(path)
     theirs = np.array([results.last()[0].nodal["U"][label] for label in sorted(results.nodes)])
-    read = read_deck(deck)
-    (ours,) = run_steps(read, deck)
+    copy = tmp_path / deck.name
+    shutil.copy(deck, copy)
+    read, (ours,) = solve_deck(copy)
     # the results file has the nodes' own numbering: compare where they are
     order = [tuple(np.round(results.nodes[label][: read.mesh.dim], 9)) for label in sorted(results.nodes)]
     at = {tuple(np.round(x, 9)): n for n, x in enumerate(read.mesh.points)}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
+from solving import solve_deck
 
-from fingerfit.deck.reader import read_deck
 from fingerfit.errors import InputError
 from fingerfit.fem.contact import Interaction, RigidContact
 from fingerfit.fem.faces import faces_of
@@ -12,7 +12,6 @@ from fingerfit.fem.surfaces import Plane, Round
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import brick, layered_block
-from fingerfit.solvers.analysis import run_steps
 
 AXIS = np.array([0.6, 0.0, 0.8])
 SURFACES = {
@@ -112,8 +111,7 @@ def run(tmp_path):
         given = {"x": 0.0, "y": 0.0, "z": "", "friction": "", "stiffness": 1000.0, "kind": "SEGMENTS"}
         given |= {"pair": "NODE TO SURFACE", "slave": "ALL_ELEMENTS", "material": "*ELASTIC\n10., 0.3"}
         (tmp_path / "deck.inp").write_text(BLOCK.format(**{**given, **values}))
-        deck = read_deck(tmp_path / "deck.inp")
-        steps = list(run_steps(deck, tmp_path / "deck.inp"))
+        deck, steps = solve_deck(tmp_path / "deck.inp")
         assert steps[-1].arrived
         return deck, steps
 

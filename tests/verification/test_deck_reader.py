@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
+from solving import solve_deck
 
+from fingerfit.cli import main
 from fingerfit.deck import model_keywords
 from fingerfit.deck.reader import IGNORED, LATER, read_deck
 from fingerfit.errors import InputError
 from fingerfit.material.holzapfel import Holzapfel
 from fingerfit.material.prony import Prony
 from fingerfit.material.yeoh import Yeoh
-from fingerfit.solvers.analysis import run_steps
 
 SQUARE = """*NODE
 1, 0., 0.
@@ -43,8 +44,7 @@ def run(tmp_path):
     def run(text):
         path = tmp_path / "deck.inp"
         path.write_text(text)
-        deck = read_deck(path)
-        return deck, list(run_steps(deck, path))
+        return solve_deck(path)
 
     return run
 
@@ -407,3 +407,16 @@ def test_output_requests_are_ignored(run):
     extra = "".join(f"*{name}, X=Y\n1, 2\n" for name in sorted(IGNORED))
     _, steps = run(SQUARE + ELASTIC + HELD + extra + PULL)
     assert last(steps)[2, 0] == pytest.approx(0.08)
+
+
+def test_a_deck_is_shown_as_it_was_understood(tmp_path, capsys):
+    path = tmp_path / "deck.inp"
+    path.write_text(SQUARE + ELASTIC + HELD + PULL)
+    assert main(["deck", "show", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "*ELASTIC\n10.0, 0.25\n" in shown
+    assert "*BOUNDARY\n1, 1, 1, 0.0\n4, 1, 1, 0.0\n1, 2, 2, 0.0\n" in shown
+    assert "*STATIC\n1.0, 1.0, , 1.0\n*CLOAD\n2, 1, 0.1\n3, 1, 0.1\n*END STEP\n" in shown
+    path.write_text("*NODE\n1, 0.\n*WHATEVER\n")
+    assert main(["deck", "show", str(path)]) == 1
+    assert "line 3, *WHATEVER" in capsys.readouterr().err

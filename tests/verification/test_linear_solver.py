@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import diags_array, kron
 
 from fingerfit.fem import factor
-from fingerfit.fem.factor import LinearSolver, dissect
+from fingerfit.fem.factor import LinearSolver, conjugate_gradients, dissect
 
 
 def cube(n):
@@ -58,3 +58,34 @@ def test_a_singular_matrix_is_told(n):
     matrix[7, :] = 0.0
     matrix[:, 7] = 0.0
     assert LinearSolver(positions, True).solve(matrix.tocsc(), np.ones(matrix.shape[0])) is None
+
+
+def test_an_old_factorisation_serves_as_long_as_it_is_near(rng):
+    from scipy.sparse.linalg import splu
+
+    matrix, _ = cube(8)
+    right, old = rng.normal(size=matrix.shape[0]), splu(matrix).solve
+    used = []
+
+    def precondition(residual):
+        used.append(0)
+        return old(residual)
+
+    contact = np.zeros(matrix.shape[0])
+    contact[[10, 401]] = 100.0
+    near = (1.1 * matrix + diags_array(contact)).tocsc()
+    found = conjugate_gradients(near, right, precondition, 1e-8)
+    assert near @ found == pytest.approx(right, abs=1e-6)
+    assert len(used) <= 6
+    assert conjugate_gradients(near, right, precondition, 0.5) != pytest.approx(found, abs=1e-6)
+    far = (matrix + diags_array(np.linspace(0, 1e4, matrix.shape[0]))).tocsc()
+    assert conjugate_gradients(far, right, old) is None
+    assert conjugate_gradients(-matrix, right, old) is None
+
+
+def test_a_large_matrix_that_changed_much_is_factorised_anew(rng):
+    matrix, positions = cube(11)
+    solver, right = LinearSolver(positions, True), rng.normal(size=matrix.shape[0])
+    for scale in (0.0, 1e4, 1e-3):
+        changed = (matrix + diags_array(np.linspace(0, scale, matrix.shape[0]))).tocsc()
+        assert changed @ solver.solve(changed, right) == pytest.approx(right, abs=1e-5)

@@ -1,0 +1,148 @@
+"""Runs of one solver on one deck, each in a process of its own: its time, its peak memory and what it found.
+
+The time is that of `solve`, from the deck on disk to the displacements. The built-in solver loads its libraries in the
+first solve of a process: `first` has that, `seconds` is a second solve where the first was short.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from fingerfit.solvers.builtin import BuiltinSolver  # noqa: E402
+from fingerfit.solvers.calculix import CalculixSolver, _read_dat  # noqa: E402
+from fingerfit.solvers.contract import Outcome  # noqa: E402
+from fingerfit.solvers.process import run  # noqa: E402
+
+_SHORT = 5.0
+"""Seconds of a first solve up to which a second one is timed."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: seconds, those of the first solve in the process, peak memory in MB, and the outcome."""
+
+    seconds: float
+    first: float
+    memory: float
+    outcome: Outcome
+
+
+def run_solver(name: str, deck: Path, threads: int, limit: float = 3600.0) -> Run:
+    """Run `builtin`, `calculix` (the adapter) or `ccx` (any deck) in a new process."""
+    out = deck.parent / f"{name}.npz"
+    limits = {key: str(threads) for key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
+    command = [sys.executable, __file__, name, str(deck), str(out), str(threads), str(limit)]
+    found = subprocess.run(command, env={**os.environ, **limits}, capture_output=True, text=True)
+    if found.returncode:
+        raise RuntimeError(f"{name}: {deck}: {found.stderr.strip().splitlines()[-1]}")
+    measured = json.loads(found.stdout.splitlines()[-1])
+    return Run(measured["seconds"], measured["first"], measured["memory"], Outcome.load(out))
+
+
+def machine() -> str:
+    """Processor and programs in one line."""
+    cpu = next(
+        (
+            line.partition(":")[2].strip()
+            for line in Path("/proc/cpuinfo").read_text().splitlines()
+            if "model name" in line
+        ),
+        platform.machine(),
+    )
+    try:
+        from importlib.metadata import version
+
+        direct = f"pypardiso {version('pypardiso')}"
+    except ImportError:
+        direct = "SuperLU"
+    ccx = CalculixSolver().identity()["version"]
+    return f"{os.cpu_count()} cores of {cpu}; Python {platform.python_version()}, {direct}; CalculiX {ccx}"
+
+
+def _peak(pid: int | str) -> float:
+    """Peak resident memory of a process so far, MB."""
+    try:
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+            if line.startswith("VmHWM"):
+                return float(line.split()[1]) / 1024
+    except OSError:
+        pass
+    return 0.0
+
+
+def _watch(peak: list[float], done: threading.Event) -> None:
+    """Keep the peak of this process's children."""
+    children = Path(f"/proc/self/task/{os.getpid()}/children")
+    while not done.wait(0.02):
+        for pid in children.read_text().split():
+            peak[0] = max(peak[0], _peak(pid))
+
+
+class _Ccx:
+    """CalculiX on decks that only it reads; every step prints U of ALL and INDENTER, and RF of BOTTOM."""
+
+    def __init__(self, limit: float) -> None:
+        self.limit = limit
+
+    def solve(self, deck: Path, workdir: Path, threads: int) -> Outcome:
+        count = str(threads)
+        environment = {"OMP_NUM_THREADS": count, "CCX_NPROC_EQUATION_SOLVER": count}
+        run(["ccx", "-i", deck.stem], workdir, self.limit, environment)
+        tables = _read_dat((workdir / f"{deck.stem}.dat").read_text(), deck.read_text().count("*END STEP"))
+        moved = np.array([table["ALL"][:, 1:] for table in tables])
+        force = np.array([-table["BOTTOM"][:, 1:].sum(axis=0) for table in tables])
+        indenter = np.array([table["INDENTER"][0, 1:] for table in tables])
+        return Outcome("converged", moved, force, indenter, f"{len(tables)} steps")
+
+
+def _work() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("name", choices=("builtin", "calculix", "ccx"))
+    parser.add_argument("deck", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("threads", type=int)
+    parser.add_argument("limit", type=float)
+    args = parser.parse_args()
+    solvers = {
+        "builtin": BuiltinSolver(averaged=False),
+        "calculix": CalculixSolver(args.limit),
+        "ccx": _Ccx(args.limit),
+    }
+    solver = solvers[args.name]
+    peak, done = [0.0], threading.Event()
+    if args.name != "builtin":
+        threading.Thread(target=_watch, args=(peak, done), daemon=True).start()
+    start = time.perf_counter()
+    outcome = solver.solve(args.deck, args.deck.parent, args.threads)
+    first = seconds = time.perf_counter() - start
+    done.set()
+    if args.name == "builtin" and first < _SHORT:
+        start = time.perf_counter()
+        outcome = solver.solve(args.deck, args.deck.parent, args.threads)
+        seconds = time.perf_counter() - start
+    outcome.save(args.out)
+    print(json.dumps({"seconds": seconds, "first": first, "memory": peak[0] or _peak("self")}))
+
+
+def difference(ours: Outcome, theirs: Outcome) -> float:
+    """Largest difference of displacements at the end of all steps that both reached, mm."""
+    steps = min(ours.steps, theirs.steps)
+    return float(np.abs(ours.displacement[:steps] - theirs.displacement[:steps]).max()) if steps else float("nan")
+
+
+if __name__ == "__main__":
+    _work()

@@ -1,0 +1,272 @@
+"""A deck as it was understood, written back as keywords: flat, includes and parts in place, numbers in full."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fingerfit.deck.content import Deck, DeckStep, Law, NodeAxis, Surface
+
+_PER_LINE = 12
+
+
+def format_deck(deck: Deck) -> str:
+    """Text of a deck; reading it again gives the same deck.
+
+    Nodes keep their labels where there are no instances; elements are numbered block by block. What a step changes is
+    written in it, not what goes on from the step before.
+
+    Parameters
+    ----------
+    deck : Deck
+        As `fingerfit.deck.reader.read_deck` gives it.
+    """
+    return "\n".join(_Writer(deck).lines()) + "\n"
+
+
+def _text(value: Any) -> str:
+    return repr(float(value))
+
+
+def _row(*values: object) -> str:
+    return ", ".join(_text(v) if isinstance(v, (float, np.floating)) else str(v) for v in values)
+
+
+def _wrapped(values: Sequence[object], most: int = _PER_LINE, goes_on: bool = False) -> Iterator[str]:
+    """Data lines of so many values; a comma at the end of those that go on."""
+    for at in range(0, len(values), most):
+        yield _row(*values[at : at + most]) + "," * (goes_on and at + most < len(values))
+
+
+class _Writer:
+    def __init__(self, deck: Deck) -> None:
+        self.deck, self.dim = deck, deck.mesh.dim
+        labels = deck.labels or [("", n) for n in range(1, len(deck.mesh.points) + 1)]
+        flat = not any(scope for scope, _ in labels)
+        self.label = [label if flat else n for n, (_, label) in enumerate(labels, 1)]
+        self.renumbered = not flat
+        self.named = {tuple(sorted(nodes.tolist())): name for name, nodes in deck.mesh.node_sets.items()}
+
+    def lines(self) -> Iterator[str]:
+        deck = self.deck
+        if self.renumbered:
+            yield "** nodes of instances are numbered through"
+        yield from self._mesh()
+        for name, (times, factors) in deck.amplitudes.items():
+            yield f"*AMPLITUDE, NAME={name}"
+            yield from _wrapped(np.column_stack([times, factors]).ravel().tolist(), 8)
+        for name, material in deck.materials.items():
+            yield f"*MATERIAL, NAME={name}"
+            yield from _material(material)
+        for name, local in deck.orientations.items():
+            count = len(local.directions)
+            yield f"*ORIENTATION, NAME={name}" + (f", LOCAL DIRECTIONS={count}" if count else "")
+            yield _row(*local.axes[0].tolist(), *local.axes[1].tolist())
+            yield from (_row(*direction) for direction in local.directions)
+        for section in deck.sections:
+            axes = f", ORIENTATION={section.orientation}" if section.orientation else ""
+            yield f"*SOLID SECTION, ELSET={section.elset}, MATERIAL={section.material}{axes}"
+            yield _text(section.thickness)
+        yield from self._springs()
+        for name, surface in deck.surfaces.items():
+            yield from self._surface(name, surface)
+        yield from self._constraints()
+        for keyword, given in (("STRESS", deck.stress), ("PLASTIC STRAIN", deck.strain)):
+            if given:
+                yield f"*INITIAL CONDITIONS, TYPE={keyword}"
+                yield from (_row(element + 1, *map(float, values)) for element, values in given.items())
+        for name, law in deck.laws.items():
+            yield f"*SURFACE INTERACTION, NAME={name}"
+            yield from _law(law)
+        for pair in deck.contacts:
+            kind = "NODE TO SURFACE" if pair.at_nodes else "SURFACE TO SURFACE"
+            yield f"*CONTACT PAIR, INTERACTION={pair.interaction}, TYPE={kind}"
+            yield _row(pair.slave, pair.master)
+        yield from self._prescribed(deck.fixed, {})
+        before = DeckStep(dict(deck.fixed))
+        for step in deck.steps:
+            yield from self._step(step, before)
+            before = step
+
+    def _mesh(self) -> Iterator[str]:
+        mesh = self.deck.mesh
+        yield "*NODE"
+        for label, point in zip(self.label, mesh.points.tolist(), strict=True):
+            yield _row(label, *point)
+        first = 1
+        for block in mesh.blocks:
+            yield f"*ELEMENT, TYPE={block.element}"
+            for number, nodes in enumerate(block.nodes.tolist(), first):
+                yield from _wrapped([number, *(self.label[n] for n in nodes)], 15, goes_on=True)
+            first += len(block.nodes)
+        for name, nodes in mesh.node_sets.items():
+            yield f"*NSET, NSET={name}"
+            yield from _wrapped([self.label[n] for n in nodes])
+        for name, elements in mesh.element_sets.items():
+            yield f"*ELSET, ELSET={name}"
+            yield from _wrapped([n + 1 for n in elements.tolist()])
+
+    def _free_name(self, stem: str, number: int) -> str:
+        mesh, name = self.deck.mesh, f"{stem}-{number}"
+        while name in mesh.node_sets or name in mesh.element_sets:
+            name += "-"
+        return name
+
+    def _springs(self) -> Iterator[str]:
+        first = self.deck.mesh.element_count + 1
+        for number, spring in enumerate(self.deck.springs, first):
+            name, (node, axis) = self._free_name("SPRING", number), spring.first
+            ends, axes = [self.label[node]], [axis + 1]
+            if spring.second is not None:
+                ends.append(self.label[spring.second[0]])
+                axes.append(spring.second[1] + 1)
+            yield f"*ELEMENT, TYPE=SPRING{len(ends)}, ELSET={name}"
+            yield _row(number, *ends)
+            yield f"*SPRING, ELSET={name}"
+            yield _row(*axes)
+            yield _text(spring.stiffness)
+
+    def _surface(self, name: str, surface: Surface) -> Iterator[str]:
+        yield f"*SURFACE, NAME={name}, TYPE={surface.kind}"
+        yield from (f"{element + 1}, S{face + 1}" for element, face in surface.faces)
+        yield from (str(self.label[node]) for node in surface.nodes)
+        origin, axes = surface.origin, surface.axes
+        if surface.kind in ("CYLINDER", "REVOLUTION") and (origin.any() or not np.array_equal(axes, np.eye(3))):
+            along = axes[0] if surface.kind == "CYLINDER" else axes[2]
+            yield _row(*origin.tolist(), *(origin + along).tolist())
+            if surface.kind == "CYLINDER":
+                yield _row(*(origin + axes[2]).tolist())
+        yield from (_row(word, *values) for word, values in surface.profile)
+
+    def _constraints(self) -> Iterator[str]:
+        deck = self.deck
+        for number, body in enumerate(deck.rigid, 1):
+            name = self._free_name("RIGID", number)
+            options = f"REF NODE={self.label[body.reference]}"
+            if body.rotation >= 0:
+                options += f", ROT NODE={self.label[body.rotation]}"
+            if body.nodes:
+                yield f"*NSET, NSET={name}"
+                yield from _wrapped([self.label[n] for n in body.nodes])
+                options += f", NSET={name}"
+            if body.elements:
+                yield f"*ELSET, ELSET={name}"
+                yield from _wrapped([n + 1 for n in body.elements])
+                options += f", ELSET={name}"
+            if body.surface:
+                options += f", ANALYTICAL SURFACE={body.surface}"
+            yield f"*RIGID BODY, {options}"
+        for terms in deck.equations:
+            yield "*EQUATION"
+            yield str(len(terms))
+            yield from (_row(self.label[node], axis + 1, factor) for node, axis, factor in terms)
+        for tie in deck.ties:
+            yield "*TIE" + ("" if tie.tolerance is None else f", POSITION TOLERANCE={_text(tie.tolerance)}")
+            yield _row(tie.slave, tie.master)
+
+    def _step(self, step: DeckStep, before: DeckStep) -> Iterator[str]:
+        sudden = "" if step.sudden is None else f", AMPLITUDE={'STEP' if step.sudden else 'RAMP'}"
+        yield f"*STEP, NLGEOM={'YES' if step.finite else 'NO'}, INC=1000000{sudden}"
+        options = ", DIRECT" * step.fixed + ", LONG TERM" * step.relaxed
+        yield ("*VISCO" if step.viscous else "*STATIC") + options
+        yield f"{_text(step.increment * step.period)}, {_text(step.period)}, , {_text(step.largest * step.period)}"
+        curves = {kind: {key: name for (k, key), name in step.curve.items() if k == kind} for kind in "UFP"}
+        held = self._ends(before, "U", before.displacement)
+        yield from self._prescribed(_changed(step.displacement, held, curves["U"]), curves["U"])
+        operation, forces = _operation(step.force, self._ends(before, "F", before.force), curves["F"])
+        yield from self._grouped("CLOAD", operation, forces, curves["F"])
+        operation, pressures = _operation(step.pressure, self._ends(before, "P", before.pressure), curves["P"])
+        for name in [None, *dict.fromkeys(curves["P"].values())]:
+            chosen = {face: value for face, value in pressures.items() if curves["P"].get(face) == name}
+            if chosen or (operation and name is None):
+                yield f"*DLOAD{operation}" + (f", AMPLITUDE={name}" if name else "")
+                operation = ""
+                yield from (_row(e + 1, f"P{face + 1}", float(value)) for (e, face), value in chosen.items())
+        yield "*END STEP"
+
+    def _ends(self, step: DeckStep, kind: str, values: Mapping[Any, float]) -> dict[Any, float]:
+        """What loads are at the end of a step, as the reader takes them into the next one."""
+        found = dict(values)
+        for key in found:
+            name = step.curve.get((kind, key))
+            if name is not None:
+                found[key] *= float(np.interp(step.period, *self.deck.amplitudes[name]))
+        return found
+
+    def _prescribed(self, values: Mapping[NodeAxis, float], curve: Mapping[NodeAxis, str]) -> Iterator[str]:
+        yield from self._grouped("BOUNDARY", "", values, curve)
+
+    def _grouped(
+        self, keyword: str, operation: str, values: Mapping[NodeAxis, float], curve: Mapping[NodeAxis, str]
+    ) -> Iterator[str]:
+        """Loads with the same value at the same axis together, by the name of their node set where there is one."""
+        groups: dict[tuple[str | None, int, float], list[int]] = {}
+        for (node, axis), value in values.items():
+            groups.setdefault((curve.get((node, axis)), axis, float(value)), []).append(node)
+        names = dict.fromkeys([None] * bool(operation) + [name for name, _, _ in groups])
+        for name in names:
+            yield f"*{keyword}{operation}" + (f", AMPLITUDE={name}" if name else "")
+            operation = ""
+            for (of, axis, value), nodes in groups.items():
+                if of == name:
+                    axes = (axis + 1, axis + 1) if keyword == "BOUNDARY" else (axis + 1,)
+                    yield from (_row(who, *axes, value) for who in self._who(nodes))
+
+    def _who(self, nodes: Iterable[int]) -> list[object]:
+        nodes = list(nodes)
+        name = self.named.get(tuple(sorted(nodes)))
+        return [name] if name else [self.label[node] for node in nodes]
+
+
+def _changed(now: Mapping[Any, float], before: Mapping[Any, float], curve: Mapping[Any, str]) -> dict[Any, float]:
+    return {key: value for key, value in now.items() if key in curve or before.get(key) != value}
+
+
+def _operation(
+    now: Mapping[Any, float], before: Mapping[Any, float], curve: Mapping[Any, str]
+) -> tuple[str, dict[Any, float]]:
+    """OP=NEW with all loads where some are gone, else those that change."""
+    if set(before) - set(now):
+        return ", OP=NEW", dict(now)
+    return "", _changed(now, before, curve)
+
+
+def _law(law: Law) -> Iterator[str]:
+    options = "" if law.separates else ", NO SEPARATION"
+    if law.stiffness:
+        yield f"*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR{options}"
+        yield _text(law.stiffness)
+    elif options:
+        yield f"*SURFACE BEHAVIOR{options}"
+    if law.rough:
+        yield "*FRICTION, ROUGH"
+    elif law.friction:
+        yield "*FRICTION"
+        yield _row(float(law.friction), float(law.stick))
+
+
+def _material(material: Any) -> Iterator[str]:
+    kind, prony = type(material).__name__, material.prony
+    moduli = ", MODULI=INSTANTANEOUS" if prony is not None and prony.instantaneous else ""
+    if kind == "Elastic":
+        yield f"*ELASTIC{moduli}"
+        yield _row(material.young, material.poisson)
+    elif kind == "Holzapfel":
+        yield f"*ANISOTROPIC HYPERELASTIC, HOLZAPFEL, LOCAL DIRECTIONS={len(material.directions)}{moduli}"
+        yield _row(material.c10, material.d, material.k1, material.k2, material.kappa)
+    else:
+        order = len(material.mu) if kind == "Ogden" else {"NeoHooke": 1, "MooneyRivlin": 1, "Yeoh": 3}[kind]
+        d = [*material.d, *[0.0] * order][:order]
+        name, constants = {
+            "Ogden": lambda m: (f"OGDEN, N={order}", [x for pair in zip(m.mu, m.alpha, strict=True) for x in pair]),
+            "NeoHooke": lambda m: ("NEO HOOKE", [m.c10]),
+            "MooneyRivlin": lambda m: ("MOONEY-RIVLIN", [m.c10, m.c01]),
+            "Yeoh": lambda m: ("YEOH", list(m.c)),
+        }[kind](material)
+        yield f"*HYPERELASTIC, {name}{moduli}"
+        yield from _wrapped([*constants, *d], 8)
+    if prony is not None and prony.g:
+        yield "*VISCOELASTIC, TIME=PRONY"
+        yield from (_row(g, 0.0, tau) for g, tau in zip(prony.g, prony.tau, strict=True))
