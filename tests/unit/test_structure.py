@@ -27,7 +27,7 @@ ORDER = (
     ("refine",),
     ("course", "judge"),
     ("diagnose",),
-    ("report", "plots", "check", "recipes", "layout", "testing"),
+    ("report", "page", "plots", "check", "recipes", "layout", "testing"),
     ("commands",),
     ("cli",),
     ("__main__",),
