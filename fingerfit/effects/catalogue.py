@@ -79,7 +79,8 @@ def _read(path: Path, stamp: int) -> Effect:
         raise Problems(problems)
     return Effect(
         path.stem, **texts, acts=acts, parameters=parameters, scan=places, refine=refine, changes=changes,
-        observes=observes, needs=needs or "", control=control or "", part=f"effects/{part.name}" if part.exists() else None,
+        observes=observes, needs=needs or "", control=control or "",
+        part=f"effects/{part.name}" if part.exists() else None,
     )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ ORDER = (
     ("diagnose",),
     ("verdict", "simulate"),
     ("examine",),
-    ("report", "plots", "check", "recipes", "layout", "testing"),
+    ("report", "plots", "check", "recipes", "layout", "testing", "page"),
     ("findings", "climb"),
     ("commands",),
     ("cli",),
@@ -39,7 +39,7 @@ LEVEL = {name: level for level, names in enumerate(ORDER) for name in names}
 
 
 def imports(path):
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module:
             yield node.module
             if node.module == "fingerfit":
@@ -60,18 +60,18 @@ def test_dependencies_run_one_way(path):
 
 @pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_files_are_short(path):
-    assert len(path.read_text().splitlines()) <= 400
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
 
 
 def test_generated_files_are_up_to_date():
     from fingerfit.settings import describe, schema
 
-    assert json.loads((ROOT / "workflow/schemas/config.schema.json").read_text()) == schema()
-    assert (ROOT / "docs/config.md").read_text() == describe()
+    assert json.loads((ROOT / "workflow/schemas/config.schema.json").read_text(encoding="utf-8")) == schema()
+    assert (ROOT / "docs/config.md").read_text(encoding="utf-8") == describe()
 
 
 def test_the_lock_file_names_no_registry():
-    assert "://" not in (ROOT / "requirements.lock").read_text()
+    assert "://" not in (ROOT / "requirements.lock").read_text(encoding="utf-8")
 
 
 def test_a_fit_depends_on_what_was_measured_only(monkeypatch):

@@ -1,0 +1,241 @@
+"""Pictures of the page. Those that are laid over each other share one frame, so that they can be blinked."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from PIL import Image
+
+from fingerfit.page.inputs import Compare
+from fingerfit.page.regions import layers_of, patch_size
+from fingerfit.plots import COLOURS
+
+DPI = 130
+WIDTH = 4.4
+LEFT, RIGHT, BOTTOM, TOP = 0.62, 0.98, 0.52, 0.16
+"""Margins of a panel, inches; the scale of colours is in the right one."""
+WARM = LinearSegmentedColormap.from_list("warm", ["#FFFFFF", "#FBE7B5", COLOURS[0], COLOURS[5]])
+UNKNOWN = "#DDDDDD"
+
+
+def plain(text: object) -> str:
+    """Text that matplotlib draws as it is, without formulas."""
+    return str(text).replace("$", r"\$")
+
+
+def uri(figure: Figure) -> str:
+    """A figure as an embedded PNG with at most 256 colours."""
+    raw, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(raw, format="png", dpi=DPI, facecolor="white")
+    raw.seek(0)
+    with Image.open(raw) as image:
+        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(small, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(small.getvalue()).decode()
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Limits in mm and the place of the axes in a panel.
+
+    Parameters
+    ----------
+    limits : tuple of float
+        Left, right, bottom, top, mm; widened where a panel would be too flat or too high.
+    """
+
+    limits: tuple[float, float, float, float]
+
+    @classmethod
+    def around(cls, limits: tuple[float, float, float, float]) -> Frame:
+        """A frame around limits, no flatter than 1:3 and no higher than 4:3."""
+        left, right, bottom, top = limits
+        wide, high = max(right - left, 1e-9), max(top - bottom, 1e-9)
+        more_high, more_wide = max(0.0, wide / 3 - high) / 2, max(0.0, high * 0.75 - wide) / 2
+        return cls((left - more_wide, right + more_wide, bottom - more_high, top + more_high))
+
+    @property
+    def inches(self) -> tuple[float, float]:
+        """Width and height of the axes, inches."""
+        left, right, bottom, top = self.limits
+        wide = WIDTH - LEFT - RIGHT
+        return wide, wide * (top - bottom) / (right - left)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the panel, inches."""
+        return WIDTH, self.inches[1] + BOTTOM + TOP
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, bottom, width and height of the axes as fractions of the panel."""
+        wide, high = self.inches
+        return LEFT / WIDTH, BOTTOM / self.size[1], wide / WIDTH, high / self.size[1]
+
+    def panel(self) -> tuple[Figure, Any, Any]:
+        """A figure, its axes and the axes of the scale of colours."""
+        figure = Figure(figsize=self.size)
+        axes = figure.add_axes(self.box)
+        left, bottom, wide, high = self.box
+        scale = figure.add_axes((left + wide + 0.1 / WIDTH, bottom, 0.14 / WIDTH, high))
+        axes.set_xlim(*self.limits[:2])
+        axes.set_ylim(*self.limits[2:])
+        axes.set_xlabel("x in mm", fontsize=9, labelpad=2)
+        axes.set_ylabel("y in mm", fontsize=9, labelpad=2)
+        axes.locator_params(nbins=6)
+        for part in (axes, scale):
+            part.tick_params(labelsize=8.5)
+        return figure, axes, scale
+
+
+def _scale(figure: Figure, shown: Any, scale: Any, label: str, extend: str = "neither") -> None:
+    bar = figure.colorbar(shown, cax=scale, extend=extend)
+    bar.set_label(label, fontsize=9)
+    bar.ax.locator_params(nbins=5)
+
+
+def grey_panel(frame: Frame, compare: Compare, values: np.ndarray, top: float) -> Figure:
+    """A picture in grey."""
+    figure, axes, scale = frame.panel()
+    shown = axes.imshow(values, cmap="gray", vmin=0, vmax=top, origin="lower", extent=compare.limits, aspect="auto")
+    axes.set_xlim(*frame.limits[:2])
+    axes.set_ylim(*frame.limits[2:])
+    _scale(figure, shown, scale, "brightness (0 to 1)")
+    return figure
+
+
+def difference_panel(frame: Frame, compare: Compare, values: np.ndarray, limit: float) -> Figure:
+    """Measured minus synthesized."""
+    figure, axes, scale = frame.panel()
+    shown = axes.imshow(
+        values, cmap="RdBu_r", vmin=-limit, vmax=limit, origin="lower", extent=compare.limits, aspect="auto"
+    )
+    axes.set_xlim(*frame.limits[:2])
+    axes.set_ylim(*frame.limits[2:])
+    _scale(figure, shown, scale, "difference of brightness", "both")
+    return figure
+
+
+def map_frame(compare: Compare) -> Frame:
+    """Frame of the maps: the patches, in the body before compression."""
+    half = patch_size(compare) / 2
+    low, high = compare.patch_centre.min(axis=0) - half, compare.patch_centre.max(axis=0) + half
+    edge = 0.03 * float((high - low).max())
+    return Frame.around((float(low[0] - edge), float(high[0] + edge), float(low[1] - edge), float(high[1] + edge)))
+
+
+def borders(compare: Compare) -> list[np.ndarray]:
+    """Edges of the reference mesh between layers and around it."""
+    owners: dict[tuple[int, int], list[int]] = {}
+    for ring, layer in zip(compare.mesh_rings, compare.mesh_layer, strict=True):
+        ring = ring[ring >= 0]
+        for a, b in zip(ring, np.roll(ring, -1), strict=True):
+            owners.setdefault((min(a, b), max(a, b)), []).append(int(layer))
+    return [compare.mesh_points[list(edge)] for edge, own in owners.items() if len(own) == 1 or len(set(own)) > 1]
+
+
+def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -> Figure:
+    """Displacements of patches: arrows, many times enlarged, over a map of their length.
+
+    Parameters
+    ----------
+    frame : Frame
+    compare : Compare
+    moves : ndarray, shape (patches, 2)
+        mm; NaN where unknown.
+    limit : float
+        End of the scale of colours, and displacement whose arrow is as long as a patch, mm.
+    """
+    figure, axes, scale = frame.panel()
+    size = patch_size(compare)
+    nx, ny = (int(n) for n in compare.patch_count)
+    low = compare.patch_centre.min(axis=0) - size / 2
+    edges = [low[k] + size[k] * np.arange(n + 1) for k, n in enumerate((nx, ny))]
+    length = np.hypot(moves[:, 0], moves[:, 1])
+    cells = np.ma.masked_invalid(length.reshape(nx, ny).T)
+    axes.set_facecolor("white")
+    gone = np.where(np.ma.getmaskarray(cells), 1.0, np.nan)
+    inside = layers_of(compare, compare.patch_centre).reshape(nx, ny).T >= 0 if len(compare.mesh_rings) else True
+    axes.pcolormesh(*edges, np.where(inside, gone, np.nan), cmap=LinearSegmentedColormap.from_list("n", [UNKNOWN] * 2))
+    shown = axes.pcolormesh(*edges, cells, cmap=WARM, vmin=0, vmax=limit)
+    for edge in borders(compare):
+        axes.plot(*edge.T, color="#777777", linewidth=0.8)
+    known = np.isfinite(length) & (length > 0.02 * limit)
+    reach = 1.15 * float(size.min()) / limit
+    drawn = np.minimum(1.0, 1.3 * limit / np.maximum(length, 1e-12))[:, None] * moves
+    axes.quiver(
+        *compare.patch_centre[known].T, *drawn[known].T, angles="xy", scale_units="xy", scale=1 / reach,
+        width=0.006, headwidth=3.6, headlength=4, headaxislength=3.6, pivot="middle", color="#111111",
+    )  # fmt: skip
+    axes.set_xlim(*frame.limits[:2])
+    axes.set_ylim(*frame.limits[2:])
+    axes.set_xlabel(f"x in mm (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
+    _scale(figure, shown, scale, "displacement left over in mm", "max")
+    return figure
+
+
+def force_figure(compare: Compare) -> Figure | None:
+    """Force against indentation with the band of noise, and below what is left of it; None when nothing is known."""
+    known = np.isfinite(compare.force) & np.isfinite(compare.displacement) if len(compare.force) else np.zeros(0, bool)
+    modelled = bool(len(compare.force_model)) and bool(np.isfinite(compare.force_model).any())
+    if not modelled and not known.any():
+        return None
+    figure = Figure(figsize=(6.4, 5.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1, gridspec_kw={"height_ratios": [2.4, 1]})
+    if modelled:
+        _model_line(upper, compare)
+    if known.any():
+        upper.errorbar(
+            compare.displacement[known], compare.force[known], xerr=2 * compare.displacement_noise or None,
+            yerr=2 * compare.force_noise or None, fmt="o", markersize=4.5, capsize=2, color=COLOURS[5],
+            label="measured (bars: twice the noise)",
+        )  # fmt: skip
+    upper.set(xlabel="indentation in mm", ylabel="force in N")
+    upper.legend(frameon=False, fontsize=9)
+    left, unit, name, noise = _left_over(compare)
+    shown = np.isfinite(left)
+    if not shown.any():
+        figure.delaxes(lower)
+        return figure
+    if noise > 0:
+        lower.axhspan(-2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0)
+    lower.axhline(0, color="#555555", linewidth=0.8)
+    lower.plot(compare.step[shown], left[shown], "o", markersize=4.5, color=COLOURS[5])
+    lower.set(xlabel="step", ylabel=f"{name} left over\nin {unit}")
+    lower.set_xticks(compare.step if len(compare.step) <= 12 else compare.step[:: len(compare.step) // 8])
+    lower.margins(y=0.25)
+    return figure
+
+
+def _model_line(axes: Any, compare: Compare) -> None:
+    order = np.argsort(compare.displacement_model)
+    x = np.concatenate([[0.0], compare.displacement_model[order]])
+    y = np.concatenate([[0.0], compare.force_model[order]])
+    fine = np.isfinite(x) & np.isfinite(y)
+    x, y = x[fine], y[fine]
+    slope = np.gradient(y, x) if len(x) > 1 and (np.diff(x) > 0).all() else np.zeros(len(x))
+    band = 2 * np.hypot(compare.force_noise, slope * compare.displacement_noise)
+    if band.any():
+        axes.fill_between(x, y - band, y + band, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)")
+    axes.plot(x, y, "-", color=COLOURS[4], label="model")
+
+
+def _left_over(compare: Compare) -> tuple[np.ndarray, str, str, float]:
+    """What is left of the quantity that was not prescribed, its unit, name and noise."""
+    nothing = np.full(len(compare.step), np.nan)
+
+    def minus(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return one - other if len(one) == len(other) == len(nothing) else nothing
+
+    force = minus(compare.force, compare.force_model)
+    move = minus(compare.displacement, compare.displacement_model)
+    span = float(np.nanmax(np.abs(compare.force), initial=0.0)) if len(compare.force) else 0.0
+    prescribed = bool(np.isfinite(force).any()) and float(np.nanmax(np.abs(force))) <= 1e-6 * max(span, 1e-9)
+    if prescribed or not np.isfinite(force).any():
+        return move, "mm", "indentation", compare.displacement_noise
+    return force, "N", "force", compare.force_noise

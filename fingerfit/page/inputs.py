@@ -1,0 +1,253 @@
+"""What the page shows, read from the results of a study; what is not there yet is left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerfit.errors import StateError
+from fingerfit.files import digest, read_json, read_npz
+
+LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
+
+
+def _empty(*shape: int, kind: type = float) -> np.ndarray:
+    return np.zeros(shape, kind)
+
+
+@dataclass(frozen=True)
+class Compare:
+    """A model beside the measurements, as in ``compare.npz``.
+
+    Parameters
+    ----------
+    measured, synthesized : ndarray, shape (pictures, ny, nx)
+        Intensity, 0 to 1.
+    picture_step : ndarray of int, shape (pictures,)
+        Index of the step of each picture in `step`.
+    fitted : ndarray of bool, shape (pictures,)
+        Whether the fit saw the picture; else it was held out.
+    error, floor : ndarray, shape (pictures,)
+        Root mean square difference of intensity, and what noise alone leaves of it.
+    spacing, origin : ndarray, shape (2,)
+        Of the pixels, mm; `origin` is the centre of the first one, y upwards.
+    moves, moves_noise : ndarray, shape (pictures, patches, 2)
+        Residual displacement and its standard error, mm; NaN where unknown.
+    patch_centre : ndarray, shape (patches, 2)
+        Reference positions, mm.
+    patch_count : ndarray of int, shape (2,)
+        Along x and y; the flat index is ``ix * ny + iy``.
+    mesh_points, mesh_moved : ndarray, shape (nodes, 2) and (pictures, nodes, 2)
+        Reference and deformed positions, mm.
+    mesh_rings : ndarray of int, shape (elements, k)
+        Outlines; negative numbers are left out.
+    mesh_layer : ndarray of int, shape (elements,)
+    layer_names : ndarray of str
+    step : ndarray of int, shape (steps,)
+    force, displacement, force_model, displacement_model : ndarray, shape (steps,)
+        N and mm; NaN where unknown.
+    force_noise, displacement_noise : float
+        Standard deviations, N and mm.
+    """
+
+    measured: np.ndarray = field(default_factory=lambda: _empty(0, 1, 1))
+    synthesized: np.ndarray = field(default_factory=lambda: _empty(0, 1, 1))
+    picture_step: np.ndarray = field(default_factory=lambda: _empty(0, kind=int))
+    fitted: np.ndarray = field(default_factory=lambda: _empty(0, kind=bool))
+    error: np.ndarray = field(default_factory=lambda: _empty(0))
+    floor: np.ndarray = field(default_factory=lambda: _empty(0))
+    spacing: np.ndarray = field(default_factory=lambda: np.ones(2))
+    origin: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    moves: np.ndarray = field(default_factory=lambda: _empty(0, 0, 2))
+    moves_noise: np.ndarray = field(default_factory=lambda: _empty(0, 0, 2))
+    patch_centre: np.ndarray = field(default_factory=lambda: _empty(0, 2))
+    patch_count: np.ndarray = field(default_factory=lambda: _empty(2, kind=int))
+    mesh_points: np.ndarray = field(default_factory=lambda: _empty(0, 2))
+    mesh_moved: np.ndarray = field(default_factory=lambda: _empty(0, 0, 2))
+    mesh_rings: np.ndarray = field(default_factory=lambda: _empty(0, 3, kind=int))
+    mesh_layer: np.ndarray = field(default_factory=lambda: _empty(0, kind=int))
+    layer_names: np.ndarray = field(default_factory=lambda: np.zeros(0, "U1"))
+    step: np.ndarray = field(default_factory=lambda: _empty(0, kind=int))
+    force: np.ndarray = field(default_factory=lambda: _empty(0))
+    displacement: np.ndarray = field(default_factory=lambda: _empty(0))
+    force_model: np.ndarray = field(default_factory=lambda: _empty(0))
+    displacement_model: np.ndarray = field(default_factory=lambda: _empty(0))
+    force_noise: float = 0.0
+    displacement_noise: float = 0.0
+
+    @property
+    def pictures(self) -> int:
+        """Number of pictures."""
+        return len(self.measured)
+
+    @cached_property
+    def difference(self) -> np.ndarray:
+        """Measured minus synthesized intensity, shape (pictures, ny, nx)."""
+        return self.measured - self.synthesized
+
+    def ratio(self, picture: int) -> float:
+        """Error of a picture in multiples of the noise; NaN when one of them is unknown."""
+        if picture >= min(len(self.error), len(self.floor)) or not self.floor[picture] > 0:
+            return float("nan")
+        return float(self.error[picture] / self.floor[picture])
+
+    def label(self, picture: int) -> str:
+        """Name of the step of a picture."""
+        index = int(self.picture_step[picture]) if picture < len(self.picture_step) else picture
+        return f"step {int(self.step[index]) if 0 <= index < len(self.step) else index + 1}"
+
+    def seen(self, picture: int) -> str:
+        """Whether a picture was fitted or held out."""
+        return "fitted" if picture >= len(self.fitted) or self.fitted[picture] else "held out"
+
+    @property
+    def limits(self) -> tuple[float, float, float, float]:
+        """Borders of the pictures in mm: left, right, bottom, top."""
+        ny, nx = self.measured.shape[1:]
+        x, y = self.origin - self.spacing / 2
+        return float(x), float(x + nx * self.spacing[0]), float(y), float(y + ny * self.spacing[1])
+
+    @property
+    def mapped(self) -> bool:
+        """Whether there is a residual displacement to draw."""
+        shape = (self.pictures, int(np.prod(self.patch_count)), 2)
+        return self.moves.shape == shape and len(self.patch_centre) == shape[1] > 0 and self.pictures > 0
+
+    @property
+    def meshed(self) -> bool:
+        """Whether there is a deformed mesh for each picture."""
+        return len(self.mesh_rings) > 0 and self.mesh_moved.shape == (self.pictures, len(self.mesh_points), 2)
+
+
+def read_compare(path: Path) -> Compare:
+    """Read ``compare.npz``.
+
+    Raises
+    ------
+    StateError
+        When it is damaged, or pictures do not belong together.
+    """
+    data = read_npz(path)
+    known: dict[str, Any] = {name: data[name] for name in Compare.__dataclass_fields__ if name in data}
+    known.update({name: float(known[name]) for name in ("force_noise", "displacement_noise") if name in known})
+    found = Compare(**known)
+    if found.measured.ndim != 3 or found.measured.shape != found.synthesized.shape:
+        raise StateError(
+            f"{path}: measured has the shape {found.measured.shape}, synthesized {found.synthesized.shape}:"
+            " expected both as (pictures, ny, nx)"
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class Model:
+    """A rung: a model with what is known of it.
+
+    Parameters
+    ----------
+    name : str
+    rung : dict
+        Its entry of ``ladder.json``, empty when there is none.
+    compare : Compare or None
+    diagnosis : dict
+        As in ``diagnosis.json``, empty when there is none.
+    there : ndarray or None, shape (pictures, patches, 2)
+        Residual displacement, mm.
+    patterns : dict of ndarray
+        What each effect would leave, by its name, mm.
+    """
+
+    name: str
+    rung: dict[str, Any]
+    compare: Compare | None
+    diagnosis: dict[str, Any]
+    there: np.ndarray | None
+    patterns: dict[str, np.ndarray]
+
+    @property
+    def verdict(self) -> str:
+        """One of missing, indistinguishable, adequate, unexplained; empty before the diagnosis."""
+        return str(self.diagnosis.get("verdict") or self.rung.get("verdict") or "")
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in a sentence."""
+        return str(self.diagnosis.get("sentence") or self.rung.get("sentence") or "")
+
+    @property
+    def error(self) -> dict[str, float | None]:
+        """Error in multiples of the noise, of the fitted and of the held-out pictures."""
+        known = self.rung.get("error") or {}
+        found = {part: known.get(part) for part in ("fitted", "held_out")}
+        if found["fitted"] is None and self.compare is not None:
+            for part, chosen in (("fitted", "fitted"), ("held_out", "held out")):
+                own = [n for n in range(self.compare.pictures) if self.compare.seen(n) == chosen]
+                ratio = np.array([self.compare.ratio(n) for n in own])
+                if len(ratio) and np.isfinite(ratio).all():
+                    found[part] = float(np.sqrt(np.mean(ratio**2)))
+        return found
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """All that the page shows.
+
+    Parameters
+    ----------
+    study : str
+    ladder : dict
+        As in ``ladder.json``, without rungs when it is not there.
+    models : list of Model
+        From the first rung to the last.
+    files : list of (name, fingerprint)
+        What was read.
+    """
+
+    study: str
+    ladder: dict[str, Any]
+    models: list[Model]
+    files: list[tuple[str, str]]
+
+
+def read_inputs(study: Path) -> Inputs:
+    """Read the results of a study.
+
+    Parameters
+    ----------
+    study : Path
+        ``results/{study}``.
+
+    Raises
+    ------
+    StateError
+        When nothing is there, or a file is damaged.
+    """
+    study = Path(study)
+    ladder = read_json(study / LADDER) if (study / LADDER).exists() else {}
+    if not isinstance(ladder, dict):
+        raise StateError(f"{study / LADDER}: cannot be read: not a mapping")
+    rungs = {str(rung["model"]): rung for rung in ladder.get("rungs", [])}
+    there = {path.parent.name for name in (COMPARE, DIAGNOSIS) for path in study.glob(f"*/{name}")}
+    names = [*rungs, *sorted(there - set(rungs), key=lambda name: (name.count("+"), name))]
+    if not names:
+        raise StateError(f"{study}: no model was compared with the measurements yet")
+    models = [_model(study / name, name, rungs.get(name, {})) for name in names]
+    parts = [LADDER, *(f"{name}/{part}" for name in names for part in (COMPARE, DIAGNOSIS, PATTERNS))]
+    files = [(part, digest((study / part).read_bytes())) for part in parts if (study / part).exists()]
+    return Inputs(str(ladder.get("study") or study.name), ladder, models, files)
+
+
+def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
+    compare = read_compare(folder / COMPARE) if (folder / COMPARE).exists() else None
+    diagnosis = read_json(folder / DIAGNOSIS) if (folder / DIAGNOSIS).exists() else {}
+    arrays = read_npz(folder / PATTERNS) if (folder / PATTERNS).exists() else {}
+    there, patterns = arrays.get("there"), {}
+    if compare is not None and compare.mapped:
+        fitting = {key: value for key, value in arrays.items() if value.shape == compare.moves.shape}
+        there = fitting.get("there", compare.moves)
+        patterns = {key[len("pattern_") :]: v for key, v in fitting.items() if key.startswith("pattern_")}
+    return Model(name, rung, compare, diagnosis, there, patterns)

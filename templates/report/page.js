@@ -1,0 +1,163 @@
+"use strict";
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const all = (what, from = document) => Array.from(from.querySelectorAll(what));
+  const one = (id) => document.getElementById(id);
+  const state = { model: data.order[data.order.length - 1], picture: 0, region: null, effect: null, flipped: false };
+  let timer = null;
+
+  const model = () => data.models[state.model];
+  const uri = (key) => (key in data.panels ? data.uris[data.panels[key]] : null);
+  const put = (img, source) => {
+    if (source) { if (img.getAttribute("src") !== source) img.src = source; } else img.removeAttribute("src");
+    img.closest("figure").hidden = !source;
+  };
+  const svg = (name, attributes, parent) => {
+    const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    parent.appendChild(made);
+    return made;
+  };
+  // from mm to the panel's own coordinates, 1000 for an inch
+  const place = (frame) => {
+    const [left, right, bottom, top] = frame.limits, [l, b, w, h] = frame.box, [W, H] = frame.size;
+    return ([x, y]) => [
+      Math.round(1000 * W * (l + w * (x - left) / (right - left))),
+      Math.round(1000 * H * (1 - b - h * (y - bottom) / (top - bottom)))];
+  };
+  const path = (points, to) => "M" + points.map((p) => to(p).join(" ")).join("L") + "Z";
+  const clear = (over, frame) => {
+    over.replaceChildren();
+    over.setAttribute("viewBox", `0 0 ${1000 * frame.size[0]} ${1000 * frame.size[1]}`);
+  };
+
+  function drawOver() {
+    const mesh = data.meshes[state.model], region = state.region === null ? null : model().regions[state.region];
+    for (const over of all("svg.over")) {
+      if (!data.frame) continue;
+      clear(over, data.frame);
+      if (!mesh) continue;
+      const to = place(data.frame), nodes = mesh.moved[state.picture];
+      const outline = (i) => path(mesh.rings[i].map((n) => nodes[n]), to);
+      if (one("mesh").checked && over.closest("#viewer")) {
+        mesh.names.forEach((_, layer) => {
+          const lines = mesh.rings.map((_, i) => (mesh.layer[i] === layer ? outline(i) : "")).join("");
+          svg("path", { d: lines, fill: "none", stroke: data.colours[layer % data.colours.length], "stroke-width": 9 }, over);
+        });
+      }
+      if (region && !over.closest("#viewer")) {
+        svg("path", { d: region.elements.map(outline).join(""), fill: "#F0E442", "fill-opacity": 0.35, stroke: "#000", "stroke-width": 12 }, over);
+      }
+    }
+    for (const over of all("svg.over-map")) {
+      if (!data.map) continue;
+      clear(over, data.map);
+      if (!region) continue;
+      const to = place(data.map), [sx, sy] = data.map.patch.map((s) => s / 2);
+      for (const n of region.patches) {
+        const [x, y] = data.map.centre[n];
+        svg("path", { d: path([[x - sx, y - sy], [x + sx, y - sy], [x + sx, y + sy], [x - sx, y + sy]], to), fill: "none", stroke: "#0072B2", "stroke-width": 28 }, over);
+      }
+    }
+  }
+
+  function draw() {
+    const here = model(), count = here.pictures.length;
+    state.picture = Math.max(0, Math.min(state.picture, count - 1));
+    const shown = here.pictures[state.picture];
+    for (const part of all("[data-for]")) part.hidden = part.dataset.for !== state.model;
+    for (const button of all("button[data-model]")) {
+      button.classList.toggle("chosen", button.dataset.model === state.model);
+      button.setAttribute("aria-pressed", String(button.dataset.model === state.model));
+    }
+    one("steps").hidden = count === 0;
+    one("viewer").hidden = count === 0;
+    for (const id of ["slider", "slider-2"]) {
+      const slider = one(id);
+      if (slider) { slider.max = Math.max(0, count - 1); slider.value = state.picture; slider.disabled = count < 2; }
+    }
+    const name = shown ? `${shown.label} (${shown.seen})` : "";
+    one("step-name").textContent = name;
+    one("slider").setAttribute("aria-valuetext", name);
+    for (const part of all(".now-step")) part.textContent = name;
+    for (const part of all(".now-words")) {
+      part.textContent = shown ? `difference ${shown.words}: ${shown.ratio} times what noise leaves` : "";
+    }
+    const effect = here.first_effect ? state.effect || here.first_effect : "";
+    for (const part of all(".now-effect")) part.textContent = effect;
+    for (const img of all("img[data-panel]")) {
+      let panel = img.dataset.panel;
+      if (img.id === "blink-shot" && state.flipped) panel = "measured";
+      const key = `${panel}|${img.dataset.of || state.model}|${state.picture}`;
+      put(img, uri(panel === "pattern" ? `${key}|${effect}` : key));
+    }
+    one("blink-name").textContent = state.flipped ? "Measured" : "Synthesized";
+    for (const row of all("tr[data-picture-step], tr[data-effect]")) {
+      const inside = !row.closest("[data-for]").hidden;
+      const own = "effect" in row.dataset ? row.dataset.effect === effect
+        : "region" in row.dataset ? Number(row.dataset.region) === state.region
+          : Number(row.dataset.pictureStep) === state.picture;
+      row.classList.toggle("chosen", inside && own);
+    }
+    const mesh = data.meshes[state.model], legend = one("layers");
+    one("mesh-choice").hidden = !mesh;
+    legend.replaceChildren();
+    if (mesh && one("mesh").checked) {
+      mesh.names.forEach((layer, n) => {
+        const item = document.createElement("span"), mark = document.createElement("i");
+        mark.style.background = data.colours[n % data.colours.length];
+        item.append(mark, layer);
+        legend.append(item);
+      });
+    }
+    drawOver();
+  }
+
+  function go(change) {
+    if ("model" in change) { state.region = null; state.effect = null; }
+    if ("picture" in change && !("region" in change)) state.region = null;
+    Object.assign(state, change);
+    draw();
+  }
+
+  function blink() {
+    const stop = timer !== null;
+    if (stop) { clearInterval(timer); timer = null; } else timer = setInterval(() => go({ flipped: !state.flipped }), 700);
+    one("blink").setAttribute("aria-pressed", String(!stop));
+    one("blink").textContent = stop ? "Blink measured ↔ synthesized" : "Stop blinking";
+    go({ flipped: !stop });
+  }
+
+  for (const img of all("img[data-picture]")) img.src = data.uris[Number(img.dataset.picture)];
+  for (const button of all("button[data-model]")) button.addEventListener("click", () => go({ model: button.dataset.model }));
+  for (const id of ["slider", "slider-2"]) {
+    const slider = one(id);
+    if (slider) slider.addEventListener("input", () => go({ picture: Number(slider.value) }));
+  }
+  one("back").addEventListener("click", () => go({ picture: state.picture - 1 }));
+  one("on").addEventListener("click", () => go({ picture: state.picture + 1 }));
+  one("blink").addEventListener("click", blink);
+  one("mesh").addEventListener("change", draw);
+  for (const row of all("tr[data-picture-step]")) {
+    row.addEventListener("click", () => {
+      const change = { picture: Number(row.dataset.pictureStep) };
+      if ("region" in row.dataset) change.region = Number(row.dataset.region);
+      go(change);
+      const show = row.closest("[data-for]").querySelector(".show") || one("viewer");
+      show.scrollIntoView({ block: "start" });
+    });
+  }
+  for (const row of all("tr[data-effect]")) {
+    row.addEventListener("click", (event) => { if (!event.target.closest("details")) go({ effect: row.dataset.effect }); });
+  }
+  for (const button of all("button.all")) {
+    button.addEventListener("click", () => {
+      const open = button.closest("[data-for]").classList.toggle("open");
+      button.setAttribute("aria-expanded", String(open));
+      if (!("text" in button.dataset)) button.dataset.text = button.textContent;
+      button.textContent = open ? "Show fewer rows" : button.dataset.text;
+    });
+  }
+  state.picture = Math.max(0, model().pictures.length - 1);
+  draw();
+})();

@@ -1,0 +1,151 @@
+"""Results of a study as the page reads them: a layered block whose indenter is tilted, which the first model lacks."""
+
+import json
+
+import numpy as np
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+WIDTH = HEIGHT = 12.0
+LAYERS = ("top", "middle", "bottom")
+PIXEL, EDGE = 0.14, 1.0
+STEPS = np.arange(1, 8)
+PICTURES = np.array([0, 2, 4, 6])
+FITTED = np.array([True, True, False, True])
+NOISE, MOVES_NOISE = 0.012, 0.008
+TILT = 0.045
+
+
+def displacement(points, depth, tilt=0.0, friction=0.0):
+    """Compression of a block on a base, with a tilt of the indenter or sliding below it."""
+    x, y = points[..., 0] / WIDTH - 0.5, np.clip(points[..., 1] / HEIGHT, 0, None)
+    down = -depth * y**1.2 - tilt * depth * 6 * x * y**1.5
+    bulge = 1.1 * depth * x * np.sin(np.pi * np.clip(y, 0, 1)) ** 1.0 + tilt * depth * 1.5 * np.sin(np.pi * y)
+    return np.stack([bulge + friction * depth * x * y**3, down], axis=-1)
+
+
+def mesh(n=12):
+    line = np.linspace(0, WIDTH, n + 1)
+    points = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    rings = np.stack([a, a + 1, a + n + 2, a + n + 1], axis=1)
+    layer = 2 - (points[rings].mean(axis=1)[:, 1] / 4).astype(int)
+    return points, rings, layer
+
+
+def compare(tilt_left, mu=1.0, seed=3, names=LAYERS):
+    """compare.npz of a model that misses `tilt_left` of the tilt."""
+    rng = np.random.default_rng(seed)
+    n = round((WIDTH + 2 * EDGE) / PIXEL)
+    origin = np.array([-EDGE + PIXEL / 2] * 2)
+    grid = origin + PIXEL * np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1)
+    texture = gaussian_filter(rng.normal(size=(n, n)), 2.2)
+    texture = 0.45 + 0.22 * texture / texture.std()
+    inside = ((grid >= 0) & (grid <= WIDTH)).all(axis=-1)
+    before = np.clip(np.where(inside, texture + 0.06 * (2 - grid[..., 1] // 4), 0.05), 0, 1)
+    depths = 0.35 * STEPS
+
+    def picture(depth, tilt, seed):
+        moved = grid - displacement(grid, depth, tilt)
+        for _ in range(6):
+            moved = grid - displacement(moved, depth, tilt)
+        index = (moved - origin) / PIXEL
+        warped = map_coordinates(before, [index[..., 1], index[..., 0]], order=1, mode="nearest")
+        return np.clip(warped + np.random.default_rng(seed).normal(0, NOISE, warped.shape), 0, 1)
+
+    measured = np.array([picture(depths[i], TILT, 10 + i) for i in PICTURES])
+    synthesized = np.array([picture(depths[i], TILT - tilt_left, 50 + i) for i in PICTURES])
+    points, rings, layer = mesh()
+    count = np.array([10, 10])
+    centre = np.stack(np.meshgrid(*[(np.arange(10) + 0.5) * WIDTH / 10] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    moves = np.array(
+        [displacement(centre, depths[i], TILT) - displacement(centre, depths[i], TILT - tilt_left) for i in PICTURES]
+    )
+    moves += rng.normal(0, MOVES_NOISE, moves.shape)
+    moves[:, [0, 9]] = np.nan
+    moved = np.array([points + displacement(points, depths[i], TILT - tilt_left) for i in PICTURES])
+    force_model = 0.9 * depths + 0.35 * depths**2
+    force = mu * force_model * (1 + 1.2 * tilt_left) + rng.normal(0, 0.03, len(STEPS))
+    error = np.sqrt(((measured - synthesized)[:, inside] ** 2).mean(axis=1))
+    return {
+        "measured": measured, "synthesized": synthesized, "picture_step": PICTURES, "fitted": FITTED, "error": error,
+        "floor": np.full(4, NOISE * np.sqrt(2)), "spacing": np.full(2, PIXEL), "origin": origin, "moves": moves,
+        "moves_noise": np.where(np.isfinite(moves), MOVES_NOISE, np.nan), "patch_centre": centre, "patch_count": count,
+        "mesh_points": points, "mesh_moved": moved, "mesh_rings": rings, "mesh_layer": layer,
+        "layer_names": np.array(names), "step": STEPS, "force": force, "displacement": depths,
+        "force_model": force_model, "displacement_model": depths, "force_noise": 0.03, "displacement_noise": 0.005,
+    }  # fmt: skip
+
+
+def parameters(values, spread):
+    return {name: {"value": v, "unit": "N/mm2" if name.startswith("mu") else "deg", "standard_error": spread * v,
+                   "interval95": [v * (1 - 2 * spread), v * (1 + 2 * spread)]} for name, v in values.items()}  # fmt: skip
+
+
+def candidate(effect, title, share, refit, size, unit, visible=True):
+    return {
+        "effect": effect, "title": title, "words": f"{title}: what the body does then, in plain words.",
+        "look": "a difference between left and right that grows with the indentation", "confirm": "put a level on the indenter",
+        "acts": "displacement", "place": {}, "size": {effect: size}, "units": {effect: unit},
+        "predicted_fall": 5200.0 * share, "share_of_excess": share, "visible": visible, "refit": refit,
+    }  # fmt: skip
+
+
+def rung(model, effects, values, spread, error, misfit, verdict, sentence, simulations):
+    count = len(values)
+    return {"model": model, "effects": effects, "parameters": parameters(values, spread),
+            "error": dict(zip(("fitted", "held_out"), error, strict=True)), "misfit": misfit, "freedom": 604 - count, "parameters_count": count,
+            "aic": misfit + 2 * count, "bic": misfit + 6.4 * count, "verdict": verdict, "sentence": sentence,
+            "simulations": dict(zip(("run", "reused"), simulations, strict=True))}  # fmt: skip
+
+
+def ladder(done=True):
+    rungs = [
+        rung("base", [], {"mu_top": 0.0254, "mu_middle": 0.0331, "mu_bottom": 0.0702}, 0.02, (2.71, 3.02), 5710.0, "missing",
+             "A tilt of the indenter is missing: it explains 94 % of what is left.", (41, 0)),
+        rung("base+tilt", ["tilt"], {"mu_top": 0.0212, "mu_middle": 0.0356, "mu_bottom": 0.0655, "tilt": 2.02}, 0.012, (1.01, 1.04),
+             611.0, "adequate", "Nothing is missing: what is left is noise (p = 0.41).", (17, 44)),
+    ]  # fmt: skip
+    return {"study": "hidden-tilt", "rungs": rungs if done else rungs[:1]}
+
+
+def diagnosis_of_base():
+    refit = {"misfit": 611.0, "error": {"fitted": 1.01, "held_out": 1.04}, "parameters": {"tilt": 2.02}}
+    ranking = [
+        candidate("tilt", "Indenter tilt", 0.94, refit, 2.1, "deg"),
+        candidate("indenter_slip", "Indenter slips", 0.38, None, 0.3, "mm"),
+        candidate("force_gain", "Force gain", 0.04, None, 1.02, "1", visible=False),
+    ]
+    return {
+        "model": "base", "verdict": "missing", "sentence": "A tilt of the indenter is missing: it explains 94 % of what is left.",
+        "effects": ["tilt"], "misfit": 5710.0, "freedom": 601, "threshold": 672.0, "ranking": ranking,
+        "confusions": [{"a": "tilt", "b": "gradient", "likeness": 0.91}],
+        "measurements": [{"title": "a step with the indenter turned by 180 degrees", "gain": 7.4}, {"title": "two finer pictures", "gain": 1.6}],
+        "add": "fingerfit add tilt",
+    }  # fmt: skip
+
+
+def save(path, arrays):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(path, **arrays)
+
+
+def write(folder, names=LAYERS, done=True, only_compare=False):
+    """Write results/{study}; return the folder."""
+    base = compare(TILT, names=names)
+    save(folder / "base/compare.npz", base)
+    if only_compare:
+        return folder
+    centre, depths = base["patch_centre"], 0.35 * STEPS[PICTURES]
+    patterns = {"there": base["moves"]}
+    zero = np.array([displacement(centre, d) for d in depths])
+    patterns["pattern_tilt"] = np.array([displacement(centre, d, TILT) for d in depths]) - zero
+    patterns["pattern_indenter_slip"] = np.array([displacement(centre, d, 0, 0.3) for d in depths]) - zero
+    save(folder / "base/diagnosis.npz", patterns)
+    (folder / "base/diagnosis.json").write_text(json.dumps(diagnosis_of_base()))
+    (folder / "ladder.json").write_text(json.dumps(ladder(done)))
+    if done:
+        save(folder / "base+tilt/compare.npz", compare(0.0, names=names))
+        found = {"model": "base+tilt", "verdict": "adequate", "sentence": ladder()["rungs"][1]["sentence"], "effects": [],
+                 "misfit": 611.0, "freedom": 600, "threshold": 672.0, "ranking": [], "confusions": [], "measurements": [], "add": ""}  # fmt: skip
+        (folder / "base+tilt/diagnosis.json").write_text(json.dumps(found))
+    return folder
