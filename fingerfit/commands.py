@@ -120,7 +120,7 @@ def diagnose(args: argparse.Namespace) -> None:
     write_compare(found.examination, args.out.parent / "compare.npz")
     write_json(args.out.parent / "rung.json", rung_of(found, estimate, estimate["simulations"].get("reused", 0)))
     write_diagnosis(found, args.out)
-    print(f"{fit.settings.model.name}: {found.verdict.sentence}", flush=True)
+    print(f"{fit.settings.model.full_name}: {found.verdict.sentence}", flush=True)
 
 
 def add(args: argparse.Namespace) -> None:
