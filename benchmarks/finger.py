@@ -91,7 +91,7 @@ def _quadratic(points: np.ndarray, nodes: np.ndarray, sets: dict) -> tuple[np.nd
     return np.vstack([points, points[unique].mean(axis=1)]), np.hstack([nodes, middle]), more
 
 
-def _sphere(count: int = 36) -> tuple[np.ndarray, np.ndarray]:
+def _sphere(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Bricks of a cap of 130 degrees, its lowest point at the origin: nodes, elements; faces S1 are outside."""
     angle = np.linspace(-1, 1, count + 1) * np.deg2rad(65)
     a, b = np.meshgrid(np.tan(angle), np.tan(angle), indexing="ij")
@@ -109,7 +109,7 @@ def _sphere(count: int = 36) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_finger(
-    path: Path, control: str, values: list[float], element: str, cells: tuple[int, int, int], meshed: bool
+    path: Path, control: str, values: list[float], element: str, cells: tuple[int, int, int], meshed: int
 ) -> int:
     """Write a deck; returns the number of nodes of the body.
 
@@ -117,15 +117,15 @@ def write_finger(
     ----------
     control : str
         ``displacement`` (mm) or ``force`` (N); CalculiX's first step is in mm in both, with `values[0]`.
-    meshed : bool
-        Whether the sphere is a rigid mesh, for CalculiX.
+    meshed : int
+        Bricks along each side of the rigid patch of the sphere, for CalculiX; 0 for an analytical surface.
     """
     points, nodes, groups, sets = finger(cells, element)
     count, elements = len(points), len(nodes)
     touch = sets["TOUCH"]
     lines = ["*NODE"] + [f"{n}, {x:.9g}, {y:.9g}, {z:.9g}" for n, (x, y, z) in enumerate(points, 1)]
     reference = count + 1
-    cap, bricks = _sphere()
+    cap, bricks = _sphere(max(meshed, 1))
     lines += [f"{reference}, {touch[0]:.9g}, {touch[1]:.9g}, {touch[2]:.9g}", f"{reference + 1}, 0., 0., 0."]
     if meshed:
         lines += [f"{reference + 2 + n}, " + ", ".join(f"{v:.9g}" for v in touch + p) for n, p in enumerate(cap)]

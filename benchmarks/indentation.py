@@ -24,29 +24,35 @@ Made by `make benchmark-indentation`; do not edit. Skin, tissue and bone (Ogden 
 its end and at the back, a rigid sphere of {RADIUS} mm in frictionless contact, {STIFFNESS:g} MPa/mm, five steps. Both
 programs in turn; times with the loading of libraries. Differences are the largest ones of all steps: of the force (in
 force control, of the sphere's way) relative to its value, and of displacements in mm. CalculiX begins force control
-with a step in displacement control, because it does not find the contact otherwise.
+with a step in displacement control, because it does not find the contact otherwise. *Facets* are the elements along a
+side of CalculiX's sphere, a patch of 130 degrees; the built-in solver has a round one. With twice as many the force
+differs by a third, displacements by four fifths as much.
 
 """
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is solved: element, bricks along each side (six tetrahedra each), control, depth in mm, against CalculiX."""
+    """What is solved: element, bricks along each side (six tetrahedra each), control, depth in mm.
+
+    `patch` are the bricks along each side of CalculiX's sphere, 0 where it is not asked.
+    """
 
     element: str
     cells: int
     control: str
     depth: float
-    compared: bool
+    patch: int
 
 
 CASES = (
-    Case("C3D4", 18, "displacement", 2.0, True),
-    Case("C3D4", 18, "force", 2.0, True),
-    Case("C3D4", 18, "displacement", 4.0, False),
-    Case("C3D10", 6, "displacement", 2.0, True),
-    Case("C3D10", 9, "displacement", 2.0, False),
-    Case("C3D4", 9, "displacement", 2.0, True),
+    Case("C3D4", 18, "displacement", 2.0, 36),
+    Case("C3D4", 18, "force", 2.0, 36),
+    Case("C3D4", 18, "displacement", 4.0, 0),
+    Case("C3D10", 6, "displacement", 2.0, 36),
+    Case("C3D10", 9, "displacement", 2.0, 0),
+    Case("C3D4", 9, "displacement", 2.0, 36),
+    Case("C3D4", 18, "displacement", 2.0, 72),
 )
 
 
@@ -60,15 +66,17 @@ def measure(case: Case, known: dict[tuple, Run], threads: int) -> dict:
         if case.control == "force":
             driven = known[case.element, case.cells, "displacement", case.depth].outcome
             values = (-driven.reaction[:, 1]).tolist()
-        count = write_finger(folder / "deck.inp", case.control, values, case.element, cells, meshed=False)
+        count = write_finger(folder / "deck.inp", case.control, values, case.element, cells, meshed=0)
         ours = run_solver("builtin", folder / "deck.inp", threads)
         known[case.element, case.cells, case.control, case.depth] = ours
         row = {"case": case, "nodes": count, "ours": ours, "theirs": None}
-        if not case.compared or ours.outcome.steps < 5:
+        if not case.patch or ours.outcome.steps < 5:
             return row
         if case.control == "force":
             first = (-ours.outcome.indenter[:1, 1]).tolist()
-        write_finger(folder / "mesh.inp", case.control, [*first[:1], *values[1:]], case.element, cells, meshed=True)
+        write_finger(
+            folder / "mesh.inp", case.control, [*first[:1], *values[1:]], case.element, cells, meshed=case.patch
+        )
         theirs = run_solver("ccx", folder / "mesh.inp", threads)
     row["theirs"] = theirs
     steps = theirs.outcome.steps
@@ -84,9 +92,9 @@ def table(rows: list[dict], threads: int) -> str:
     """Markdown of what was measured."""
     lines = [*HEAD.splitlines(), f"Measured on {machine()}; threads: {threads}.", ""]
     lines += [
-        "| elements | nodes | control | depth, mm | built-in, s | iterations | CalculiX, s | ratio | force or way |"
-        " displacement, mm | memory, MB |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "| elements | nodes | control | depth, mm | built-in, s | iterations | facets | CalculiX, s | ratio |"
+        " force or way | displacement, mm | memory, MB |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         case, ours, theirs = row["case"], row["ours"], row["theirs"]
@@ -96,12 +104,12 @@ def table(rows: list[dict], threads: int) -> str:
             f" {ours.first:.1f} | {sum(ours.outcome.iterations)} |"
         )
         if theirs is None:
-            lines.append(f"{line} | | | | {ours.memory:.0f} |")
+            lines.append(f"{line} | | | | | {ours.memory:.0f} |")
             continue
         stopped = "" if theirs.outcome.steps == 5 else f" ({theirs.outcome.steps} of 5 steps)"
         lines.append(
-            f"{line} {theirs.seconds:.1f}{stopped} | {theirs.seconds / ours.first:.1f} | {100 * row['force']:.2f} % |"
-            f" {row['gap']:.3f} | {ours.memory:.0f} / {theirs.memory:.0f} |"
+            f"{line} {case.patch} | {theirs.seconds:.1f}{stopped} | {theirs.seconds / ours.first:.1f} |"
+            f" {100 * row['force']:.2f} % | {row['gap']:.3f} | {ours.memory:.0f} / {theirs.memory:.0f} |"
         )
     return "\n".join(lines) + "\n"
 
