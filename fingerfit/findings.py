@@ -37,7 +37,7 @@ def write_compare(examination: Examination, path: Path) -> None:
         {
             "measured": data.measured,
             "synthesized": examination.prediction.pictures,
-            "picture_step": data.step[data.picture_step],
+            "picture_step": data.picture_step,
             "fitted": fitted_pictures(fit, data),
             "error": residual.error,
             "floor": residual.floor,
