@@ -1,0 +1,192 @@
+"""Hidden effects, found or not: every effect of the catalogue hidden in data of its own, and what the tool says.
+
+`make benchmark-hidden` writes hidden_effects.md. Data: the body of studies/phantom solved by the built-in solver on 36 x 36
+CPE8 (the fit has hybrid CPE8H on 8 x 9 and 14 x 15), pictures at all seven steps, four of them fitted. The fits run in
+this process, through the same functions as the workflow. Finished cases are kept in benchmarks/.cache and not run again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from fingerfit.diagnose import Examination
+from fingerfit.examine import Examined, errors, examine
+from fingerfit.experiment import Truth, read_truth, solve, write_study
+from fingerfit.extend import extended
+from fingerfit.files import write_json, write_text
+from fingerfit.fit import Fit
+from fingerfit.mesh_io import format_mesh
+from fingerfit.prepare import make_mesh, prepare
+from fingerfit.refine import minimum
+from fingerfit.rounds import Round
+from fingerfit.settings import load_settings
+from fingerfit.simulate import run_fit
+from fingerfit.study_file import load_study
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+MESH = {"element": "CPE8", "across": 36, "per_layer": 12, "grading": 2}
+STEPS = 7
+CLEAR: dict[str, dict[str, Any]] = {
+    "tilt": {"tilt": {"slope": 0.01}},
+    "compressibility": {"compressibility": {"loss": 0.03}},
+    "inclusion": {"inclusion": {"contrast": 1.0, "across": 0.35, "along": 0.55}},
+    "stiffening": {"stiffening": {"shift": 2.0}},
+    "second_term": {"second_term": {"share": 0.4}},
+    "skin": {"skin": {"contrast": 1.2, "thickness": 0.7}},
+    "split_layer": {"split_layer": {"contrast": 0.6, "layer": 2}},
+    "gradient": {"gradient": {"slope": 0.8}},
+    "base_slip": {"base_slip": {"compliance": 15}},
+    "indenter_slip": {"indenter_slip": {"compliance": 8}},
+    "fibres": {"fibres": {"stiffness": 0.002}},
+    "relaxation": {"relaxation": {"share": 0.4, "time": 60}},
+    "preload": {"preload": {"force": 6}},
+    "onset": {"onset": {"offset": 0.06}},
+    "force_offset": {"force_offset": {"offset": 3.0}},
+    "misregistration": {"misregistration": {"x": 0.08, "y": 0.05}},
+    "intensity_drift": {"intensity_drift": {"gain": 0.1}},
+    "bias_field": {"bias_field": {"across": 0.1, "along": 0.05}},
+    "force_gain": {"force_gain": {"gain": 0.05}},
+}
+WEAK = {
+    f"{name}, weak": {name: {key: value if key in ("across", "along", "thickness", "time", "layer") and name != "bias_field" else value / 5 for key, value in numbers.items()}}
+    for hidden in CLEAR.values()
+    for name, numbers in hidden.items()
+}  # fmt: skip
+TWO = {"tilt and compressibility": {"tilt": {"slope": 0.008}, "compressibility": {"loss": 0.02}}}
+NOTHING = {f"nothing, noise {seed}": {} for seed in range(1, 6)}
+
+
+def truth_of(hidden: dict[str, Any]) -> Truth:
+    """The phantom's experiment with hidden effects."""
+    truth = read_truth(ROOT / "studies/phantom/experiment.yaml")
+    picture = {**truth.picture, "pictured": list(range(1, STEPS + 1))}
+    time_ = tuple(20.0 * k for k in range(1, STEPS + 1))
+    return replace(truth, effects=hidden, mesh=MESH, solver="builtin", picture=picture, time=time_)
+
+
+def first_rung(study: Path, folder: Path, threads: int) -> tuple[Fit, Round, Any]:
+    """Fit the model of config.yaml; also the data with all pictures."""
+    config = yaml.safe_load((ROOT / "config.yaml").read_text())
+    settings = load_settings({**config, "study": str(study)})
+    described = load_study(study)
+    files = {"search": folder / "mesh.inp", "refined": folder / "refined.inp"}
+    mesh = make_mesh(described, settings.model.mesh)
+    write_text(files["search"], format_mesh(mesh))
+    write_text(files["refined"], format_mesh(make_mesh(described, settings.model.refined)))
+    data = prepare(described, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
+    everything = prepare(described, mesh, None, settings.fit.smooth, settings.fit.crop)
+    fit = Fit(settings, data, files, folder / "sims")
+    return fit, run_fit(fit, threads)[0], everything
+
+
+def next_rung(fit: Fit, last: Round, found: Examined, threads: int) -> tuple[Fit, Round]:
+    """Add the effect that the verdict names first."""
+    look = next(one for one in found.looks if one.suspect.effect.name == found.verdict.effects[0])
+    effect = look.suspect.effect
+    size = {p.name: float(p.null + s) for p, s in zip(effect.parameters, look.finding.size, strict=True)}
+    settings = extended(fit.settings, effect, look.suspect.place, size, minimum(fit, last).values)
+    wider = Fit(settings, fit.data, fit.mesh_files, fit.sims)
+    return wider, run_fit(wider, threads)[0]
+
+
+def rung(fit: Fit, last: Round, found: Examined, truth: Truth) -> dict[str, Any]:
+    """One row of the table."""
+    examination: Examination = found.examination
+    fitted, held_out = errors(examination)
+    values = minimum(fit, last).values
+    return {
+        "effects": list(fit.settings.model.effects),
+        "verdict": found.verdict.kind,
+        "blamed": list(found.verdict.effects),
+        "ranking": [[one.suspect.effect.name, round(one.finding.fall, 1)] for one in found.looks[:4]],
+        "misfit": found.judge.misfit / found.judge.freedom,
+        "fitted": fitted,
+        "held_out": held_out,
+        "errors": {n: values[n] / v - 1 for n, v in truth.values.items() if n in values and n.startswith("mu")},
+        "values": {n: float(v) for n, v in values.items()},
+    }
+
+
+def run_case(hidden: dict[str, Any], seed: int, threads: int, highest: int = 3) -> dict[str, Any]:
+    """Hide, fit, diagnose, add, and again."""
+    began = time.perf_counter()
+    truth = truth_of(hidden)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_study(truth, solve(truth, folder / "body", threads), folder / "study", seed)
+        made = time.perf_counter()
+        fit, last, everything = first_rung(folder / "study", folder / "model", threads)
+        rungs = []
+        while True:
+            found = examine(fit, last, everything, threads)
+            rungs.append(rung(fit, last, found, truth))
+            if not found.verdict.effects or len(rungs) == highest:
+                break
+            fit, last = next_rung(fit, last, found, threads)
+    return {"hidden": hidden, "seed": seed, "rungs": rungs, "made": made - began, "found": time.perf_counter() - made}
+
+
+def table(cases: dict[str, dict[str, Any]]) -> str:
+    """What was hidden, what was said, and how the error fell."""
+    lines = [
+        "# Hidden effects",
+        "",
+        "Made by `benchmarks/hidden_effects.py` (`make benchmark-hidden`); what the columns mean stands there. Errors are",
+        "root mean square differences of the pictures in multiples of what noise alone leaves, fitted / held-out steps.",
+        "",
+        "| hidden | first verdict | blamed | error before | after | mu errors before | after | numbers found | last verdict | time |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, case in cases.items():
+        first, last = case["rungs"][0], case["rungs"][-1]
+
+        def error(row: dict[str, Any]) -> str:
+            return f"{row['fitted']:.2f} / {row['held_out']:.2f}"
+
+        def constants(row: dict[str, Any]) -> str:
+            return ", ".join(f"{100 * e:+.1f} %" for e in row["errors"].values())
+
+        blamed = " or ".join(first["blamed"]) or "-"
+        numbers = ", ".join(f"{n} {v:.4g}" for n, v in last["values"].items() if "." in n) or "-"
+        climbed = len(case["rungs"]) > 1
+        lines.append(
+            f"| {name} | {first['verdict']} | {blamed} | {error(first)} | {error(last) if climbed else '-'} |"
+            f" {constants(first)} | {constants(last) if climbed else '-'} | {numbers} | {last['verdict']} |"
+            f" {case['found']:.0f} s |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Run what is not in the cache yet and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--only", nargs="*", help="names of cases")
+    args = parser.parse_args()
+    everything = {**CLEAR, **NOTHING, **TWO, **WEAK}
+    cases = {}
+    for name, hidden in everything.items():
+        path = HERE / ".cache" / "hidden" / f"{name.replace(' ', '_').replace(',', '')}.json"
+        if not path.exists() and (args.only is None or name in args.only):
+            seed = int(name.split()[-1]) if name.startswith("nothing") else 1
+            write_json(path, run_case(hidden, seed, args.threads))
+        if path.exists():
+            cases[name] = json.loads(path.read_text())
+            first = cases[name]["rungs"][0]
+            print(name, first["verdict"], first["blamed"], first["ranking"], flush=True)
+            write_text(HERE / "hidden_effects.md", table(cases))
+
+
+if __name__ == "__main__":
+    np.seterr(all="ignore")
+    main()
