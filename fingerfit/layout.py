@@ -151,9 +151,10 @@ def study_files(settings: Settings) -> list[str]:
 
 
 def template_files(settings: Settings) -> list[str]:
-    """All templates and effects, those of the study included."""
+    """All templates of decks and effects, those of the study included."""
     study = Path(settings.study)
-    found = [*TEMPLATES.rglob("*.j2"), *TEMPLATES.rglob("*.yaml"), *study.rglob("*.j2"), *study.glob("effects/*.yaml")]
+    decks = [path for path in TEMPLATES.rglob("*.j2") if path.relative_to(TEMPLATES).parts[0] != "report"]
+    found = [*decks, *TEMPLATES.rglob("*.yaml"), *study.rglob("*.j2"), *study.glob("effects/*.yaml")]
     return sorted(map(str, found))
 
 

@@ -185,7 +185,7 @@ def force_figure(compare: Compare) -> Figure | None:
     modelled = bool(len(compare.force_model)) and bool(np.isfinite(compare.force_model).any())
     if not modelled and not known.any():
         return None
-    figure = Figure(figsize=(6.4, 5.0), layout="constrained")
+    figure = Figure(figsize=(5.2, 4.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, gridspec_kw={"height_ratios": [2.4, 1]})
     if modelled:
         _model_line(upper, compare)

@@ -84,9 +84,9 @@ def constants_figure(ladder: dict[str, Any]) -> Figure | None:
     names = list(dict.fromkeys(name for rung in rungs for name in rung.get("parameters") or {}))
     if not names:
         return None
-    columns = min(3, len(names))
+    columns = min(2, len(names))
     rows = -(-len(names) // columns)
-    figure = Figure(figsize=(2.6 * columns + 0.6, 2.3 * rows), layout="constrained")
+    figure = Figure(figsize=(2.5 * columns + 0.4, 2.0 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(names) :]:
         figure.delaxes(axes)

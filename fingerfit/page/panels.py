@@ -42,7 +42,9 @@ class Panels:
         self._owners: dict[str, np.ndarray] = {}
         self._greys: dict[tuple[bytes, float], int] = {}
         pictured = [m.compare for m in models if m.compare is not None and m.compare.pictures]
-        self.top = max((float(max(c.measured.max(), c.synthesized.max())) for c in pictured), default=1.0) or 1.0
+        self.top = (
+            max((float(np.fmax(np.nanmax(c.measured), np.nanmax(c.synthesized))) for c in pictured), default=1.0) or 1.0
+        )
         every = np.concatenate([np.abs(c.difference).ravel() for c in pictured]) if pictured else np.ones(1)
         self.limit = float(np.nanquantile(every, 0.999)) or 1.0
         self.reach = _limit([c.moves for c in pictured if c.mapped])

@@ -1,0 +1,183 @@
+"""The report page: what is in it, that nothing injects, and how it behaves in a browser."""
+
+import html
+import importlib.util
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from fingerfit.errors import StateError
+from fingerfit.page import ladder_figure, write_page
+
+_spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
+sample = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(sample)
+HOSTILE = "</script><img src=x onerror=alert(1)> $\\frac{"
+
+
+def page(folder, **options):
+    sample.write(folder / "hidden-tilt", **options)
+    write_page(folder / "hidden-tilt", folder / "report.html")
+    return (folder / "report.html").read_text()
+
+
+def data_of(text):
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return page(tmp_path_factory.mktemp("page"))
+
+
+def test_sections_and_numbers(whole):
+    for name in ("compare", "fails", "missing", "ladder", "provenance"):
+        assert f'<section id="{name}">' in whole
+    assert "The model “base+tilt” explains the measurements" in whole
+    assert "What is left is 1.01 times the noise; it was 2.71 times with base." in whole
+    assert '<code class="line">fingerfit add tilt</code>' in whole
+    assert "44 reused" in whole and "held out" in whole
+
+
+def test_nothing_is_loaded_from_elsewhere(whole):
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:|//|file:)""", whole)
+    assert "url(" not in whole and "@import" not in whole and "fetch(" not in whole
+    assert "default-src 'none'" in whole
+
+
+def test_every_picture_of_every_model_is_there_once(whole):
+    data = data_of(whole)
+    for model in ("base", "base+tilt"):
+        for panel in ("measured", "synthesized", "difference", "map"):
+            assert all(f"{panel}|{model}|{n}" in data["panels"] for n in range(4))
+    assert all(f"pattern|base|{n}|{effect}" in data["panels"] for n in range(4) for effect in ("tilt", "indenter_slip"))
+    assert data["panels"]["measured|base|2"] == data["panels"]["measured|base+tilt|2"]
+    assert len(set(data["uris"])) == len(data["uris"])
+    assert all(uri.startswith("data:image/png;base64,") for uri in data["uris"])
+
+
+def test_the_worst_region_comes_first(whole):
+    ratios = re.search(r'<div data-for="base">\s*<p>After.*?</table>', whole, re.S)[0]
+    found = [float(x) for x in re.findall(r"<small>([\d.]+) ×</small>", ratios)]
+    assert len(found) == 40 and found == sorted(found, reverse=True) and found[0] > 5
+
+
+def test_names_of_layers_do_not_inject(tmp_path):
+    text = page(tmp_path, names=(HOSTILE, "middle", "bottom"), done=False)
+    assert "<img src=x" not in text and html.escape(HOSTILE, quote=False)[:20] in text
+    assert data_of(text)["meshes"]["base"]["names"][0] == HOSTILE
+
+
+def test_only_compare_gives_a_page(tmp_path):
+    text = page(tmp_path, only_compare=True)
+    assert "has no diagnosis yet" in text and "There is no ladder yet" in text
+    assert "map|base|3" in data_of(text)["panels"]
+
+
+def test_only_forces_give_a_page(tmp_path):
+    keep = ("step", "force", "displacement", "force_model", "displacement_model", "force_noise", "displacement_noise")
+    found = sample.compare(sample.TILT)
+    arrays = {k: found[k] for k in keep} | {
+        k: found[k][:0]
+        for k in (
+            "measured",
+            "synthesized",
+            "picture_step",
+            "fitted",
+            "error",
+            "floor",
+            "moves",
+            "moves_noise",
+            "mesh_moved",
+        )
+    }
+    sample.save(tmp_path / "s/base/compare.npz", arrays)
+    write_page(tmp_path / "s", tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert "This study has no pictures" in text and "force|base" in data_of(text)["panels"]
+
+
+def test_nothing_there_is_an_error_in_words(tmp_path):
+    with pytest.raises(StateError, match="no model was compared"):
+        write_page(tmp_path, tmp_path / "report.html")
+
+
+def test_the_ladder_shows_the_noise_and_both_errors():
+    axes = ladder_figure(sample.ladder()).axes[0]
+    lines = {line.get_label(): list(line.get_ydata()) for line in axes.get_lines()}
+    assert lines["pictures that were fitted"] == [2.71, 1.01] and lines["held out"] == [3.02, 1.04]
+    assert [1.0, 1.0] in lines.values()
+
+
+CLICKS = """
+const out = {}, shot = (p) => document.querySelector(`#viewer img[data-panel=${p}]`).src;
+const uri = (k) => data.uris[data.panels[k]];
+const data = JSON.parse(document.getElementById("data").textContent);
+const step = () => document.getElementById("step-name").textContent, slider = document.getElementById("slider");
+out.start = step();
+document.querySelector('button[data-model="base"]').click();
+out.model = shot("synthesized") === uri("synthesized|base|3");
+slider.value = 2; slider.dispatchEvent(new Event("input"));
+out.slid = step(); out.picture = shot("measured") === uri("measured|base|2");
+document.getElementById("mesh").click();
+out.mesh = document.querySelectorAll("#viewer svg.over path").length;
+const row = document.querySelector('[data-for="base"] tr[data-region][data-picture-step="0"]');
+row.click();
+out.row = step(); out.chosen = row.classList.contains("chosen");
+const map = document.querySelector('#fails [data-for="base"] img[data-panel=map]');
+out.map = map.src === uri("map|base|0"); out.framed = document.querySelectorAll('#fails [data-for="base"] .over-map path').length;
+out.inView = map.getBoundingClientRect().top >= 0 && map.getBoundingClientRect().top < innerHeight;
+document.querySelector('tr[data-effect="indenter_slip"]').click();
+out.pattern = document.querySelector('[data-for="base"] img[data-panel=pattern]').src === uri("pattern|base|0|indenter_slip");
+out.wide = document.documentElement.scrollWidth <= innerWidth;
+const blink = document.getElementById("blink"), seen = [];
+blink.click();
+const look = setInterval(() => seen.push(document.getElementById("blink-shot").src === uri("measured|base|0")), 350);
+setTimeout(() => {
+  clearInterval(look); blink.click();
+  out.blinked = seen.includes(true) && seen.includes(false);
+  out.stopped = document.getElementById("blink-name").textContent;
+  const pre = document.createElement("pre");
+  pre.id = "result"; pre.textContent = JSON.stringify(out); document.body.append(pre);
+}, 4000);
+"""
+
+
+@pytest.mark.parametrize("width", [1440, 500])
+def test_in_a_browser(whole, tmp_path, width):
+    binary = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
+    if binary is None:
+        pytest.skip("no Chromium is installed: the page is not tried in a browser")
+    # the page's policy runs no script but its own: the copy under test goes without
+    text = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", whole)
+    path = tmp_path / "report.html"
+    path.write_text(text.replace("</body>", f"<script>{{{CLICKS}}}</script></body>"))
+    run = subprocess.run(
+        [binary, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},1000",
+         "--virtual-time-budget=8000", "--dump-dom", path.as_uri()],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    found = json.loads(html.unescape(re.search(r'<pre id="result">(.*?)</pre>', run.stdout, re.S)[1]))
+    assert found.pop("mesh") == 9 and found.pop("framed") == 10
+    assert found.pop("start") == "step 7 (fitted)" and found.pop("slid") == "step 5 (held out)"
+    assert found.pop("row") == "step 1 (fitted)" and found.pop("stopped") == "Synthesized"
+    assert all(found.values()), found
+
+
+def test_its_own_policy_lets_the_page_run(whole, tmp_path):
+    binary = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
+    if binary is None:
+        pytest.skip("no Chromium is installed: the page is not tried in a browser")
+    (tmp_path / "report.html").write_text(whole)
+    run = subprocess.run(
+        [binary, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=3000",
+         "--dump-dom", (tmp_path / "report.html").as_uri()],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    assert 'id="step-name" for="slider">step 7 (fitted)<' in run.stdout or re.search(
+        r"<output[^>]*step-name[^>]*>step 7 \(fitted\)<", run.stdout
+    )
