@@ -160,9 +160,10 @@ def ladder(args: argparse.Namespace) -> None:
     from fingerfit.findings import ladder
     from fingerfit.page import write_page
 
-    folders = sorted(path.parent for path in args.folder.glob("*/rung.json"))
-    write_json(args.out, ladder(folders, args.folder.name))
-    write_page(args.folder, args.page)
+    study = args.out.parent
+    folders = sorted(path.parent for path in study.glob("*/rung.json"))
+    write_json(args.out, ladder(folders, study.name))
+    write_page(study, args.page)
 
 
 def check(args: argparse.Namespace) -> None:

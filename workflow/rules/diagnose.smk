@@ -46,7 +46,6 @@ rule ladder:
     resources:
         mem_mb=1000,
     params:
-        folder=STUDY,
         code=layout.fingerprint("ladder"),
     shell:
-        "python -P -m fingerfit ladder {params.folder} --out {output.ladder} --page {output.page} 2> {log}"
+        "python -P -m fingerfit ladder --out {output.ladder} --page {output.page} 2> {log}"
