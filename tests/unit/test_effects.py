@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import LAYERS, MU, ROOT, phantom
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
@@ -20,8 +21,6 @@ from fingerfit.predict import since_first_picture
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Step
-
-from conftest import LAYERS, MU, ROOT, phantom
 
 EFFECTS = catalogue()
 MESH = layered_block(12.0, LAYERS, 4, 2, "CPE8H")
