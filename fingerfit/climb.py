@@ -87,14 +87,16 @@ def _found(settings: Settings, name: str) -> dict[str, float]:
 
 
 def _rewrite(config: Path, effects: dict[str, dict[str, float]]) -> None:
-    """Replace `model.effects`; every other line, comments included, stays as it is."""
+    """Replace `model.effects`; every other line, comments and other effects included, stays as it is."""
     text = config.read_text(encoding="utf-8")
-    lines = re.sub(r"(?m)^  effects:.*\n((?:    .*\n)*)", "", text).splitlines(keepends=True)
-    at = next((n for n, line in enumerate(lines) if re.match(r"model:\s*(#.*)?$", line)), None)
-    if at is None:
+    model = re.search(r"(?m)^model:[ \t]*(#.*)?\n", text)
+    if model is None:
         raise InputError(config, "model", "no line `model:` of its own", "one, so that effects can be written below it")
-    block = [f"    {name}: {_flow(numbers)}\n" for name, numbers in effects.items()]
-    changed = "".join([*lines[: at + 1], *["  effects:\n"][: len(block)], *block, *lines[at + 1 :]])
+    block = re.search(r"(?m)^  effects:.*\n?(?:    .*(?:\n|\Z))*", text)
+    start, end = block.span() if block else (model.end(), model.end())
+    old = _entries(text[start:end])
+    lines = [line for name, numbers in effects.items() for line in old.get(name, [f"    {name}: {_flow(numbers)}\n"])]
+    changed = text[:start] + "".join([*old.get("", ["  effects:\n"]), *lines] if effects else []) + text[end:]
     write_text(config, changed)
     try:
         load_settings(config)
@@ -103,5 +105,18 @@ def _rewrite(config: Path, effects: dict[str, dict[str, float]]) -> None:
         raise
 
 
+def _entries(block: str) -> dict[str, list[str]]:
+    """Lines of each effect in a block of YAML; those above the first one under an empty name."""
+    found: dict[str, list[str]] = {}
+    name = ""
+    for line in block.splitlines():
+        entry = re.match(r" {4}([\w-]+):", line)
+        name = entry[1] if entry else name
+        found.setdefault(name, []).append(line + "\n")
+    if re.match(r"  effects:\s*[^\s#]", block):  # all on one line
+        return {}
+    return found
+
+
 def _flow(numbers: dict[str, Any]) -> str:
-    return "{" + ", ".join(f"{key}: {value:g}" for key, value in numbers.items()) + "}"
+    return "{" + ", ".join(f"{key}: {value:.12g}" for key, value in numbers.items()) + "}"

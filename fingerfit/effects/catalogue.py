@@ -53,7 +53,7 @@ def _read(path: Path, stamp: int) -> Effect:
     keys.known(*words, "acts", "parameters", "scan", "refine", "changes", "observes", "needs", "control")
     texts = {name: keys.text(name) or "" for name in words}
     acts = keys.text("acts") or ""
-    if acts not in ACTS and not problems:
+    if acts and acts not in ACTS:
         keys.wrong("acts", acts, "one of " + ", ".join(ACTS))
     parameters = _parameters(keys)
     changes = _formulas(keys, "changes", CHANGES)

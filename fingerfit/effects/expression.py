@@ -46,10 +46,12 @@ def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
 
     try:
         found = _compiled(formula)(**FUNCTIONS, **values)
-    except (jinja2.TemplateError, TypeError, ZeroDivisionError) as error:
+    except (jinja2.TemplateError, TypeError, ArithmeticError) as error:
         raise ValueError(f"{formula!r}: {error}") from error
     if found is None or isinstance(found, jinja2.Undefined):
         raise ValueError(f"{formula!r} has no value; it may name {', '.join(sorted(values))}")
+    if not isinstance(found, int | float | np.generic | np.ndarray):
+        raise ValueError(f"{formula!r} is no number")
     return found
 
 

@@ -1,0 +1,206 @@
+"""Up and down the ladder: config.yaml keeps all its lines but those of the effect."""
+
+from pathlib import Path
+
+import pytest
+
+from fingerfit import layout
+from fingerfit.cli import main
+from fingerfit.climb import add, drop
+from fingerfit.errors import FingerfitError, InputError
+from fingerfit.files import write_json, write_text
+from fingerfit.settings import load_settings
+
+CONFIG = """\
+# a comment at the top
+study: study   # where it is
+results: results
+
+model:          # the model of the body
+  name: base
+  # effects: are added below, it is said
+  material: {alpha: 1.4,   poisson: 0.49}
+  mesh: {element: CPE8, across: 3, per_layer: 2}
+  parameters:
+    mu_top:     {unit: MPa, start: 1.0e-1, lower: 0.005, upper: 0.5}   # soft
+    mu_bottom:  {unit: MPa, start: 0.1, lower: 0.005, upper: 0.5}
+
+fit:
+  score: nmi    # mutual information
+  stages:
+    - {name: grid, kind: grid, points: 4}
+
+# the end
+"""
+EFFECTS = """\
+  effects:   # found so far
+    # the most important one
+    tilt: {slope: 0.012345678}   # from a photograph
+    inclusion:
+      contrast: 0.5
+      across: 0.25
+"""
+
+
+@pytest.fixture
+def config(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_text(tmp_path / "config.yaml", CONFIG)
+    return Path("config.yaml")
+
+
+def with_effects(at="  mesh:", effects=EFFECTS):
+    before, after = CONFIG.split(at)
+    return before + effects + at + after
+
+
+def effects(config):
+    return load_settings(config).model.effects
+
+
+def test_add_changes_nothing_else(config):
+    said = add(config, "tilt")
+    assert "added tilt (tilt of the indenter)" in said
+    assert effects(config) == {"tilt": {}}
+    new = config.read_text()
+    assert new.replace("  effects:\n    tilt: {}\n", "") == CONFIG
+    assert len(new.splitlines()) == len(CONFIG.splitlines()) + 2
+
+
+def test_drop_takes_back_what_add_did(config):
+    add(config, "tilt")
+    once = config.read_text()
+    add(config, "inclusion")
+    assert list(effects(config)) == ["tilt", "inclusion"]
+    drop(config, "inclusion")
+    assert config.read_text() == once
+    assert "dropped tilt" in drop(config, "tilt")
+    assert config.read_text() == CONFIG
+
+
+@pytest.mark.parametrize("at", ["  name:", "  mesh:", "\nfit:"])
+def test_effects_that_were_written_by_hand_stay(config, at):
+    """Their comments, digits and place, too."""
+    text = with_effects("fit:", EFFECTS) if at == "\nfit:" else with_effects(at)
+    text = text.replace("0.5}\n\n  effects", "0.5}\n  effects")
+    config.write_text(text)
+    add(config, "onset")
+    assert effects(config) == {
+        "tilt": {"slope": 0.012345678},
+        "inclusion": {"contrast": 0.5, "across": 0.25},
+        "onset": {},
+    }
+    assert config.read_text().replace("    onset: {}\n", "") == text
+    drop(config, "onset")
+    assert config.read_text() == text
+    drop(config, "inclusion")
+    assert config.read_text() == text.replace("    inclusion:\n      contrast: 0.5\n      across: 0.25\n", "")
+
+
+def test_effects_on_one_line(config):
+    config.write_text(with_effects(effects="  effects: {tilt: {slope: 0.012345678}}\n"))
+    add(config, "onset")
+    assert effects(config) == {"tilt": {"slope": 0.012345678}, "onset": {}}
+    drop(config, "onset")
+    drop(config, "tilt")
+    assert config.read_text() == CONFIG
+
+
+def test_effects_at_the_end_without_a_last_newline(config):
+    head, model = CONFIG.split("model:")
+    model, rest = model.split("fit:")
+    config.write_text(head + "fit:" + rest + "model:" + model.rstrip() + "\n  effects:\n    tilt: {slope: 0.01}")
+    add(config, "onset")
+    assert effects(config) == {"tilt": {"slope": 0.01}, "onset": {}}
+
+
+def test_add_starts_at_what_the_diagnosis_found(config, tmp_path):
+    ranking = [
+        {"effect": "tilt", "place": {}, "size": {"slope": 0.0123456}},
+        {"effect": "inclusion", "place": {"across": 0.25, "along": 0.5}, "size": {"contrast": 0.7}},
+    ]
+    write_json(tmp_path / "results/study/base/diagnosis.json", {"ranking": ranking})
+    assert "starting at slope 0.01235" in add(config, "tilt")
+    assert effects(config) == {"tilt": {"slope": 0.01235}}
+    # the diagnosis of base says nothing about base+tilt
+    drop(config, "tilt")
+    add(config, "inclusion")
+    assert effects(config) == {"inclusion": {"across": 0.25, "along": 0.5, "contrast": 0.7}}
+
+
+def refused(config, action, name):
+    before = config.read_text()
+    with pytest.raises(FingerfitError) as caught:
+        action(config, name)
+    assert config.read_text() == before
+    line = str(caught.value)
+    assert "\n" not in line
+    return line
+
+
+def test_what_cannot_be_added_is_one_line(config):
+    assert refused(config, add, "tlit") == (
+        "config.yaml: model.effects.tlit: found an unknown key; expected tilt (did you mean that?)"
+    )
+    add(config, "tilt")
+    assert refused(config, add, "tilt") == (
+        "config.yaml: model.effects.tilt: found it twice; expected an effect that the model does not have yet"
+    )
+    assert refused(config, drop, "onset") == (
+        "config.yaml: model.effects.onset: found no such effect in the model; expected one that it has: tilt"
+    )
+
+
+def test_a_config_without_a_line_for_the_model(config):
+    import yaml
+
+    data = yaml.safe_load(CONFIG)
+    config.write_text(
+        "{"
+        + ", ".join(
+            f"{key}: {yaml.safe_dump(value, default_flow_style=True, width=1000).split(chr(10))[0]}"
+            for key, value in data.items()
+        )
+        + "}\n"
+    )
+    assert "model: found no line `model:` of its own" in refused(config, add, "tilt")
+
+
+def test_the_command_prints_one_line(config, capsys):
+    assert main(["add", "tlit"]) != 0
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert "did you mean that?" in message
+
+
+# --- where a richer model starts
+
+
+def test_without_effects_nothing_is_warm(config):
+    settings = load_settings(config)
+    assert layout.warm(settings) is settings
+
+
+def test_without_the_parents_estimate_it_is_one_line(config):
+    add(config, "tilt")
+    with pytest.raises(InputError) as caught:
+        layout.warm(load_settings(config))
+    line = str(caught.value)
+    assert line == (
+        "config.yaml: model.effects.tilt: found tilt, but no results/study/base/estimate.json;"
+        " expected an estimate without it first: fingerfit drop tilt, then snakemake"
+    )
+
+
+def test_the_search_starts_at_the_parents_estimate(config, tmp_path):
+    write_text(
+        config,
+        with_effects(effects="  effects:\n    tilt: {slope: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"),
+    )
+    values = {"mu_top": 0.031, "mu_bottom": 0.062, "tilt.slope": 0.017}
+    parameters = {name: {"value": value} for name, value in values.items()}
+    write_json(tmp_path / "results/study/base+tilt/estimate.json", {"parameters": parameters})
+    found = {p.name: p.start for p in layout.warm(load_settings(config)).parameters()}
+    wanted = values | {"inclusion.contrast": 0.7, "inclusion.along": 0.3, "inclusion.across": 0.15}
+    assert found == pytest.approx(wanted)
+    assert str(layout.model_folder(load_settings(config))) == "results/study/base+tilt+inclusion"

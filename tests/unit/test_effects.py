@@ -1,0 +1,489 @@
+"""Effects: absent they leave no trace, present they do what their words say; formulas reach nothing but numbers."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import LAYERS, MU, ROOT, phantom
+
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.render import render_deck
+from fingerfit.effects.catalogue import FOLDER, catalogue, chosen
+from fingerfit.effects.expression import evaluate
+from fingerfit.effects.observe import Observation
+from fingerfit.errors import InputError, Problems
+from fingerfit.files import write_text
+from fingerfit.mesh_io import format_mesh
+from fingerfit.meshing import layered_block
+from fingerfit.predict import since_first_picture
+from fingerfit.solvers.contract import CONVERGED
+from fingerfit.solvers.registry import get_solver
+from fingerfit.study import Step
+
+EFFECTS = catalogue()
+MESH = layered_block(12.0, LAYERS, 4, 2, "CPE8H")
+FORCES = [20.0, 40.0]
+MATERIAL = {"alpha": 1.4, "poisson": 0.49}
+UNSEEN_BY_THE_DECK = {name for name, e in EFFECTS.items() if e.acts == "observation"} | {"coarse_mesh"}
+IN_THE_DECK = sorted(set(EFFECTS) - UNSEEN_BY_THE_DECK)
+
+
+def study(control="force", values=FORCES):
+    """The phantom with a time at each step."""
+    found = phantom(control, list(values))
+    steps = tuple(replace(step, time=10.0 * step.number) for step in found.steps)
+    return replace(found, steps=steps)
+
+
+def deck(values=(), effects=None, of=None, folders=(), mesh=MESH):
+    context = deck_context(of or study(), mesh, "mesh.inp", MU | dict(values), MATERIAL, effects)
+    return render_deck("block.inp.j2", context, [*folders, ROOT / "templates"])
+
+
+def at_step(effect):
+    """An effect at its first place and the sizes of a first look."""
+    return effect.places()[0] | {effect.key(p.name): p.null + p.step for p in effect.parameters}
+
+
+def solve(text, folder, mesh=MESH):
+    write_text(folder / "mesh.inp", format_mesh(mesh))
+    write_text(folder / "deck.inp", text)
+    return get_solver("builtin").solve(folder / "deck.inp", folder)
+
+
+PLAIN = deck()
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    return solve(PLAIN, tmp_path_factory.mktemp("plain"))
+
+
+def cards(text, keyword):
+    """Lines of numbers below each card of a keyword; the indenter is its node."""
+    found = re.findall(rf"^\*{keyword}(?:,[^\n]*)?\n((?:[^*][^\n]*\n)*)", text, re.MULTILINE)
+    found = [block.replace("INDENTER", str(MESH.node_sets["INDENTER"][0] + 1)) for block in found]
+    return [[[float(x) for x in line.split(",")] for line in block.splitlines()] for block in found]
+
+
+# --- absent
+
+
+def test_the_catalogue_is_whole():
+    assert set(EFFECTS) == {path.stem for path in FOLDER.glob("*.yaml")}
+    assert len(EFFECTS) >= 18
+    parts = {path.name for path in FOLDER.glob("*.j2")}
+    assert parts == {Path(e.part).name for e in EFFECTS.values() if e.part}
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_absent_it_leaves_the_deck_byte_for_byte(name):
+    effect = EFFECTS[name]
+    for place in effect.places():
+        assert deck({**effect.null(), **place}) == PLAIN
+    assert not effect.present(effect.null())
+    assert effect.present(at_step(effect))
+
+
+def test_absent_all_together_leave_the_deck():
+    nothing = {key: value for effect in EFFECTS.values() for key, value in effect.null().items()}
+    places = {key: value for effect in EFFECTS.values() for key, value in effect.places()[-1].items()}
+    assert deck(nothing | places) == PLAIN
+    # beside one that is present, too
+    assert deck(nothing | places | {"tilt.slope": 0.01}) == deck({"tilt.slope": 0.01}) != PLAIN
+
+
+# --- present in the deck
+
+
+@pytest.mark.parametrize("name", IN_THE_DECK)
+def test_at_its_step_the_deck_is_another_one_and_has_a_solution(name, tmp_path, plain):
+    effect = EFFECTS[name]
+    control = effect.control or "force"
+    of = study() if control == "force" else study("displacement", [0.5, 1.0])
+    text = deck(at_step(effect), of=of)
+    assert text != deck(of=of)
+    outcome = solve(text, tmp_path)
+    assert outcome.status == CONVERGED
+    if name == "load_step":  # what it changes depends on the path, and nothing here does
+        assert since_first_picture(outcome, 2).displacement == pytest.approx(plain.displacement, abs=1e-5)
+    else:
+        change = np.abs(since_first_picture(outcome, 2).displacement - plain.displacement).max()
+        assert 1e-4 < change < 1.0
+
+
+@pytest.mark.parametrize("name", sorted(UNSEEN_BY_THE_DECK))
+def test_what_is_only_observed_leaves_the_deck(name):
+    assert deck(at_step(EFFECTS[name])) == PLAIN
+
+
+@pytest.mark.parametrize("name", [name for name, e in EFFECTS.items() if "field" in e.changes])
+def test_fields_split_each_layer_into_sets(name):
+    effect = EFFECTS[name]
+    for place in effect.places():
+        values = at_step(effect) | place
+        context = deck_context(study(), MESH, "mesh.inp", MU | values, MATERIAL)
+        for layer in LAYERS:
+            own = layer[0].upper()
+            pieces = [p for p in context["layers"] if p["name"].startswith(f"{own}_")]
+            members = [m for piece in pieces for m in piece["elements"]]
+            assert sorted(members) == sorted(int(m) + 1 for m in MESH.element_sets[own])
+            assert len({p["name"] for p in pieces}) == len(pieces)
+            assert all(p["elements"] for p in pieces)
+    written = [m for name, block in sets(deck(values)) for m in block if re.match(r"(TOP|MIDDLE|BOTTOM)_\d+$", name)]
+    assert sorted(written) == list(range(1, MESH.element_count + 1))
+
+
+def sets(text):
+    found = re.findall(r"^\*ELSET, ELSET=(\w+)\n((?:[^*][^\n]*\n)*)", text, re.MULTILINE)
+    return [(name, [int(m) for m in re.findall(r"\d+", block)]) for name, block in found]
+
+
+def moduli(values, mesh=MESH):
+    """mu of each element, from the context."""
+    found = np.full(mesh.element_count, np.nan)
+    for layer in deck_context(study(), mesh, "mesh.inp", MU | values, MATERIAL)["layers"]:
+        found[np.array(layer["elements"], dtype=int) - 1] = layer["mu"]
+    return found
+
+
+def plain_moduli(mesh=MESH):
+    found = np.empty(mesh.element_count)
+    for name, *_ in LAYERS:
+        found[mesh.element_sets[name.upper()]] = MU[f"mu_{name}"]
+    return found
+
+
+def centres(mesh=MESH):
+    return np.concatenate([mesh.points[block.nodes].mean(axis=1) for block in mesh.blocks])
+
+
+def test_gradient_is_linear_in_each_layer():
+    # two elements over the height of a layer: a quarter of it above and below the middle
+    change = np.log(moduli({"gradient.slope": 0.4}) / plain_moduli())
+    depth = np.mod(12.0 - centres()[:, 1], 4.0) / 4.0
+    assert change == pytest.approx(0.4 * (depth - 0.5), abs=1e-4)
+    assert change.min() == pytest.approx(-0.1, abs=1e-4)
+
+
+def test_split_layer_changes_its_layer_only():
+    change = np.log(moduli({"split_layer.contrast": 0.6, "split_layer.layer": 2}) / plain_moduli())
+    y = centres()[:, 1]
+    wanted = np.where((y > 6) & (y < 8), 0.3, np.where((y > 4) & (y < 6), -0.3, 0.0))
+    assert change == pytest.approx(wanted, abs=1e-4)
+
+
+def test_inclusion_is_round_and_skin_is_at_the_top():
+    mesh = layered_block(12.0, LAYERS, 24, 8, "CPE4")
+    x, y = centres(mesh).T
+    place = {"inclusion.contrast": 1.0, "inclusion.across": 0.25, "inclusion.along": 0.5}
+    change = np.log(moduli(place, mesh) / plain_moduli(mesh))
+    assert change == pytest.approx(np.exp(-((x - 3) ** 2 + (y - 6) ** 2) / 1.5**2), abs=1e-4)
+    change = np.log(moduli({"skin.contrast": 1.0, "skin.thickness": 1.0}, mesh) / plain_moduli(mesh))
+    assert change[y > 11.5] == pytest.approx(1.0, abs=0.01)
+    assert change[y < 10.5] == pytest.approx(0.0, abs=0.01)
+
+
+def test_fields_of_two_effects_add():
+    one, two = {"gradient.slope": 0.4}, {"split_layer.contrast": 0.6, "split_layer.layer": 1}
+    together = np.log(moduli(one | two) / plain_moduli())
+    apart = np.log(moduli(one) / plain_moduli()) + np.log(moduli(two) / plain_moduli())
+    assert together == pytest.approx(apart, abs=2e-4)
+
+
+def test_constants_of_the_layers():
+    ogden = cards(deck({"stiffening.shift": 0.5}), "HYPERELASTIC")
+    assert [block[0][1] for block in ogden] == pytest.approx([1.9] * 3)
+    for block, before in zip(cards(deck({"compressibility.loss": 0.01}), "HYPERELASTIC"), MU.values(), strict=True):
+        mu, alpha, d = block[0]
+        bulk = 2 * before * (1 + 0.48) / (3 * (1 - 2 * 0.48))
+        assert (mu, alpha, d) == pytest.approx((before, 1.4, 2 / bulk))
+
+
+def test_second_term_keeps_the_shear_modulus():
+    for block, before in zip(cards(deck({"second_term.share": 0.3}), "HYPERELASTIC"), MU.values(), strict=True):
+        first, alpha, second, exponent, _, none = block[0]
+        assert first == pytest.approx(0.7 * before)
+        assert second == pytest.approx(0.3 * before)
+        assert (alpha, exponent, none) == (1.4, -4.0, 0.0)
+
+
+def test_relaxation_needs_times():
+    text = deck({"relaxation.share": 0.3, "relaxation.time": 20.0})
+    assert cards(text, "VISCOELASTIC") == [[[0.3, 0.0, 20.0]]] * 3
+    assert [block[0][1] for block in cards(text, "VISCO")] == [10.0, 10.0]
+    assert "*VISCO" not in PLAIN
+
+
+def test_tilt_in_the_equations_and_in_the_solution(tmp_path):
+    text = deck({"tilt.slope": 0.01})
+    (numbers,) = cards(text, "EQUATION")
+    centre = int(MESH.node_sets["INDENTER"][0])
+    rows = numbers[1::2]
+    assert len(rows) == len(MESH.node_sets["TOP"]) - 1
+    for node, axis, one, master, _, factor in rows:
+        aside = MESH.points[int(node) - 1, 0] - MESH.points[centre, 0]
+        assert (axis, one, master) == (2, 1.0, centre + 1)
+        assert factor == pytest.approx(-1 - 0.01 * aside)
+    outcome = solve(text, tmp_path)
+    top = MESH.node_sets["TOP"]
+    x, depth = MESH.points[top, 0] - MESH.points[centre, 0], -outcome.displacement[-1, top, 1]
+    assert depth == pytest.approx(depth[x == 0] * (1 + 0.01 * x), rel=1e-6)
+
+
+@pytest.mark.parametrize("element", ["CPE4", "CPE8H"])
+@pytest.mark.parametrize("name", ["TOP", "BOTTOM"])
+def test_tributary_areas(element, name):
+    mesh = layered_block(12.0, LAYERS, 6, 2, element, 3.0)
+    context = deck_context(study(), mesh, "mesh.inp", MU, MATERIAL)
+    areas = context["areas"](name)
+    assert sum(area for _, area in areas) == pytest.approx(12.0 * 70.0)
+    # a linear traction keeps its moment, too
+    assert sum(mesh.points[n - 1, 0] * area for n, area in areas) == pytest.approx(12.0**2 / 2 * 70.0)
+    assert sorted(n - 1 for n, _ in areas) == sorted(mesh.node_sets[name])
+    assert min(area for _, area in areas) > 0
+
+
+@pytest.mark.parametrize(("name", "edge"), [("base_slip", "BOTTOM"), ("indenter_slip", "TOP")])
+def test_springs_stand_for_their_areas(name, edge, tmp_path, plain):
+    text = deck({f"{name}.compliance": 2.0})
+    springs = cards(text, f"SPRING, ELSET={name.upper()}_\\d+")
+    assert len(springs) == len(MESH.node_sets[edge])
+    assert sum(block[1][0] for block in springs) == pytest.approx(12.0 * 70.0 / 2.0)
+    assert all(block[0] == [1.0] for block in springs)
+    # nothing else holds that edge sideways, and nothing moves there without the effect
+    outcome = solve(text, tmp_path)
+    side = MESH.node_sets[edge]
+    assert np.abs(plain.displacement[-1, side, 0]).max() == 0
+    assert np.abs(outcome.displacement[-1, side, 0]).max() > 0.01
+
+
+def test_fibres_are_the_elements_once_more():
+    text = deck({"fibres.stiffness": 0.002})
+    (twins,) = cards(text, "ELEMENT, TYPE=CPE8H, ELSET=FIBRES")
+    assert [row[1:] for row in twins] == [
+        [n + 1.0 for n in row] for block in MESH.blocks for row in block.nodes.tolist()
+    ]
+    assert not {row[0] for row in twins} & set(range(1, MESH.element_count + 1))
+
+
+def test_loads():
+    assert [block[0][2] for block in cards(PLAIN, "CLOAD")] == [-20.0, -40.0]
+    gain = cards(deck({"force_gain.gain": 0.25}), "CLOAD")
+    assert [block[0][2] for block in gain] == pytest.approx([-16.0, -32.0])
+    offset = cards(deck({"force_offset.offset": 0.5}), "CLOAD")
+    assert [block[0][2] for block in offset] == pytest.approx([-19.5, -39.5])
+    assert [block[0][0] for block in cards(deck({"load_step.refinement": 1.0}), "STATIC")] == pytest.approx([0.1] * 2)
+
+
+def test_preload_counts_from_the_first_picture(tmp_path, plain):
+    text = deck({"preload.force": 20.0})
+    assert [block[0][2] for block in cards(text, "CLOAD")] == [-20.0, -40.0, -60.0]
+    outcome = solve(text, tmp_path)
+    seen = since_first_picture(outcome, 2)
+    assert seen.steps == 2
+    # 20 N before the first picture: the body at 40 N is one step further than it was then
+    assert outcome.displacement[:2] == pytest.approx(plain.displacement, abs=1e-6)
+    assert seen.displacement[0] == pytest.approx(plain.displacement[1] - plain.displacement[0], abs=1e-6)
+    assert seen.indenter[1] == pytest.approx(outcome.indenter[2] - outcome.indenter[0])
+    assert since_first_picture(plain, 2) is plain
+
+
+# --- observed
+
+
+def observation(**values):
+    return Observation.of(EFFECTS.values(), {k.replace("__", "."): v for k, v in values.items()}, MESH.points, 4)
+
+
+def test_nothing_observed_is_none():
+    assert observation() is None
+    assert observation(tilt__slope=0.1) is None
+    assert observation(misregistration__x=0.0, misregistration__y=0.0) is None
+
+
+def test_misregistration():
+    seen = observation(misregistration__x=0.1, misregistration__y=-0.2)
+    for k in (1, 4):
+        assert seen.shift(k) == pytest.approx([0.1, -0.2])
+    assert seen.conjugate(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.0, 2.0])
+
+
+def test_intensities(rng):
+    picture = rng.uniform(size=(5, 6))
+    x, y = np.meshgrid(np.linspace(0, 12, 6), np.linspace(0, 12, 5))
+    drift = observation(intensity_drift__gain=0.2)
+    assert drift.intensity(picture, 1, x, y) == pytest.approx(1.05 * picture)
+    assert drift.intensity(picture, 4, x, y) == pytest.approx(1.2 * picture)
+    bias = observation(bias_field__across=0.1, bias_field__along=-0.3)
+    wanted = picture * (1 + 0.1 * (x / 12 - 0.5) - 0.3 * (y / 12 - 0.5))
+    assert bias.intensity(picture, 2, x, y) == pytest.approx(wanted)
+    both = observation(intensity_drift__gain=0.2, bias_field__across=0.1, bias_field__along=-0.3)
+    assert both.intensity(picture, 4, x, y) == pytest.approx(1.2 * wanted)
+    assert both.shift(1) == pytest.approx([0.0, 0.0])
+
+
+def test_positions_count_from_the_body(rng):
+    moved = Observation(
+        (EFFECTS["bias_field"],), {"bias_field.across": 0.1}, np.array([5.0, 7.0]), np.array([17.0, 19.0]), 4
+    )
+    one = np.ones((1, 1))
+    for x, factor in ((5.0, 0.95), (11.0, 1.0), (17.0, 1.05)):
+        assert moved.intensity(one, 1, x * one, 9 * one) == pytest.approx(factor * one)
+
+
+def test_onset():
+    seen = observation(onset__offset=0.15)
+    assert seen.conjugate(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.15, 2.15])
+    assert seen.conjugate(np.array([1.0, 2.0]), "force") == pytest.approx([1.0, 2.0])
+
+
+# --- formulas
+
+
+def test_formulas():
+    assert evaluate("a * 2 ** 3 - 1", {"a": 2.0}) == 15.0
+    assert evaluate("1 if a > 1 else 0", {"a": 2.0}) == 1
+    assert evaluate("where(a > 1, sqrt(a), 0.0)", {"a": np.array([0.0, 4.0])}) == pytest.approx([0.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "x.real", "x.__class__", "x['__class__']", "().__class__.__bases__", "''.join(x)", "exp.__globals__", "exp.at(x)",
+        "__import__('os')", "__builtins__", "__name__", "open('f')", "range(3)", "dict(a=1)", "lipsum()", "cycler('a')",
+        "namespace(a=1)", "x()", "self", "self.x", "exp", "unknown", "exp(unknown)", "x | list", "x is number", "'text'",
+        "[x, x]", "{}", "none", "1 / 0", "10.0 ** 400", "exp(", "x +", "", "x; x", "{{ x }}",
+    ],
+)  # fmt: skip
+def test_formulas_reach_nothing_else(formula):
+    with pytest.raises(ValueError, match=r".") as caught:
+        evaluate(formula, {"x": 2.0})
+    assert "\n" not in str(caught.value)
+    assert repr(formula) in str(caught.value)
+
+
+def test_an_unknown_name_lists_those_that_are_known():
+    with pytest.raises(ValueError, match="it may name alpha, shift"):
+        evaluate("alfa", {"shift": 1.0, "alpha": 2.0})
+
+
+# --- effects of one's own
+
+OWN = """\
+title: a spring under the indenter
+acts: boundary
+words: A soft sensor sits between indenter and frame.
+look: The indenter moves further than the body is compressed.
+confirm: Load the sensor alone.
+parameters:
+  rate: {unit: N/mm, absent: 0, lower: 0, upper: 100, step: 5}
+scan: {axis: [1, 2]}
+"""
+PART = """\
+** a spring of {{ effects.sensor.rate | number }} N/mm along {{ effects.sensor.axis }}
+*ELEMENT, TYPE=SPRING1, ELSET=SENSOR
+5000000, {{ indenter }}
+*SPRING, ELSET=SENSOR
+{{ effects.sensor.axis }}
+{{ effects.sensor.rate | number }}
+"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A study's folder with an effect of its own."""
+    write_text(tmp_path / "effects/sensor.yaml", OWN)
+    write_text(tmp_path / "effects/sensor.inp.j2", PART)
+    return tmp_path
+
+
+def test_an_effect_of_ones_own(own, plain):
+    known = catalogue(own)
+    assert set(known) == {*EFFECTS, "sensor"}
+    effect = known["sensor"]
+    assert effect.part == "effects/sensor.inp.j2"
+    assert [place["sensor.axis"] for place in effect.places()] == [1.0, 2.0]
+    assert deck(effect.null(), known, folders=[own]) == PLAIN
+    values = {"sensor.rate": 5.0, "sensor.axis": 2}
+    text = deck(values, known, folders=[own])
+    assert "** a spring of 5 N/mm along 2\n" in text
+    outcome = solve(text, own)
+    assert outcome.status == CONVERGED
+    # it carries its share of the prescribed force: the body is compressed as by the rest of it
+    moved = -outcome.indenter[:, 1]
+    assert (moved < -plain.indenter[:, 1]).all()
+    rest = solve(deck(of=study(values=list(np.array(FORCES) - 5.0 * moved))), own)
+    assert rest.displacement == pytest.approx(outcome.displacement, abs=1e-6)
+
+
+def test_an_effect_of_the_study_goes_before_ours(own):
+    write_text(own / "effects/tilt.yaml", OWN.replace("a spring under the indenter", "our own tilt"))
+    assert catalogue(own)["tilt"].title == "our own tilt"
+    assert EFFECTS["tilt"].title == catalogue()["tilt"].title == "tilt of the indenter"
+
+
+def test_an_effect_is_read_again_after_a_change(own):
+    assert catalogue(own)["sensor"].parameters[0].step == 5.0
+    write_text(own / "effects/sensor.yaml", OWN.replace("step: 5", "step: 7"))
+    assert catalogue(own)["sensor"].parameters[0].step == 7.0
+
+
+def lines(own, text):
+    write_text(own / "effects/sensor.yaml", text)
+    with pytest.raises(Problems) as caught:
+        catalogue(own)
+    where = f"{own / 'effects/sensor.yaml'}: "
+    found = str(caught.value).splitlines()
+    assert all(line.startswith(where) for line in found)
+    return [line.removeprefix(where) for line in found]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "wanted"),
+    [
+        ("acts: boundary", "acts: bondary", "acts: found bondary; expected one of material, structure, boundary, loading, numerics, observation"),
+        ("acts: boundary\n", "", "acts: found nothing; expected a text"),
+        ("look:", "loks:", "loks: found an unknown key; expected look (did you mean that?)"),
+        ("absent: 0", "absent: none", "parameters.rate.absent: found none; expected a number"),
+        ("step: 5", "step: 0", "parameters.rate.step: found 0.0; expected"),
+        ("step: 5", "step: 500", "parameters.rate.step: found 500"),
+        ("step: 5", "stepp: 5", "parameters.rate.stepp: found an unknown key; expected step (did you mean that?)"),
+        ("[1, 2]", "[]", "scan.axis: found []; expected a list of numbers"),
+        ("scan: {axis: [1, 2]}", "refine: {axis: [1, 2]}", "refine.axis: found an unknown key"),
+        ("scan: {axis: [1, 2]}", "needs: times", "needs: found times; expected time"),
+        ("scan: {axis: [1, 2]}", "control: moment", "control: found moment; expected force or displacement"),
+        ("scan: {axis: [1, 2]}", "changes: {alpa: alpha}", "changes.alpa: found an unknown key; expected alpha (did you mean that?)"),
+        ("scan: {axis: [1, 2]}", "observes: {intensiti: 1}", "observes.intensiti: found an unknown key; expected intensity (did you mean that?)"),
+    ],
+)  # fmt: skip
+def test_a_wrong_effect_says_what(own, old, new, wanted):
+    assert old in OWN
+    assert any(line.startswith(wanted) for line in lines(own, OWN.replace(old, new)))
+
+
+def test_each_problem_is_one_line(own):
+    text = OWN.replace("acts: boundary", "acts: bondary").replace("absent: 0", "absent: x").replace("[1, 2]", "[a]")
+    assert [line.split(":")[0] for line in lines(own, text + "needs: times\nmore: 1\n")] == [
+        "more", "acts", "parameters.rate.absent", "scan.axis", "needs"
+    ]  # fmt: skip
+
+
+def test_a_wrong_formula_names_effect_and_key(own):
+    text = OWN.replace("scan: {axis: [1, 2]}", 'changes: {alpha: "alfa + rate"}')
+    write_text(own / "effects/sensor.yaml", text)
+    with pytest.raises(InputError, match=r"effect sensor: changes\.alpha: found 'alfa \+ rate'"):
+        deck({"sensor.rate": 1.0}, catalogue(own), folders=[own])
+
+
+def test_an_unknown_effect_gives_the_nearest():
+    with pytest.raises(InputError, match=r"c\.yaml: model\.effects\.tlit: found an unknown key; expected tilt \(did"):
+        chosen(["tlit"], EFFECTS, "c.yaml")
+    assert [effect.name for effect in chosen(["tilt", "onset"], EFFECTS, "c.yaml")] == ["tilt", "onset"]
+
+
+def test_steps_may_lack_times():
+    plain = replace(study(), steps=(Step(1, force=20.0), Step(2, force=40.0)))
+    assert "*VISCO," not in deck({"relaxation.share": 0.3}, of=plain)

@@ -1,0 +1,124 @@
+"""The score test: the same as a refit by generalised least squares, and as rare by chance as it says."""
+
+import numpy as np
+import pytest
+
+from fingerfit.judge import Judge, likeness
+
+VALUES, OWN = 60, 3
+WIDE = np.full(2, np.inf)
+
+
+@pytest.fixture
+def columns(rng):
+    """Own columns, columns of an effect, nuisances, covariance with correlations."""
+    own, effect = rng.normal(size=(VALUES, OWN)), rng.normal(size=(VALUES, 2))
+    nuisance = 0.5 * rng.normal(size=(VALUES, 4))
+    root = np.tril(rng.normal(size=(VALUES, VALUES)) * 0.2) + np.diag(rng.uniform(0.5, 2.0, VALUES))
+    return own, effect, nuisance, root @ root.T
+
+
+def refit(residual, covariance, columns):
+    """Misfit and sizes of the columns, from the normal equations."""
+    weight = np.linalg.inv(covariance)
+    size = np.linalg.solve(columns.T @ weight @ columns, columns.T @ weight @ residual)
+    left = residual - columns @ size
+    return left @ weight @ left, size
+
+
+def test_it_is_a_refit(columns, rng):
+    own, effect, nuisance, covariance = columns
+    full = covariance + nuisance @ nuisance.T
+    for _ in range(5):
+        residual = rng.multivariate_normal(np.zeros(VALUES), full) + effect @ rng.normal(size=2)
+        judge = Judge(residual, covariance, own, nuisance)
+        finding = judge.test(effect, -WIDE, WIDE)
+        without, _ = refit(residual, full, own)
+        within, size = refit(residual, full, np.concatenate([own, effect], axis=1))
+        assert judge.misfit == pytest.approx(without, rel=1e-9)
+        assert judge.freedom == VALUES - OWN
+        assert finding.fall == pytest.approx(without - within, rel=1e-8)
+        assert finding.size == pytest.approx(size[OWN:], rel=1e-8)
+
+
+def test_the_signal_is_what_the_constants_leave_of_it(columns):
+    own, effect, nuisance, covariance = columns
+    full = covariance + nuisance @ nuisance.T
+    finding = Judge(np.zeros(VALUES), covariance, own, nuisance).test(effect, -WIDE, WIDE)
+    left = [refit(column, full, own)[0] for column in effect.T]
+    assert finding.signal == pytest.approx(sum(left), rel=1e-9)
+    total = np.trace(effect.T @ np.linalg.inv(full) @ effect)
+    assert finding.visible == pytest.approx(sum(left) / total, rel=1e-9)
+    assert 0 < finding.visible < 1
+    assert finding.fall == pytest.approx(0.0, abs=1e-12)
+
+
+def test_falls_by_chance_are_chi_square(columns, rng):
+    own, effect, nuisance, covariance = columns
+    root, one, two = np.linalg.cholesky(covariance + nuisance @ nuisance.T), [], []
+    for noise in (root @ rng.normal(size=(VALUES, 800))).T:
+        judge = Judge(noise, covariance, own, nuisance)
+        one.append(judge.test(effect[:, :1], -WIDE[:1], WIDE[:1]).fall)
+        two.append(judge.test(effect, -WIDE, WIDE).fall)
+    # mean k and variance 2 k of chi-square; five standard errors of 800 draws
+    assert np.mean(one) == pytest.approx(1.0, abs=5 * np.sqrt(2 / 800))
+    assert np.mean(two) == pytest.approx(2.0, abs=5 * np.sqrt(4 / 800))
+    assert np.mean(np.array(one) > 3.841) == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / 800))
+    assert np.mean(np.array(two) > 5.991) == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / 800))
+
+
+def test_what_the_constants_can_imitate_is_not_seen(columns, rng):
+    own, effect, nuisance, covariance = columns
+    inside = own @ np.array([[1.0], [-2.0], [0.5]])
+    judge = Judge(5 * inside[:, 0] + rng.normal(size=VALUES), covariance, own, nuisance)
+    finding = judge.test(inside, -WIDE[:1], WIDE[:1])
+    assert finding.visible < 1e-12
+    assert finding.fall == 0
+    assert finding.size == pytest.approx([0.0])
+    # what stands at right angles to them, after whitening, is seen whole
+    root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
+    signature = judge.signature(effect)
+    assert judge.test(root @ signature, -WIDE, WIDE).visible == pytest.approx(1.0, abs=1e-12)
+
+
+def test_own_columns_may_depend_on_each_other(columns, rng):
+    own, effect, nuisance, covariance = columns
+    residual = rng.normal(size=VALUES)
+    twice = np.concatenate([own, own[:, :1] + own[:, 1:2], np.zeros((VALUES, 1))], axis=1)
+    a, b = Judge(residual, covariance, own, nuisance), Judge(residual, covariance, twice, nuisance)
+    assert b.freedom == a.freedom == VALUES - OWN
+    assert b.misfit == pytest.approx(a.misfit, rel=1e-9)
+    assert b.test(effect, -WIDE, WIDE).fall == pytest.approx(a.test(effect, -WIDE, WIDE).fall, rel=1e-8)
+
+
+def test_sizes_stay_within_bounds(columns, rng):
+    own, effect, nuisance, covariance = columns
+    residual = effect @ np.array([8.0, -3.0]) + rng.normal(size=VALUES)
+    judge = Judge(residual, covariance, own, nuisance)
+    free = judge.test(effect, -WIDE, WIDE)
+    low, high = np.array([-1.0, -np.inf]), np.array([1.0, np.inf])
+    bound = judge.test(effect, low, high)
+    assert free.size[0] > 7
+    assert bound.size[0] == 1.0
+    # the other one follows: it is the best for the first at its bound
+    full = covariance + nuisance @ nuisance.T
+    columns = np.concatenate([own, effect[:, 1:]], axis=1)
+    misfit, size = refit(residual - effect[:, 0], full, columns)
+    assert bound.size[1] == pytest.approx(size[-1], rel=1e-8)
+    assert bound.fall == pytest.approx(judge.misfit - misfit, rel=1e-8)
+    assert 0 < bound.fall < free.fall
+    # the wrong sign only: nothing is better than the bound at zero
+    assert judge.test(effect[:, :1], np.array([-5.0]), np.array([0.0])).fall == 0
+
+
+def test_likeness(rng):
+    basis = np.linalg.qr(rng.normal(size=(VALUES, 4)))[0]
+    a, b, c = basis[:, :1], basis[:, 1:2], basis[:, 2:]
+    assert likeness(a, a) == pytest.approx(1.0)
+    assert likeness(a, -3 * a) == pytest.approx(1.0)
+    assert likeness(a, b) == pytest.approx(0.0, abs=1e-12)
+    assert likeness(a, c) == pytest.approx(0.0, abs=1e-12)
+    # of two at 30 degrees cos^2, and 1 for what lies in the span of several
+    slanted = np.cos(np.pi / 6) * a + np.sin(np.pi / 6) * b
+    assert likeness(a, slanted) == pytest.approx(0.75)
+    assert likeness(slanted, np.concatenate([a, b], axis=1)) == pytest.approx(1.0)

@@ -1,0 +1,209 @@
+"""Registration of patches: known displacements and brightness are found, and the noise is what it is said to be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from fingerfit.data import Data
+from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.preprocess import smooth
+from fingerfit.imaging.registration import FEWEST, register
+from fingerfit.imaging.warp import backward_map, sample, spline_coefficients, warp
+from fingerfit.meshing import layered_block
+from fingerfit.residual import FLOOR, Patches, Reader, residual_of
+from fingerfit.score import Prediction
+from fingerfit.solvers.contract import CONVERGED, Outcome
+
+SIZE, ACROSS = 96, 4
+
+
+def texture(rng, size=SIZE, length=2.5):
+    field = gaussian_filter(rng.normal(size=(size, size)), length, mode="wrap")
+    return 0.5 + 0.15 * field / field.std()
+
+
+@pytest.fixture
+def patch():
+    """Sixteen square patches, a margin of twelve pixels around them."""
+    y, x = np.indices((SIZE, SIZE)) - 12
+    side = (SIZE - 24) // ACROSS
+    inside = (x >= 0) & (y >= 0) & (x < side * ACROSS) & (y < side * ACROSS)
+    return np.where(inside, y // side * ACROSS + x // side, -1)
+
+
+def moved(picture, u):
+    """The picture with its content displaced by u = (x, y), in pixels; one pair or one for each pixel."""
+    index = np.indices(picture.shape)[::-1].reshape(2, -1).T
+    return sample(spline_coefficients(picture), index - u).reshape(picture.shape)
+
+
+@pytest.mark.parametrize(
+    ("u", "off"),
+    [((0.0, 0.0), 1e-12), ((0.3, -0.2), 0.02), ((-0.7, 0.6), 0.03), ((2.0, 0.0), 0.05), ((1.4, -1.5), 0.05)],
+)
+def test_a_known_displacement_is_found(rng, patch, u, off):
+    picture = texture(rng)
+    found = register(picture, moved(picture, np.array(u)), patch, ACROSS**2).values
+    assert found.shape == (ACROSS**2, 3)
+    assert found[:, :2] == pytest.approx(np.tile(u, (ACROSS**2, 1)), abs=off)
+    assert found[:, 2] == pytest.approx(0.0, abs=0.01)
+
+
+def test_displacements_differ_from_patch_to_patch(rng, patch):
+    """A stretch about the middle, 1 %: each patch has the mean of its own pixels."""
+    picture = texture(rng)
+    x = np.indices(picture.shape)[1]
+    u = 0.01 * np.stack([x.ravel() - SIZE / 2, np.zeros(x.size)], axis=1)
+    found = register(picture, moved(picture, u), patch, ACROSS**2).values
+    wanted = [u[patch.ravel() == n, 0].mean() for n in range(ACROSS**2)]
+    assert np.ptp(wanted) > 0.5
+    assert found[:, 0] == pytest.approx(wanted, abs=0.04)
+    assert found[:, 1] == pytest.approx(0.0, abs=0.04)
+
+
+def test_brightness_is_told_from_displacement(rng, patch):
+    picture, u = texture(rng), np.array([0.3, -0.2])
+    plain = register(picture, moved(picture, u), patch, ACROSS**2).values
+    brighter = register(picture, moved(picture, u) + 0.07, patch, ACROSS**2).values
+    assert brighter[:, 2] - plain[:, 2] == pytest.approx(0.07, abs=1e-9)
+    assert brighter[:, :2] == pytest.approx(plain[:, :2], abs=1e-9)
+
+
+def test_patches_with_too_few_pixels_are_left_out(rng, patch):
+    picture = texture(rng)
+    few = np.flatnonzero(patch.ravel() == 5)[FEWEST - 1 :]
+    patch = patch.copy()
+    patch.ravel()[few] = -1
+    found = register(picture, moved(picture, np.array([0.3, 0.0])), patch, ACROSS**2).values
+    assert np.isnan(found[5]).all()
+    assert np.isfinite(np.delete(found, 5, axis=0)).all()
+    assert np.delete(found, 5, axis=0)[:, 0] == pytest.approx(0.3, abs=0.04)
+
+
+def test_the_last_step_is_linear(rng, patch):
+    picture, measured = texture(rng), texture(rng)
+    fit = register(picture, picture, patch, ACROSS**2)
+    a, b = measured - picture, rng.normal(size=picture.shape)
+    assert fit.solve(a + 2 * b) == pytest.approx(fit.solve(a) + 2 * fit.solve(b), abs=1e-9)
+    # for a small displacement it is the derivative by it
+    gradient = np.gradient(picture)
+    step = fit.solve(-0.01 * gradient[1] + 0.02 * gradient[0] + 0.5)
+    assert step == pytest.approx(np.tile([0.01, -0.02, 0.5], (ACROSS**2, 1)), abs=1e-9)
+
+
+# --- a residual and its noise
+
+MESH = layered_block(12.0, [("top", 6.0), ("bottom", 6.0)], 4, 2)
+NOISE, SMOOTH = 0.03, 1.0
+
+
+@pytest.fixture
+def world():
+    """Data without noise, displacements of two steps, and the true picture before."""
+    size = 80
+    spacing = np.full(2, 16.0 / size)
+    frame = Picture(np.zeros((size, size)), spacing, np.full(2, -2.0) + spacing / 2, np.eye(2))
+    before = texture(np.random.default_rng(1), size, 1.5)
+    x, y = MESH.points.T
+    step = np.stack([0.02 * (x - 6) * y / 12, -0.05 * y], axis=1)
+    displacement = np.array([step, 2 * step])
+    maps = [backward_map(MESH, u, frame, 1.5) for u in displacement]
+    pictures = np.array([warp(spline_coefficients(before), 0.5, way) for way in maps])
+    none = np.empty((0, 2))
+    data = Data(
+        np.array([1, 2]), np.array([10.0, 20.0]), np.array([0.6, 1.2]), "force", 0.1, 0.01, NOISE, 0.0, before,
+        spline_coefficients(before), pictures, np.array([0, 1]), spacing, frame.origin, np.eye(2), 0.5, SMOOTH,
+        none, none, np.empty(0, dtype=int),
+    )  # fmt: skip
+    return data, displacement, maps
+
+
+def examined(data, maps, rng=None, shift=None, seed=1):
+    """Residual with noise on all pictures; the measured ones may be displaced, mm."""
+    before, measured = data.before, data.measured
+    if shift is not None:
+        measured = np.array([moved(picture, np.array(shift) / data.spacing) for picture in measured])
+    if rng is not None:
+        before = before + rng.normal(0.0, NOISE, before.shape)
+        measured = measured + rng.normal(0.0, NOISE, measured.shape)
+    noisy = replace(
+        data,
+        before=smooth(before, SMOOTH),
+        coefficients=spline_coefficients(before),
+        measured=np.array([smooth(picture, SMOOTH) for picture in measured]),
+    )
+    synthesized = np.array([smooth(warp(noisy.coefficients, 0.5, way), SMOOTH) for way in maps])
+    prediction = Prediction(synthesized, np.array([0.5, 1.25]), np.empty((0, 2)))
+    return residual_of(noisy, prediction, maps, Patches.over(MESH, 5), seed)
+
+
+def test_nothing_is_left_of_a_true_model(world):
+    data, _, maps = world
+    residual = examined(data, maps)
+    assert np.nanmax(np.abs(residual.value)) < 1e-9
+    assert residual.error == pytest.approx(0.0, abs=1e-12)
+    # measured minus predicted, and its noise
+    assert residual.conjugate == pytest.approx([0.1, -0.05])
+    assert residual.vector[-2:] == pytest.approx([0.1, -0.05])
+    assert np.diag(residual.covariance)[-2:] == pytest.approx(0.01**2)
+    assert np.abs(residual.covariance[-2:, :-2]).max() == 0
+
+
+def test_what_is_left_is_in_millimetres(world):
+    data, _, maps = world
+    residual = examined(data, maps, shift=(0.08, -0.05))
+    assert np.isfinite(residual.value).sum() > 0.8 * residual.value.size
+    assert np.nanmedian(residual.value[..., 0]) == pytest.approx(0.08, abs=0.004)
+    assert np.nanmedian(residual.value[..., 1]) == pytest.approx(-0.05, abs=0.004)
+
+
+def test_noise_agrees_with_a_monte_carlo(world):
+    """Each patch's covariance comes from 40 draws, 22 % for a variance: means over the patches are compared."""
+    data, _, maps = world
+    rng = np.random.default_rng(5)
+    first = examined(data, maps, rng)
+    draws = [examined(data, maps, rng, seed=n) for n in range(60)]
+    values = np.array([draw.value for draw in draws])  # draw, picture, patch, component
+    known = np.isfinite(values).all(axis=(0, 1, 3)) & np.isfinite(first.value).all(axis=(0, 2))
+    assert known.sum() >= 15
+    whole = np.full((len(first.kept),) * 2, np.nan)
+    whole[np.ix_(first.kept, first.kept)] = first.covariance
+    index = np.arange(first.value.size).reshape(first.value.shape)
+    off = values - values.mean(axis=0)
+    bias = np.array([FLOOR**2, FLOOR**2, 0.0])
+    for n in range(2):
+        said = whole[index[n], index[n]][known].mean(axis=0) - bias
+        seen = (off[:, n] ** 2).mean(axis=0)[known].mean(axis=0) * 60 / 59
+        assert said / seen == pytest.approx(1.0, abs=0.25), f"picture {n}"
+    # the noise of the first picture is in both residuals: about half of the variance is common; it is taken to be
+    # wholly so, which says rather too much where the material has moved between the pixels, most of all of brightness
+    said = whole[index[0], index[1]][known].mean(axis=0)
+    seen = (off[:, 0] * off[:, 1]).mean(axis=0)[known].mean(axis=0) * 60 / 59
+    assert (said / seen)[:2] == pytest.approx(1.0, abs=0.25)
+    assert 0.8 < (said / seen)[2] < 1.4
+    assert 0.3 < (seen / (off[:, 0] ** 2).mean(axis=0)[known].mean(axis=0)).mean() < 0.7
+    # the error in the pictures is noise alone
+    ratios = np.array([draw.error / draw.floor for draw in draws])
+    assert ratios.mean(axis=0) == pytest.approx(1.0, abs=0.05)
+
+
+def test_patches_cover_the_body():
+    patches = Patches.over(MESH, 5)
+    assert patches.count == (5, 5)
+    assert patches.of(patches.centre).tolist() == list(range(25))
+    assert patches.of(np.array([[-0.1, 6.0], [6.0, 12.1], [0.1, 0.1]])).tolist() == [-1, -1, 0]
+
+
+def test_a_solution_is_read_as_such_a_vector(world):
+    data, displacement, _ = world
+    outcome = Outcome(CONVERGED, displacement, np.zeros((2, 2)), np.array([[0.0, -0.6], [0.0, -1.2]]), "")
+    patches = Patches.over(MESH, 5)
+    vector = Reader(data, MESH, patches).read(outcome)
+    assert vector[-2:] == pytest.approx([0.6, 1.2])
+    value = vector[:-2].reshape(2, 25, 3)
+    x, y = patches.centre.T
+    assert value[1, :, 0] == pytest.approx(0.04 * (x - 6) * y / 12)
+    assert value[1, :, 1] == pytest.approx(-0.1 * y)
+    assert np.abs(value[..., 2]).max() == 0

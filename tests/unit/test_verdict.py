@@ -1,0 +1,203 @@
+"""Each of the four answers, from residuals and refits that are made for it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fingerfit.diagnose import Look, Suspect, alike, summary
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.judge import Judge
+from fingerfit.verdict import LEVEL, TRIED, Refit, confusions, decide, threshold, to_refit
+
+EFFECTS = catalogue()
+VALUES, OWN, TESTS = 300, 3, 20
+WIDE = np.array([np.inf])
+
+
+class World:
+    """Orthonormal signals of unit noise: the first belong to the model, each of the others to an effect."""
+
+    def __init__(self, seed=4):
+        rng = np.random.default_rng(seed)
+        self.basis = np.linalg.qr(rng.normal(size=(VALUES, VALUES)))[0]
+        # noise of exactly the expected size that no single effect explains
+        self.noise = self.basis[:, OWN + 20 :] @ np.ones(VALUES - OWN - 20)
+        self.noise *= np.sqrt(VALUES - OWN) / np.linalg.norm(self.noise)
+
+    def signal(self, n):
+        return self.basis[:, OWN + n]
+
+    def judge(self, residual):
+        return Judge(residual + self.noise, np.eye(VALUES), self.basis[:, :OWN], np.zeros((VALUES, 1)))
+
+    def looks(self, judge, **columns):
+        found = []
+        for name, column in columns.items():
+            column = np.atleast_2d(column.T).T
+            wide = np.full(column.shape[1], np.inf)
+            found.append(Look(Suspect(EFFECTS[name], {}), judge.test(column, -wide, wide), column))
+        return sorted(found, key=lambda look: -look.finding.fall)
+
+    def refits(self, judge, looks, **misfits):
+        """Refits as good as predicted, or with misfits of their own."""
+        return {
+            look.suspect.effect.name: Refit(
+                misfits.get(look.suspect.effect.name, judge.misfit - look.finding.fall), judge.freedom - 1, 1.0, 1.0, {}
+            )
+            for look in to_refit(judge, looks, TESTS)
+        }
+
+
+@pytest.fixture
+def world():
+    return World()
+
+
+def answer(world, residual, refits=None, **columns):
+    judge = world.judge(residual)
+    looks = world.looks(judge, **columns)
+    return decide(judge, looks, world.refits(judge, looks) if refits is None else refits, TESTS)
+
+
+def test_noise_alone_is_adequate(world):
+    found = answer(world, 0 * world.signal(0), tilt=world.signal(0), inclusion=world.signal(1))
+    assert (found.kind, found.effects) == ("adequate", ())
+    assert "to within their noise" in found.sentence
+
+
+def test_one_effect_is_missing(world):
+    found = answer(world, 30 * world.signal(0), tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
+    assert (found.kind, found.effects) == ("missing", ("tilt",))
+    assert found.sentence == "missing: tilt of the indenter; it explains 100 % of the misfit beyond the noise"
+
+
+def test_the_share_is_that_of_the_refit(world):
+    residual = 30 * world.signal(0)
+    judge = world.judge(residual)
+    looks = world.looks(judge, tilt=world.signal(0))
+    refits = world.refits(judge, looks, tilt=judge.misfit - 0.9 * (judge.misfit - judge.freedom))
+    found = decide(judge, looks, refits, TESTS)
+    assert found.kind == "missing"
+    assert "explains 90 % of the misfit" in found.sentence
+
+
+def test_what_the_refit_says_goes_before_the_first_look(world):
+    """The effect that looked second is the better one once both are fitted."""
+    between = 0.85 * world.signal(0) + np.sqrt(1 - 0.85**2) * world.signal(1)
+    judge = world.judge(30 * world.signal(0))
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=between)
+    assert [look.suspect.effect.name for look in looks] == ["tilt", "inclusion"]
+    refits = world.refits(judge, looks, tilt=judge.freedom + 200.0, inclusion=judge.freedom + 5.0)
+    assert decide(judge, looks, refits, TESTS).effects == ("inclusion",)
+
+
+def test_two_that_fit_as_well_are_indistinguishable(world):
+    near = 0.9999 * world.signal(0) + np.sqrt(1 - 0.9999**2) * world.signal(1)
+    found = answer(world, 30 * world.signal(0), tilt=world.signal(0), inclusion=near)
+    assert found.kind == "indistinguishable"
+    assert found.effects == ("tilt", "inclusion")
+    assert "tilt of the indenter or an inclusion; these data cannot tell which" in found.sentence
+
+
+@pytest.mark.parametrize(("apart", "kind"), [(11.0, "indistinguishable"), (13.0, "missing")])
+def test_odds_of_400_to_1_decide(world, apart, kind):
+    judge = world.judge(30 * world.signal(0))
+    near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=near)
+    rest = judge.freedom - 1.0
+    found = decide(judge, looks, world.refits(judge, looks, tilt=rest, inclusion=rest + apart), TESTS)
+    assert found.kind == kind
+
+
+def test_nothing_known_explains_it(world):
+    found = answer(world, 40 * world.signal(5), tilt=world.signal(0), inclusion=world.signal(1))
+    assert (found.kind, found.effects) == ("unexplained", ())
+    assert "none of the known effects explains it" in found.sentence
+
+
+def test_little_of_it_is_explained(world):
+    residual = 40 * world.signal(5) + 25 * world.signal(0)
+    found = answer(world, residual, tilt=world.signal(0), inclusion=world.signal(1))
+    assert (found.kind, found.effects) == ("unexplained", ())
+    share = 25**2 / (40**2 + 25**2)
+    assert f"tilt of the indenter comes nearest but explains only {100 * share:.0f} % of it" in found.sentence
+
+
+def test_two_effects_together(world):
+    """The larger of two is blamed first although alone it explains too little: with the other it explains all."""
+    residual = 30 * world.signal(0) + 25 * world.signal(1)
+    found = answer(world, residual, tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
+    assert (found.kind, found.effects) == ("missing", ("tilt",))
+    assert f"{100 * 900 / 1525:.0f} %" in found.sentence
+    # after it was added the other one is missing
+    second = answer(world, 25 * world.signal(1), inclusion=world.signal(1), skin=world.signal(2))
+    assert (second.kind, second.effects) == ("missing", ("inclusion",))
+
+
+def test_a_refit_that_does_not_keep_the_promise(world):
+    judge = world.judge(30 * world.signal(0))
+    looks = world.looks(judge, tilt=world.signal(0))
+    found = decide(judge, looks, world.refits(judge, looks, tilt=judge.misfit - 1.0), TESTS)
+    assert (found.kind, found.effects) == ("unexplained", ())
+    # where the model was good already nothing is missing
+    judge = world.judge(5 * world.signal(0))
+    looks = world.looks(judge, tilt=world.signal(0))
+    refits = world.refits(judge, looks, tilt=judge.misfit - 1.0)
+    assert set(refits) == {"tilt"}
+    assert decide(judge, looks, refits, TESTS).kind == "adequate"
+
+
+def test_effects_worth_a_refit(world):
+    residual = sum(size * world.signal(n) for n, size in enumerate((30, 28, 26, 24, 10)))
+    judge = world.judge(residual)
+    names = ("tilt", "inclusion", "skin", "gradient", "onset")
+    looks = world.looks(judge, **{name: world.signal(n) for n, name in enumerate(names)})
+    assert [look.suspect.effect.name for look in to_refit(judge, looks, TESTS)] == list(names[:TRIED])
+    # too small beside the first one; and what the data do not see is never blamed
+    looks = [looks[0], looks[-1]]
+    assert to_refit(judge, looks, TESTS) == looks[:1]
+    blind = [replace(looks[0], finding=replace(looks[0].finding, visible=0.01))]
+    assert to_refit(judge, blind, TESTS) == []
+
+
+def test_the_threshold_is_that_of_chance(world, rng):
+    from scipy.stats import chi2
+
+    judge = world.judge(0 * world.signal(0))
+    limit = threshold(judge, [], TESTS)
+    assert limit == pytest.approx(chi2.isf(LEVEL / TESTS, 1), rel=1e-9)
+    assert threshold(judge, [], 10 * TESTS) > limit
+    assert threshold(judge, [], TESTS, columns=2) == pytest.approx(chi2.isf(LEVEL / TESTS, 2), rel=1e-9)
+    # a model that fits badly even with its best effect has to be convinced with more
+    judge = world.judge(40 * world.signal(5))
+    assert threshold(judge, [], TESTS) == pytest.approx(limit * judge.misfit / judge.freedom, rel=1e-9)
+
+
+def test_alarms_by_chance_are_rare(world):
+    """Noise only: of 200 models examined with 20 effects each about two are accused, and never as many as nine."""
+    rng, alarms = np.random.default_rng(11), 0
+    own, signals = world.basis[:, :OWN], world.basis[:, OWN : OWN + TESTS]
+    for _ in range(200):
+        judge = Judge(rng.normal(size=VALUES), np.eye(VALUES), own, np.zeros((VALUES, 1)))
+        tested = [judge.test(signals[:, [n]], -WIDE, WIDE) for n in range(TESTS)]
+        looks = [Look(Suspect(EFFECTS["tilt"], {}), finding, signals[:, [n]]) for n, finding in enumerate(tested)]
+        looks.sort(key=lambda look: -look.finding.fall)
+        alarms += bool(to_refit(judge, looks, TESTS))
+    assert alarms < 9
+
+
+def test_confusions_and_summary(world):
+    near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
+    judge = world.judge(30 * world.signal(0))
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=near, skin=world.signal(2))
+    assert alike(judge, looks[0], looks[1]) == pytest.approx(0.81)
+    (pair,) = confusions(judge, looks)
+    assert (pair["a"], pair["b"]) == ("tilt", "inclusion")
+    assert pair["likeness"] == pytest.approx(0.81)
+    first, second, third = summary(judge, looks)
+    assert (first["effect"], second["effect"], third["effect"]) == ("tilt", "inclusion", "skin")
+    assert first["size"] == {"slope": pytest.approx(30.0)}
+    assert first["share_of_excess"] == pytest.approx(1.0)
+    assert second["share_of_excess"] == pytest.approx(0.81)
+    assert third["predicted_fall"] == pytest.approx(0.0, abs=1e-9)
