@@ -118,7 +118,10 @@ def diagnose(args: argparse.Namespace) -> None:
     found = examine(fit, last, everything, args.threads)
     estimate = read_json(args.estimate)
     write_compare(found.examination, args.out.parent / "compare.npz")
-    write_json(args.out.parent / "rung.json", rung_of(found, estimate, estimate["simulations"].get("reused", 0)))
+    started = (args.last.parent / "0.json").stat().st_mtime
+    own = {entry["sim"] for entry in last.history} | {asked.sim for asked in last.batch}
+    known = sum((args.sims / sim / "solution.npz").stat().st_mtime < started for sim in own)
+    write_json(args.out.parent / "rung.json", rung_of(found, estimate, known))
     write_diagnosis(found, args.out)
     print(f"{fit.settings.model.full_name}: {found.verdict.sentence}", flush=True)
 

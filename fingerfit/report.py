@@ -74,10 +74,11 @@ def _mesh_remarks(fit: Fit, mesh: str) -> list[str]:
 
 def table_of(found: dict[str, Any]) -> str:
     """Table on the terminal, as the paper's Table 1."""
+    width = max(14, *(len(name) + 1 for name in found["parameters"]))
     lines = [
         f"{found['study']}, model {found['model']}, solver {found['solver']['name']}",
         "",
-        f"{'constant':<14}{'unit':<6}{'estimate':>12}{'std. error':>12}{'mesh error':>12}{'95 % interval':>26}",
+        f"{'constant':<{width}}{'unit':<6}{'estimate':>12}{'std. error':>12}{'mesh error':>12}{'95 % interval':>26}",
     ]
     for name, entry in found["parameters"].items():
         low, high = entry["interval95"]
@@ -85,7 +86,7 @@ def table_of(found: dict[str, Any]) -> str:
         mesh = f"{entry['mesh_error']:.2g}" if found["search_mesh"] else "-"
         interval = f"{low:.4g} to {high:.4g}"
         lines.append(
-            f"{name:<14}{unit:<6}{entry['value']:>12.4g}{entry['standard_error']:>12.2g}{mesh:>12}{interval:>26}"
+            f"{name:<{width}}{unit:<6}{entry['value']:>12.4g}{entry['standard_error']:>12.2g}{mesh:>12}{interval:>26}"
         )
     search, sims = found["search"], found["simulations"]
     lines += [

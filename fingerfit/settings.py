@@ -178,10 +178,22 @@ class Settings(_Strict):
         return own + tuple(added)
 
     def effects(self) -> tuple[Effect, ...]:
-        """Effects of the model, in order."""
+        """Effects of the model, in order.
+
+        Raises
+        ------
+        InputError
+            For an effect or a number of it that is not known, with the nearest one that is.
+        """
         if not self.model.effects:
             return ()
-        return chosen(list(self.model.effects), catalogue(Path(self.study)), CONFIG)
+        found = chosen(list(self.model.effects), catalogue(Path(self.study)), CONFIG)
+        for effect in found:
+            known = list(effect.own({}))
+            for key in self.model.effects[effect.name]:
+                if key not in known:
+                    raise unknown_key(CONFIG, f"model.effects.{effect.name}.", key, known)
+        return found
 
     def fixed(self) -> dict[str, float]:
         """Numbers of effects that are not fitted: places and the like."""
@@ -222,6 +234,7 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
     problems = _cross_check(settings, where)
     if problems:
         raise Problems(problems)
+    settings.effects()
     return settings
 
 
