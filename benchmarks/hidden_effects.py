@@ -115,6 +115,7 @@ def rung(fit: Fit, last: Round, found: Examined, truth: Truth) -> dict[str, Any]
         "blamed": list(found.verdict.effects),
         "ranking": [[one.suspect.effect.name, round(one.finding.fall, 1)] for one in found.looks[:4]],
         "misfit": found.judge.misfit / found.judge.freedom,
+        "refits": {n: [r.misfit / r.freedom, r.fitted, r.held_out] for n, r in found.refits.items()},
         "fitted": fitted,
         "held_out": held_out,
         "errors": {n: values[n] / v - 1 for n, v in truth.values.items() if n in values and n.startswith("mu")},

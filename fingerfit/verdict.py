@@ -18,6 +18,8 @@ ENOUGH = 0.75
 """Share of the excess misfit that an answer must explain."""
 RIVAL = 12.0
 """Difference of misfit below which two refits cannot be told apart: odds of 400 to 1."""
+NEAR = 0.05
+"""The same for two refits that are both adequate, per degree of freedom: what an error of the mesh may decide."""
 TRIED = 3
 """Effects that are refitted."""
 
@@ -122,13 +124,21 @@ def decide(judge: Judge, looks: Sequence[Look], refits: Mapping[str, Refit], tes
         if partner is None or both / excess < ENOUGH:
             nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of it"
             return Verdict("unexplained", (), f"something is missing; {nearest}", limit)
-    rivals = [name for name in tried if refits[name].misfit - after < RIVAL * max(1.0, rest)]
+    rivals = [name for name in tried if _rival(refits[name], refits[best])]
     rivals = [best, *(name for name in rivals if name != best)]
     if len(rivals) > 1:
         names = " or ".join(_title(by_name[name]) for name in rivals)
         return Verdict("indistinguishable", tuple(rivals), f"missing: {names}; these data cannot tell which", limit)
     text = f"missing: {_title(by_name[best])}; it explains {100 * min(share, 1.0):.0f} % of the misfit beyond the noise"
     return Verdict("missing", (best,), text, limit)
+
+
+def _rival(one: Refit, best: Refit) -> bool:
+    """Whether a refit cannot be told from the best one: by odds, or because both explain the data well enough."""
+    behind = one.misfit - best.misfit
+    if behind < RIVAL * max(1.0, best.misfit / best.freedom):
+        return True
+    return one.misfit / one.freedom <= GOOD and behind < NEAR * one.freedom
 
 
 def _title(look: Look) -> str:
