@@ -100,13 +100,25 @@ def test_two_that_fit_as_well_are_indistinguishable(world):
     assert "tilt of the indenter or an inclusion; these data cannot tell which" in found.sentence
 
 
-@pytest.mark.parametrize(("apart", "kind"), [(11.0, "indistinguishable"), (13.0, "missing")])
+@pytest.mark.parametrize(("apart", "kind"), [(15.0, "indistinguishable"), (17.0, "missing")])
 def test_odds_of_400_to_1_decide(world, apart, kind):
+    """Twelve, scaled by the misfit that is left: refits that are not adequate themselves."""
+    judge = world.judge(30 * world.signal(0))
+    near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=near)
+    rest = 1.3 * judge.freedom
+    found = decide(judge, looks, world.refits(judge, looks, tilt=rest, inclusion=rest + apart), TESTS)
+    assert found.kind == kind
+
+
+@pytest.mark.parametrize(("share", "kind"), [(0.04, "indistinguishable"), (0.06, "missing")])
+def test_what_an_error_of_the_mesh_may_decide_does_not_tell_two_adequate_refits_apart(world, share, kind):
     judge = world.judge(30 * world.signal(0))
     near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
     looks = world.looks(judge, tilt=world.signal(0), inclusion=near)
     rest = judge.freedom - 1.0
-    found = decide(judge, looks, world.refits(judge, looks, tilt=rest, inclusion=rest + apart), TESTS)
+    worse = rest + share * judge.freedom
+    found = decide(judge, looks, world.refits(judge, looks, tilt=rest, inclusion=worse), TESTS)
     assert found.kind == kind
 
 
