@@ -93,7 +93,8 @@ class Examination:
 
     def __init__(self, fit: Fit, last: Round, values: Mapping[str, float], everything: Data) -> None:
         self.fit, self.last, self.values, self.data = fit, last, dict(values), everything
-        self.patches = Patches.over(fit.meshes[SEARCH])
+        spacing = everything.spacing if len(everything.picture_step) else None
+        self.patches = Patches.over(fit.meshes[SEARCH], spacing=spacing)
         self.base = finest(fit, last)
         self.mesh = mesh_of(fit, self.base)
         predictor = Predictor(everything, fit.meshes[self.mesh])

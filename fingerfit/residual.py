@@ -9,7 +9,7 @@ import numpy as np
 from fingerfit.data import Data
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import smooth
-from fingerfit.imaging.registration import Fit, register
+from fingerfit.imaging.registration import FEWEST, Fit, register
 from fingerfit.imaging.warp import BackwardMap, Probe, spline_coefficients, warp
 from fingerfit.mesh import Mesh
 from fingerfit.predict import since_first_picture
@@ -43,9 +43,15 @@ class Patches:
     count: tuple[int, ...]
 
     @classmethod
-    def over(cls, mesh: Mesh, across: int = 10) -> Patches:
-        """Patches over the box around a mesh, nearly square, `across` along the first axis."""
+    def over(cls, mesh: Mesh, across: int = 10, spacing: np.ndarray | None = None) -> Patches:
+        """Patches over the box around a mesh, nearly square, `across` along the first axis.
+
+        With the `spacing` of pictures, mm, there are fewer where each would hold less than twice the pixels it needs.
+        """
         low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+        if spacing is not None and spacing.any():
+            smallest = float(spacing.max()) * (2 * FEWEST) ** (1 / mesh.dim)
+            across = max(1, min(across, int((high[0] - low[0]) / smallest)))
         count = np.maximum(1, np.rint((high - low) / ((high[0] - low[0]) / across))).astype(int)
         size = (high - low) / count
         index = np.stack([i.ravel() for i in np.indices(tuple(count))], axis=1)

@@ -487,3 +487,14 @@ def test_an_unknown_effect_gives_the_nearest():
 def test_steps_may_lack_times():
     plain = replace(study(), steps=(Step(1, force=20.0), Step(2, force=40.0)))
     assert "*VISCO," not in deck({"relaxation.share": 0.3}, of=plain)
+
+
+def test_the_documentation_lists_the_catalogue(own):
+    text = (ROOT / "docs/diagnosis.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (.*) \| (\w+) \|$", text, re.MULTILINE)
+    assert rows == [(e.name, e.title, e.acts) for e in EFFECTS.values()]
+    # its example can be used as it stands
+    write_text(own / "effects/example.yaml", re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0])
+    known = catalogue(own)
+    values = at_step(known["example"])
+    assert deck(values, known) != PLAIN == deck(known["example"].null(), known)

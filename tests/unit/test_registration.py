@@ -193,6 +193,9 @@ def test_patches_cover_the_body():
     patches = Patches.over(MESH, 5)
     assert patches.count == (5, 5)
     assert patches.of(patches.centre).tolist() == list(range(25))
+    # large pixels make large patches, of twice the pixels that one needs; small ones change nothing
+    for pixel, count in ((0.05, 10), (0.2, 7), (0.25, 6), (5.0, 1)):
+        assert Patches.over(MESH, spacing=np.full(2, pixel)).count == (count, count)
     assert patches.of(np.array([[-0.1, 6.0], [6.0, 12.1], [0.1, 0.1]])).tolist() == [-1, -1, 0]
 
 

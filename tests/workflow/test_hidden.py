@@ -1,0 +1,151 @@
+"""A small study with a hidden tilt: the diagnosis names it, and the model that has it fits what was held out."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from fingerfit import layout
+from fingerfit.experiment import run_experiment
+from fingerfit.files import read_json
+from fingerfit.settings import load_settings
+
+ROOT = Path(__file__).resolve().parents[2]
+SLOPE = 0.02
+DESCRIPTION = {
+    "title": "an indenter that does not stay level",
+    "body": {
+        "width": 12,
+        "thickness": 70,
+        "layers": [
+            {"name": "top", "height": 6, "mu": 0.03, "intensity": 0.5},
+            {"name": "bottom", "height": 6, "mu": 0.06, "intensity": 0.9},
+        ],
+    },
+    "material": {"alpha": 1.4, "poisson": 0.49},
+    "mesh": {"element": "CPE8", "across": 12, "per_layer": 6, "grading": 2},
+    "solver": "builtin",
+    "displacement": [0.5, 1.0, 1.5, 2.0],
+    "picture": {
+        "pixels": 96,
+        "side": 19,
+        "texture": 0.15,
+        "correlation": 0.6,
+        "noise": 0.02,
+        "pictured": [1, 2, 3, 4],
+    },
+    "noise": {"force": 0.003, "displacement": 0.01},
+    "seed": 5,
+    "effects": {"tilt": {"slope": SLOPE}},
+}
+CONFIG = {
+    "study": "study",
+    "model": {
+        "material": {"alpha": 1.4, "poisson": 0.49},
+        "mesh": {"element": "CPE8", "across": 5, "per_layer": 3, "grading": 2},
+        "refined": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
+        "parameters": {
+            f"mu_{n}": {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2} for n in ("top", "bottom")
+        },
+    },
+    "fit": {
+        "score": "nmi",
+        "bins": 16,
+        "replicates": 20,
+        "steps": [2, 4],
+        "stages": [
+            {"name": "grid", "kind": "grid", "points": 3},
+            {"name": "independent", "kind": "independent", "tolx": 2e-2, "tolf": 2e-2},
+        ],
+    },
+}
+
+
+def run(place, *arguments):
+    done = subprocess.run(
+        arguments, cwd=place, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    return done.stdout + done.stderr
+
+
+def diagnose(place):
+    snakemake = [str(Path(sys.executable).parent / "snakemake"), "-s", str(ROOT / "Snakefile"), "--cores", "2"]
+    return run(place, *snakemake, "--workflow-profile", str(ROOT / "workflow/profiles/default"), "diagnose")
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """The study, its first rung, and then its second one."""
+    place = tmp_path_factory.mktemp("hidden")
+    (place / "experiment.yaml").write_text(yaml.safe_dump(DESCRIPTION))
+    run_experiment(place / "experiment.yaml", place / "study")
+    (place / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
+    diagnose(place)
+    (place / "first.txt").write_text("\n".join(f"{sim} {when}" for sim, when in simulations(place).items()))
+    run(place, sys.executable, "-m", "fingerfit", "add", "tilt")
+    diagnose(place)
+    return place
+
+
+def simulations(place):
+    return {path.parent.name: path.stat().st_mtime_ns for path in (place / "results/study/sims").glob("*/solution.npz")}
+
+
+def rung(place, model):
+    return read_json(place / f"results/study/{model}/rung.json")
+
+
+def test_the_first_rung_misses_the_tilt(place):
+    found = read_json(place / "results/study/base/diagnosis.json")
+    assert found["verdict"] == "missing"
+    assert found["effects"] == ["tilt"]
+    assert found["sentence"].startswith("missing: tilt of the indenter; it explains ")
+    first, second = found["ranking"][:2]
+    assert first["effect"] == "tilt"
+    assert first["size"]["slope"] == pytest.approx(SLOPE, rel=0.3)
+    assert first["predicted_fall"] > 1.5 * second["predicted_fall"]
+
+
+def test_the_second_rung_explains_what_was_held_out(place):
+    before, after = rung(place, "base"), rung(place, "base+tilt")
+    assert before["error"]["fitted"] > 1.5
+    # noise alone leaves 1; what is beyond it falls by more than half
+    assert after["error"]["held_out"] - 1 < 0.5 * (before["error"]["held_out"] - 1)
+    assert after["error"]["held_out"] < 1.15
+    assert after["verdict"] == "adequate"
+    found = read_json(place / "results/study/base+tilt/estimate.json")["parameters"]
+    assert found["tilt.slope"]["value"] == pytest.approx(SLOPE, rel=0.15)
+    for name, truth in (("mu_top", 0.03), ("mu_bottom", 0.06)):
+        assert found[name]["value"] == pytest.approx(truth, rel=0.05)
+
+
+def test_nothing_of_the_first_rung_ran_again(place):
+    first = {name: int(when) for name, when in map(str.split, (place / "first.txt").read_text().splitlines())}
+    second = simulations(place)
+    assert len(first) > 20
+    assert {name: second[name] for name in first} == first
+    assert len(second) > len(first)
+
+
+def test_both_rungs_are_on_the_ladder(place):
+    rungs = read_json(place / "results/study/ladder.json")["rungs"]
+    assert [entry["effects"] for entry in rungs] == [[], ["tilt"]]
+    assert (place / "results/study/report.html").stat().st_size > 10000
+
+
+def test_no_rule_reads_what_is_sealed(place, monkeypatch):
+    """The workflow's own record of its inputs, and the list that its rules take them from."""
+    monkeypatch.chdir(place)
+    assert (place / "study/sealed/truth.yaml").exists()
+    files = layout.study_files(load_settings(Path("config.yaml")))
+    assert "study/study.yaml" in files
+    assert not [path for path in files if "sealed" in path]
+    records = [path.read_text() for path in (place / ".snakemake/metadata").rglob("*") if path.is_file()]
+    assert any("study/study.yaml" in text for text in records)
+    assert not [text for text in records if "sealed" in text]
