@@ -150,7 +150,7 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
         "Made by `benchmarks/hidden_effects.py` (`make benchmark-hidden`). Errors are root mean square differences of",
         "the pictures in multiples of what noise alone leaves, fitted / held-out steps; mu errors are those of the",
         "three layers against the truth, before and after the blamed effects were added; times hold for two threads",
-        "beside other work.",
+        "beside other work. Cases of the script that are not in the table have not been run yet.",
         "",
         "| hidden | verdict | blamed | error before | after | mu before | after | numbers found | at last | time |",
         "|" + " --- |" * 10,

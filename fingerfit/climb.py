@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerfit.effects.catalogue import catalogue, chosen
+from fingerfit.effects.contract import NUMERICS
 from fingerfit.errors import FingerfitError, InputError
 from fingerfit.files import read_json, write_text
 from fingerfit.layout import model_folder
@@ -29,6 +30,9 @@ def add(config: Path, name: str) -> str:
     """
     settings = load_settings(config)
     effect = chosen([name], catalogue(Path(settings.study)), config)[0]
+    if effect.acts == NUMERICS:
+        cure = "a finer model.mesh and model.refined" if name == "coarse_mesh" else "smaller increments in the template"
+        raise InputError(config, f"model.effects.{name}", "an effect that is no part of a model", cure)
     if name in settings.model.effects:
         raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
     numbers = _found(settings, name)

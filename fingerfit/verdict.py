@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerfit.diagnose import Look, alike
+from fingerfit.effects.contract import NUMERICS
 from fingerfit.judge import Judge
 
 LEVEL = 0.01
@@ -77,11 +78,13 @@ def threshold(judge: Judge, looks: Sequence[Look], tests: int, columns: int = 1)
 
 
 def to_refit(judge: Judge, looks: Sequence[Look], tests: int) -> list[Look]:
-    """Effects that are worth a refit: beyond chance, seen by the data, among the best."""
+    """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's."""
     found = [
         look
         for look in looks
-        if look.finding.fall > threshold(judge, looks, tests, look.columns.shape[1]) and look.finding.visible > 0.02
+        if look.suspect.effect.acts != NUMERICS
+        and look.finding.fall > threshold(judge, looks, tests, look.columns.shape[1])
+        and look.finding.visible > 0.02
     ]
     return [look for look in found if look.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
 

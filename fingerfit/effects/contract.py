@@ -8,6 +8,8 @@ from itertools import product
 
 ACTS = ("material", "structure", "boundary", "loading", "numerics", "observation")
 """Where an effect acts; the last one needs no new simulation."""
+NUMERICS = "numerics"
+"""Effects of mesh and load steps: they are tested, but cured by other settings instead of being fitted."""
 
 
 @dataclass(frozen=True)
