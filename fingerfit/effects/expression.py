@@ -39,7 +39,7 @@ def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
     ValueError
         For what is no formula, names something unknown, or reaches for more than numbers.
 
-    >>> evaluate("exp(0 * x) + shift", {"x": 2.0, "shift": 0.5})
+    >>> float(evaluate("exp(0 * x) + shift", {"x": 2.0, "shift": 0.5}))
     1.5
     """
     import jinja2
