@@ -256,11 +256,9 @@ def _pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation | No
     x, y = positions(frame)
     for k, u in enumerate([np.zeros(mesh.points.shape), *outcome.displacement]):
         shift = np.zeros(2) if seen is None or k == 0 else seen.shift(k)
-        moved = replace(dense, origin=dense.origin - shift)
-        way = backward_map(mesh, u, moved)
-        source = way.index - shift / dense.spacing
+        way = backward_map(mesh, u + shift, dense)
         full = np.zeros(dense.values.size)
-        full[way.pixel] = intensity[way.element] * (1 + sample(texture, source))
+        full[way.pixel] = intensity[way.element] * (1 + sample(texture, way.index))
         picture = full.reshape(pixels, fine, pixels, fine).mean(axis=(1, 3))
         pictures.append(picture if seen is None or k == 0 else seen.intensity(picture, k, x, y))
     return np.array(pictures), frame
