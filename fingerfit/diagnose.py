@@ -145,13 +145,33 @@ class Examination:
         """Signals of unknown size with standard deviation 1, shape (kept, nuisances)."""
         data, columns = self.data, []
         control = self._slope("control")
-        size = np.abs(data.controlled)
-        relative = np.divide(data.control_noise, size, out=np.zeros_like(size), where=size > 0)
         for step in range(len(data.step)):
             only = self._at_step(step)
-            columns.append(control * relative[step] * only)
+            columns.append(control * self._control_noise[step] * only)
             columns.append(self.mesh_signal * only)
         return np.stack(columns, axis=1)[self.residual.kept]
+
+    @cached_property
+    def _control_noise(self) -> np.ndarray:
+        """Noise of the prescribed quantity as a share of it, shape (steps,)."""
+        size = np.abs(self.data.controlled)
+        return np.divide(self.data.control_noise, size, out=np.zeros_like(size), where=size > 0)
+
+    @cached_property
+    def floor(self) -> np.ndarray:
+        """Root mean square difference that a perfect model would leave, shape (pictures,).
+
+        Noise of the pictures, and what the noise of the prescribed quantity moves.
+        """
+        sides = [asked for sign in "+-" for asked in self.last.batch if asked.role == sign + "control"]
+        predictor = Predictor(self.data, self.fit.meshes[SEARCH])
+        made = [predictor.predict(self.fit.outcome(asked), self.fit.seen(asked.values)) for asked in sides]
+        moved = np.zeros(len(self.residual.floor))
+        if len(made) == 2 and made[0] is not None and made[1] is not None:
+            slope = (made[0].prediction.pictures - made[1].prediction.pictures) / (2 * STEP)
+            for n, (step, way) in enumerate(zip(self.data.picture_step, self.residual.fits, strict=True)):
+                moved[n] = np.sqrt(np.mean(slope[n].ravel()[way.pixel] ** 2)) * self._control_noise[step]
+        return np.hypot(self.residual.floor, moved)
 
     @cached_property
     def mesh_signal(self) -> np.ndarray:

@@ -74,9 +74,8 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
 
 def errors(examination: Examination) -> tuple[float, float | None]:
     """Error of fitted and of held-out pictures in units of the noise floor; 1 is the noise."""
-    data, residual, fit = examination.data, examination.residual, examination.fit
-    ratio = residual.error / residual.floor
-    fitted = fitted_pictures(fit, data)
+    ratio = examination.residual.error / examination.floor
+    fitted = fitted_pictures(examination.fit, examination.data)
     held = ratio[~fitted]
     return _root_mean_square(ratio[fitted]), _root_mean_square(held) if len(held) else None
 

@@ -39,7 +39,7 @@ def write_compare(examination: Examination, path: Path) -> None:
             "picture_step": data.picture_step,
             "fitted": fitted_pictures(fit, data),
             "error": residual.error,
-            "floor": residual.floor,
+            "floor": examination.floor,
             "spacing": data.spacing,
             "origin": data.origin,
             "moves": residual.value[..., :dim],
