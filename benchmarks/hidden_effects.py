@@ -1,9 +1,9 @@
 """Hidden effects, found or not: every effect of the catalogue hidden in data of its own, and what the tool says.
 
 `make benchmark-hidden` writes hidden_effects.md. Data: the body of studies/phantom solved by the built-in solver on
-36 x 36 CPE8, or 30 x 30 where those fold (the fit has hybrid CPE8H on 8 x 9 and 14 x 15), pictures at all seven steps, four of them fitted. The
-fits run in this process, through the same functions as the workflow. Finished cases are kept in benchmarks/.cache and
-not run again.
+36 x 36 CPE8, or 30 x 30 where those fold (the fit has hybrid CPE8H on 8 x 9 and 14 x 15), pictures at all seven
+steps, four of them fitted. The fits run in this process, through the same functions as the workflow. Finished cases
+are kept in benchmarks/.cache and not run again.
 """
 
 from __future__ import annotations
@@ -137,15 +137,8 @@ def run_case(hidden: dict[str, Any], seed: int, threads: int, highest: int = 3) 
             named = next(one for one in found.looks if one.suspect.effect.name == found.verdict.effects[0])
             fit = widened(fit, last, named)
             last = run_fit(fit, threads)[0]
-    mesh = truth.mesh["across"]
-    return {
-        "hidden": hidden,
-        "seed": seed,
-        "mesh": mesh,
-        "rungs": rungs,
-        "made": made - began,
-        "found": time.perf_counter() - made,
-    }
+    times = {"made": made - began, "found": time.perf_counter() - made}
+    return {"hidden": hidden, "seed": seed, "mesh": truth.mesh["across"], "rungs": rungs, **times}
 
 
 def table(cases: dict[str, dict[str, Any]]) -> str:
