@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from fingerfit.imaging.pictures import read_picture
 from fingerfit.prepare import make_mesh, prepare
 from fingerfit.settings import load_settings
@@ -42,7 +44,7 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
         "",
         _table(study),
         "",
-        f"noise: force {data.force_noise:.3g} N, displacement {data.displacement_noise:.3g} mm,"
+        f"noise: force {np.max(data.force_noise):.3g} N, displacement {data.displacement_noise:.3g} mm,"
         f" points {data.points_noise:.3g} mm",
     ]
     if study.before is not None and len(data.measured):
