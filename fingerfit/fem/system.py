@@ -252,12 +252,12 @@ class System:
         for part in (*self.bodies, *self.terms):
             part.commit(u, dt, relaxed)
 
-    def evaluate(self, u: np.ndarray, tangent: bool = True) -> Evaluation | None:
-        """Internal forces of all parts; None where any of them is impossible."""
+    def evaluate(self, u: np.ndarray, tangent: bool = True, led: bool = False) -> Evaluation | None:
+        """Internal forces of all parts; None where any of them is impossible. `led` as in `Body.forces`."""
         total, largest = np.zeros(self.size), 0.0
         blocks, extra = [], []
         for body in self.bodies:
-            found = body.forces(u, tangent)
+            found = body.forces(u, tangent, led)
             if found is None:
                 return None
             force = np.bincount(body.dofs.ravel(), weights=found[0].ravel(), minlength=self.size)
