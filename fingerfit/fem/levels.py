@@ -90,6 +90,7 @@ def _sorted(row: np.ndarray, pointers: np.ndarray, order: np.ndarray) -> list[np
             front = order[new[order]][:1]
         new[front] = False
         parts.append(front)
-        near = np.unique(np.concatenate([row[pointers[i] : pointers[i + 1]] for i in front]))
-        front = near[new[near]]
+        near = np.zeros(len(new), dtype=bool)
+        near[np.concatenate([row[pointers[i] : pointers[i + 1]] for i in front])] = True
+        front = np.flatnonzero(near & new)
     return parts
