@@ -39,6 +39,7 @@ _FIT = (
     "effects",
     "fit.py",
     "refine.py",
+    "choices.py",
     "course.py",
     "guess.py",
     "predict.py",

@@ -21,6 +21,7 @@ ORDER = (
     ("imaging", "data"),
     ("score", "search", "uncertainty"),
     ("predict", "estimate", "rounds"),
+    ("choices",),
     ("settings",),
     ("prepare", "fit", "experiment", "settings_check"),
     ("residual",),
