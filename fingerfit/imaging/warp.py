@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerfit.fem.elements import distance, rule, shape
-from fingerfit.imaging.inverse import local_coordinates
+from fingerfit.imaging.inverse import bulge, interpolate, local_coordinates
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh import Mesh
 
@@ -66,20 +66,28 @@ def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture, margin: f
     deformed = frame.to_index(mesh.points + displacement)
     reference = frame.to_index(mesh.points)
     size = np.array(frame.values.shape[::-1])
-    found, inverted, first = [], 0, 0
-    for block in mesh.blocks:
-        corners = deformed[block.nodes]
-        inverted += _count_inverted(block.element, corners, reference[block.nodes])
-        element, pixel = _candidates(corners, size, margin)
-        xi, outside = local_coordinates(block.element, corners, element, pixel.astype(float), margin)
-        near = np.isfinite(outside)
-        element, pixel, xi, outside = element[near], pixel[near], xi[near], outside[near]
-        source = np.einsum("pn,pni->pi", shape(block.element, xi)[0], reference[block.nodes][element])
-        depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(block.element, xi), 1.0))
-        found.append((element + first, pixel, source, depth))
-        first += len(block.nodes)
-    element, pixel, source, depth = (np.concatenate(part) for part in zip(*found, strict=True))
-    flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), frame.values.shape)
+    covered = np.zeros(frame.values.size, dtype=bool)
+    found, inverted = [], 0
+    # pixels beside the body are looked for apart: there are few
+    for reach in dict.fromkeys((0.0, margin)):
+        first = 0
+        for block in mesh.blocks:
+            corners = deformed[block.nodes]
+            inverted += _count_inverted(block.element, corners, reference[block.nodes]) if not reach else 0
+            element, pixel = _candidates(corners, size, reach + _slack(block.element, corners, reach))
+            flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), frame.values.shape)
+            new = ~covered[flat] if reach else slice(None)
+            element, pixel, flat = element[new], pixel[new], flat[new]
+            xi, outside = local_coordinates(block.element, corners, element, pixel.astype(float), reach)
+            near = np.isfinite(outside)
+            element, flat, xi, outside = element[near], flat[near], xi[near], outside[near]
+            source = interpolate(block.element, reference[block.nodes], element, xi)
+            depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(block.element, xi), 1.0))
+            found.append((element + first, flat, source, depth))
+            first += len(block.nodes)
+        for _, flat, *_ in found:
+            covered[flat] = True
+    element, flat, source, depth = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.lexsort((element, depth, flat))
     chosen = np.ones(len(order), dtype=bool)
     chosen[1:] = flat[order][1:] != flat[order][:-1]
@@ -94,10 +102,15 @@ def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> in
     return int(((det[0] * np.sign(det[1])) <= 0).any(axis=1).sum())
 
 
-def _candidates(corners: np.ndarray, size: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+def _slack(kind: str, corners: np.ndarray, reach: float) -> np.ndarray | float:
+    """How much wider than the box around its nodes an element may be; carried on beyond its border, still more."""
+    if not reach:
+        return bulge(kind, corners) + 1e-6
+    return 0.1 * np.ptp(corners, axis=1) if corners.shape[1] > 2 ** corners.shape[2] else 1e-6
+
+
+def _candidates(corners: np.ndarray, size: np.ndarray, slack: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of element and pixel whose bounding boxes meet: shapes (pairs,) and (pairs, dim)."""
-    curved = corners.shape[1] > 2 ** corners.shape[2]
-    slack = margin + (0.1 * np.ptp(corners, axis=1) if curved else 1e-6)
     low = np.clip(np.ceil(corners.min(axis=1) - slack), 0, size).astype(np.int64)
     high = np.clip(np.floor(corners.max(axis=1) + slack) + 1, 0, size).astype(np.int64)
     extent = np.maximum(high - low, 0)
