@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 from fingerfit.effects.catalogue import catalogue, chosen
 from fingerfit.effects.contract import Effect
@@ -16,9 +16,6 @@ from fingerfit.files import read_json
 from fingerfit.guess import Parameter
 from fingerfit.keys import unknown_key
 from fingerfit.search import Plan, Stage
-
-if TYPE_CHECKING:
-    from fingerfit.settings import Settings
 
 CONFIG = "config.yaml"
 
@@ -92,10 +89,10 @@ class _Read(SimpleNamespace, Choices):
     pass
 
 
-def read_checked(path: Path) -> Settings:
+def read_checked(path: Path) -> Any:
     """Settings from the JSON that `fingerfit.layout.write_settings` wrote of checked ones.
 
-    They have all keys and methods that a fit uses, not those of pydantic's models.
+    They have all keys and methods of `fingerfit.settings.Settings` that a fit uses, not those of pydantic's models.
 
     Raises
     ------
@@ -117,4 +114,4 @@ def read_checked(path: Path) -> Settings:
         )
     except (TypeError, KeyError, AttributeError) as error:
         raise StateError(f"{path}: is not what the workflow wrote: {error}") from error
-    return cast("Settings", read)
+    return read
