@@ -61,7 +61,12 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> Fit:
     from fingerfit.data import Data
     from fingerfit.fit import Fit
 
-    settings = settings or read_checked(args.settings)
+    if settings is None and args.settings.suffix == ".json":
+        settings = read_checked(args.settings)  # as the workflow wrote them
+    elif settings is None:
+        from fingerfit.settings import load_settings
+
+        settings = load_settings(args.settings)
     files = {"search": args.mesh} | ({"refined": args.refined} if args.refined else {})
     return Fit(settings, Data.load(args.data), files, args.sims)
 
