@@ -68,8 +68,8 @@ class Data:
     points_step: np.ndarray
 
     def save(self, path: Path) -> None:
-        """Write to .npz, whole or not at all."""
-        write_npz(path, {name: np.asarray(value) for name, value in self.__dict__.items()})
+        """Write to .npz, whole or not at all; not compressed, because every round reads it and noise stays as large."""
+        write_npz(path, {name: np.asarray(value) for name, value in self.__dict__.items()}, compressed=False)
 
     @classmethod
     def load(cls, path: Path) -> Data:

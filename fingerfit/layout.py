@@ -20,6 +20,7 @@ TEMPLATES = PACKAGE.parent / "templates"
 
 # What a change of which must run a stage again. Solvers are not here: their identity names the simulations.
 _READ = (
+    "beside.py",
     "data.py",
     "files.py",
     "keys.py",
@@ -39,6 +40,7 @@ _FIT = (
     "effects",
     "fit.py",
     "refine.py",
+    "choices.py",
     "course.py",
     "guess.py",
     "predict.py",

@@ -7,17 +7,18 @@ read there through cubic B-splines (Unser 1999). The same code serves two and th
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
 from fingerfit.fem.elements import distance, rule, shape
-from fingerfit.imaging.inverse import local_coordinates
+from fingerfit.imaging.inverse import bulge, interpolate, local_coordinates
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh import Mesh
 
 _DEEP = 1 - 1e-3
+_POLE = 3**0.5 - 2
+"""Of the filter that makes cubic B-splines pass through the values."""
 
 
 @dataclass(frozen=True)
@@ -66,20 +67,28 @@ def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture, margin: f
     deformed = frame.to_index(mesh.points + displacement)
     reference = frame.to_index(mesh.points)
     size = np.array(frame.values.shape[::-1])
-    found, inverted, first = [], 0, 0
-    for block in mesh.blocks:
-        corners = deformed[block.nodes]
-        inverted += _count_inverted(block.element, corners, reference[block.nodes])
-        element, pixel = _candidates(corners, size, margin)
-        xi, outside = local_coordinates(block.element, corners, element, pixel.astype(float), margin)
-        near = np.isfinite(outside)
-        element, pixel, xi, outside = element[near], pixel[near], xi[near], outside[near]
-        source = np.einsum("pn,pni->pi", shape(block.element, xi)[0], reference[block.nodes][element])
-        depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(block.element, xi), 1.0))
-        found.append((element + first, pixel, source, depth))
-        first += len(block.nodes)
-    element, pixel, source, depth = (np.concatenate(part) for part in zip(*found, strict=True))
-    flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), frame.values.shape)
+    covered = np.zeros(frame.values.size, dtype=bool)
+    found, inverted = [], 0
+    # pixels beside the body are looked for apart: there are few
+    for reach in dict.fromkeys((0.0, margin)):
+        first = 0
+        for block in mesh.blocks:
+            corners = deformed[block.nodes]
+            inverted += _count_inverted(block.element, corners, reference[block.nodes]) if not reach else 0
+            element, pixel = _candidates(corners, size, reach + _slack(block.element, corners, reach))
+            flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), frame.values.shape)
+            new = ~covered[flat] if reach else slice(None)
+            element, pixel, flat = element[new], pixel[new], flat[new]
+            xi, outside = local_coordinates(block.element, corners, element, pixel.astype(float), reach)
+            near = np.isfinite(outside)
+            element, flat, xi, outside = element[near], flat[near], xi[near], outside[near]
+            source = interpolate(block.element, reference[block.nodes], element, xi)
+            depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(block.element, xi), 1.0))
+            found.append((element + first, flat, source, depth))
+            first += len(block.nodes)
+        for _, flat, *_ in found:
+            covered[flat] = True
+    element, flat, source, depth = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.lexsort((element, depth, flat))
     chosen = np.ones(len(order), dtype=bool)
     chosen[1:] = flat[order][1:] != flat[order][:-1]
@@ -94,10 +103,15 @@ def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> in
     return int(((det[0] * np.sign(det[1])) <= 0).any(axis=1).sum())
 
 
-def _candidates(corners: np.ndarray, size: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+def _slack(kind: str, corners: np.ndarray, reach: float) -> np.ndarray | float:
+    """How much wider than the box around its nodes an element may be; carried on beyond its border, still more."""
+    if not reach:
+        return bulge(kind, corners) + 1e-6
+    return 0.1 * np.ptp(corners, axis=1) if corners.shape[1] > 2 ** corners.shape[2] else 1e-6
+
+
+def _candidates(corners: np.ndarray, size: np.ndarray, slack: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of element and pixel whose bounding boxes meet: shapes (pairs,) and (pairs, dim)."""
-    curved = corners.shape[1] > 2 ** corners.shape[2]
-    slack = margin + (0.1 * np.ptp(corners, axis=1) if curved else 1e-6)
     low = np.clip(np.ceil(corners.min(axis=1) - slack), 0, size).astype(np.int64)
     high = np.clip(np.floor(corners.max(axis=1) + slack) + 1, 0, size).astype(np.int64)
     extent = np.maximum(high - low, 0)
@@ -111,10 +125,25 @@ def _candidates(corners: np.ndarray, size: np.ndarray, margin: float) -> tuple[n
 
 
 def spline_coefficients(values: np.ndarray) -> np.ndarray:
-    """Cubic B-spline coefficients of a picture, mirrored at its borders."""
-    from scipy.ndimage import spline_filter
+    """Cubic B-spline coefficients of a picture, mirrored at its borders, by the recursions of Unser (1999).
 
-    return spline_filter(values, order=3, mode="mirror")
+    The same as scipy.ndimage.spline_filter, whose import costs more than what it filters here.
+    """
+    found = values.astype(float)
+    for axis, size in enumerate(values.shape):
+        if size < 2:
+            continue
+        c = 6.0 * np.moveaxis(found, axis, 0)
+        weight = _POLE ** np.arange(size) + _POLE ** np.arange(2 * size - 2, size - 2, -1)
+        weight[0], weight[-1] = 1.0, _POLE ** (size - 1)
+        c[0] = np.tensordot(weight, c, 1) / (1 - _POLE ** (2 * size - 2))
+        for k in range(1, size):
+            c[k] += _POLE * c[k - 1]
+        c[-1] = _POLE / (_POLE**2 - 1) * (c[-1] + _POLE * c[-2])
+        for k in range(size - 2, -1, -1):
+            c[k] = _POLE * (c[k + 1] - c[k])
+        found = np.moveaxis(c, 0, axis)
+    return np.ascontiguousarray(found)
 
 
 def sample(coefficients: np.ndarray, index: np.ndarray) -> np.ndarray:
@@ -129,29 +158,31 @@ def sample(coefficients: np.ndarray, index: np.ndarray) -> np.ndarray:
     """
     size = np.array(coefficients.shape[::-1])
     low = np.floor(index).astype(np.int64) - 1
-    weights = _weights(index - np.floor(index))
+    weights = [_weights(t) for t in (index - np.floor(index)).T]
     strides = np.cumprod([1, *size[:-1]])
     places = []
     for axis in range(index.shape[1]):
-        around = np.abs(low[:, axis, None] + np.arange(4))
+        around = np.abs(low[:, axis] + np.arange(4)[:, None])
         period = max(2 * (size[axis] - 1), 1)
         around = around % period
         places.append(np.minimum(around, period - around) * strides[axis])
     flat = coefficients.ravel()
-    total = np.zeros(len(index))
-    for taps in itertools.product(range(4), repeat=index.shape[1]):
-        weight, place = weights[:, 0, taps[0]], places[0][:, taps[0]]
-        for axis, tap in enumerate(taps[1:], 1):
-            weight, place = weight * weights[:, axis, tap], place + places[axis][:, tap]
-        total += weight * flat[place]
-    return total
+
+    def along(axis: int, start: np.ndarray | int) -> np.ndarray:
+        """Sum over the neighbours along an axis and those before it."""
+        if axis < 0:
+            return np.take(flat, start)
+        return sum(w * along(axis - 1, start + p) for w, p in zip(weights[axis], places[axis], strict=True))
+
+    return along(index.shape[1] - 1, 0)
 
 
 def _weights(t: np.ndarray) -> np.ndarray:
-    """Cubic B-spline weights of the four neighbours, shape (..., 4)."""
-    return np.stack(
-        [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=-1
-    ) / 6  # fmt: skip
+    """Cubic B-spline weights of the four neighbours, shape (4, points)."""
+    s, tt = 1 - t, t * t
+    first, last = s * s * s / 6, tt * t / 6
+    second = tt * (t / 2 - 1) + 2 / 3
+    return np.stack([first, second, 1 - first - second - last, last])
 
 
 def warp(coefficients: np.ndarray, background: float, way: BackwardMap) -> np.ndarray:

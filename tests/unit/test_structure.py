@@ -11,7 +11,7 @@ PACKAGE = ROOT / "fingerfit"
 # low to high: a module imports only from its own line and from lines above it
 ORDER = (
     ("errors",),
-    ("files", "keys", "units"),
+    ("beside", "files", "keys", "units"),
     ("guess", "mesh", "material", "study"),
     ("effects",),
     ("fem",),
@@ -21,6 +21,7 @@ ORDER = (
     ("imaging", "data"),
     ("score", "search", "uncertainty"),
     ("predict", "estimate", "rounds"),
+    ("choices",),
     ("settings",),
     ("prepare", "fit", "experiment", "settings_check"),
     ("residual",),
