@@ -17,6 +17,12 @@ _SAME_TANGENT = 1e-6
 """Error below which the tangent is not made anew."""
 _PATIENCE = 8
 """Iterations after which a body in contact must be nearer to equilibrium."""
+_HELD = 3
+"""Iterations at most in which a surface that is pushed keeps its predicted place."""
+_SETTLED = 0.1
+"""Error of the body below which such a surface is let go."""
+_HERTZ = 2.0 / 3.0
+"""Power of the force with which a round body goes deeper (Hertz)."""
 ITERATIONS = 20
 CUTS = 7
 
@@ -155,13 +161,20 @@ class Newton:
         length = done @ done
         if length == 0:
             return None
-        return self.state.q + (done @ ahead) / length * (self.state.q - self._before[0].q)
+        share = (done @ ahead) / length
+        if self.system.driven:
+            before, now, then = (np.abs(part.force).max() ** _HERTZ for part in (self._before[1], last, load))
+            share = (then - now) / (now - before) if now > before and then > now else share
+        return self.state.q + share * (self.state.q - self._before[0].q)
 
     def _equilibrium(self, load: Load) -> tuple[State | None, int]:
         system = self.system
         q = self._predict(load)
+        held = np.zeros(len(system.free), dtype=bool)
         if q is not None and system.driven:
-            q = self._nearest(q, load)
+            held[system.pushed] = True
+            if self._forces(system.expand(q, load.given)) is None:
+                q = self._nearest(q, load)
         elif q is not None and self._forces(system.expand(q, load.given)) is None:
             q = None
         if q is None:
@@ -176,9 +189,13 @@ class Newton:
             if evaluation is None:
                 return None, iteration
             internal = evaluation.internal
-            residual = system.reduce(internal - load.force)
+            residual = self._residual(internal, load, held)
             scale = max(evaluation.largest, np.abs(load.force).max(), self.floor)
             error = np.abs(residual).max() / scale if len(residual) else 0.0
+            if held.any() and (error < _SETTLED or iteration > _HELD):
+                held[:] = False
+                residual = self._residual(internal, load, held)
+                error = np.abs(residual).max() / scale
             first = first or error
             if system.slides and iteration > _PATIENCE and error > 0.1 * first:
                 return None, iteration
@@ -192,13 +209,13 @@ class Newton:
                 matrix = system.matrix(evaluation)
             # what is solved more exactly than Newton's method converges is of no use
             close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), 1e-2)
-            step = system.solve(matrix, -residual, close)
+            step = system.solve(matrix, -residual, close, np.flatnonzero(held))
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
             if step @ residual > 0 and error > 1e-4:
                 step = -step
-            moved = self._search(q, step, residual, load)
+            moved = self._search(q, step, residual, load, held)
             if moved is None:
                 return None, iteration
             q = moved
@@ -233,7 +250,15 @@ class Newton:
         evaluation = self.system.evaluate(u, tangent=False)
         return None if evaluation is None else evaluation.internal
 
-    def _search(self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load) -> np.ndarray | None:
+    def _residual(self, internal: np.ndarray, load: Load, held: np.ndarray) -> np.ndarray:
+        """Forces on the unknowns that are not in equilibrium, N; none on those that are held."""
+        residual = self.system.reduce(internal - load.force)
+        residual[held] = 0.0
+        return residual
+
+    def _search(
+        self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load, held: np.ndarray
+    ) -> np.ndarray | None:
         """Shorten a step until it lowers the residual or the potential energy."""
         system = self.system
         norm, slope = np.abs(residual).max(), float(step @ residual)
@@ -246,7 +271,7 @@ class Newton:
             internal = self._forces(u)
             if internal is None:
                 continue
-            if np.abs(system.reduce(internal - load.force)).max() < enough * norm:
+            if np.abs(self._residual(internal, load, held)).max() < enough * norm:
                 return trial
             if start is None:
                 start = self._potential(system.expand(q, load.given), load)
