@@ -8,11 +8,15 @@ import numpy as np
 def smooth(values: np.ndarray, sigma: float) -> np.ndarray:
     """Gaussian of a standard deviation in pixels, cut at 4, the picture mirrored at its borders.
 
-    The same as scipy.ndimage.gaussian_filter, whose import costs more than all smoothing of a round.
+    The same as scipy.ndimage.gaussian_filter, whose import costs more than all smoothing of a round in the plane.
     """
     if sigma <= 0:
         return values
-    radius = int(4 * sigma + 0.5)
+    if values.ndim == 3:
+        from scipy.ndimage import gaussian_filter
+
+        return gaussian_filter(values, sigma)
+    radius = reach_of(sigma)
     kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
     kernel /= kernel.sum()
     for axis in range(values.ndim):
@@ -22,6 +26,11 @@ def smooth(values: np.ndarray, sigma: float) -> np.ndarray:
         total = sum(weight * padded[tap : tap + count] for tap, weight in enumerate(kernel))
         values = np.moveaxis(np.asarray(total), 0, axis)
     return values
+
+
+def reach_of(sigma: float) -> int:
+    """Pixels at which a Gaussian is cut."""
+    return int(4 * sigma + 0.5)
 
 
 def scale_of(before: np.ndarray) -> tuple[float, float]:
