@@ -64,7 +64,7 @@ def read_json(path: Path) -> Any:
         When it is missing or damaged.
     """
     try:
-        return json.loads(Path(path).read_text())
+        return json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise StateError(f"{path}: cannot be read: {error}") from error
 

@@ -168,6 +168,6 @@ def figures(settings: Settings) -> list[str]:
 def write_settings(settings: Settings, path: Path) -> str:
     """Write the settings where they differ from what is there, and return the path."""
     text = json.dumps(settings.model_dump(mode="json"), indent=1) + "\n"
-    if not path.exists() or path.read_text() != text:
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
     return str(path)

@@ -235,7 +235,7 @@ def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tu
         if step.points is None:
             continue
         try:
-            text = step.points.read_text().splitlines()
+            text = step.points.read_text(encoding="utf-8").splitlines()
             head = [cell.strip() for cell in text[0].split(",")] if text else []
             if head != columns:
                 raise InputError(step.points, "columns", ",".join(head) or "nothing", ",".join(columns))
