@@ -46,7 +46,7 @@ _FIT = (
     "score.py",
 )
 SOURCES: dict[str, tuple[str, ...]] = {
-    "prepare": (*_READ, *_MESH, "prepare.py"),
+    "prepare": (*_READ, *_MESH, "pictured.py", "prepare.py"),
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
     "plot": (*_FIT, "plots.py"),
@@ -58,6 +58,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "extend.py",
         "findings.py",
         "judge.py",
+        "pictured.py",
         "prepare.py",
         "residual.py",
         "simulate.py",

@@ -249,10 +249,11 @@ class Probe:
         for block in mesh.blocks:
             corners = mesh.points[block.nodes]
             low, high = corners.min(axis=1) - 1e-9, corners.max(axis=1) + 1e-9
-            pairs = [
-                np.stack(np.nonzero(((low[:, None] <= part) & (part <= high[:, None])).all(axis=2))) + [[0], [first]]
-                for first, part in _parts(points, _PAIRS // len(corners) + 1)
-            ]
+            pairs = []
+            for first, part in _parts(points, _PAIRS // len(corners) + 1):
+                near = ((low[:, None] <= part) & (part <= high[:, None])).all(axis=2)
+                element, point = np.nonzero(near)
+                pairs.append((element, first + point))
             element, point = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=int)
             xi, outside = local_coordinates(block.element, corners, element, points[point])
             inside = outside == 0
