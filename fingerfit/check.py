@@ -39,7 +39,8 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
     lines = [
         f"{study_path(path)}: {study.title}",
         f"control: {study.control}; base {study.base}, indenter {study.indenter}",
-        f"body: layers {', '.join(study.layer_names)} (from the indenter down), thickness {study.thickness:g} mm",
+        f"body: layers {', '.join(study.layer_names)} (from the indenter down)"
+        + (f", thickness {study.thickness:g} mm" if mesh.dim == 2 else ""),
         f"mesh: {len(mesh.points)} nodes, {mesh.element_count} {mesh.blocks[0].element}",
         "",
         _table(study),

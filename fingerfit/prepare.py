@@ -25,7 +25,9 @@ def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
     """
     body = study.body
     if body.brick is not None and settings is not None:
-        mesh = brick(body.brick, (settings.across, settings.across, settings.per_layer), body.layers[0].name)
+        cells = (settings.across, settings.across, settings.per_layer)
+        heights = [(layer.name, layer.height or body.brick[2]) for layer in body.layers]
+        mesh = brick(body.brick, cells, element=settings.element, layers=heights)
     elif body.width is not None and settings is not None:
         layers = [(layer.name, layer.height or 0.0) for layer in body.layers]
         mesh = layered_block(
@@ -39,6 +41,8 @@ def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
         )
     elif body.mesh is not None:
         mesh = _named(read_mesh(body.mesh), study)
+        if mesh.dim == 2 and not body.thickness:
+            raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
     else:
         raise InputError(study.path, "body", "no shape", "layers with width and height, brick or mesh")
     return mesh

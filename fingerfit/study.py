@@ -54,7 +54,7 @@ class Body:
     origin : tuple of float
         Lower left corner of a block, mm.
     thickness : float
-        Out of plane, mm.
+        Out of plane, mm; 0 where a mesh comes without it.
     brick : tuple of float or None
         Lengths of the sides, mm.
     mesh : Path or None

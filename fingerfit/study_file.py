@@ -168,27 +168,32 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
         if not name.isidentifier():
             layer.wrong("name", name, "letters, digits and _")
         names.add(name)
-        block = mesh is None and brick is None
-        height = layer.number("height", above=0.0) if block else None
+        height = None
+        if brick is not None and len(body.data["layers"]) == 1:
+            height = layer.number("height", None, above=0.0)
+        elif mesh is None:
+            height = layer.number("height", above=0.0)
         layers.append(Layer(name, height * size if height else None, layer.text("elements", name.upper())))
     if body.data.get("layers") == []:
         body.wrong("layers", "none", "at least one layer")
     if (mesh is not None) + (brick is not None) + ("width" in body.data) > 1:
         found = " and ".join(key for key in ("width", "brick", "mesh") if key in body.data)
         body.problems.append(InputError(file, "body", found, "one of width (with layers), brick, mesh"))
-    if brick is not None and len(layers) > 1:
-        body.wrong("layers", f"{len(layers)} layers", "one layer in a brick")
+    heights = [layer.height for layer in layers if layer.height is not None]
+    if brick is not None and len(heights) == len(layers) and not math.isclose(sum(heights), brick[2] * size):
+        body.wrong("layers", f"heights of {sum(heights) / size:g} in all", f"{brick[2]:g}, the height of the brick")
     if brick is not None and min(brick) <= 0:
         body.wrong("brick", list(brick), "3 lengths above 0")
         brick = None
     width = body.number("width", above=0.0) if mesh is None and brick is None else None
     origin = body.numbers("origin", 2, (0.0, 0.0)) or (0.0, 0.0)
-    thickness = body.number("thickness", above=0.0) if brick is None else 1.0
+    # only meshes say later whether they are plane
+    thickness = body.number("thickness", *([None] if mesh else []), above=0.0) if brick is None else 1.0
     return Body(
         tuple(layers),
         width * size if width else None,
         (origin[0] * size, origin[1] * size),
-        (thickness or 1.0) * size,
+        (thickness or 0.0) * size,
         (brick[0] * size, brick[1] * size, brick[2] * size) if brick else None,
         file.parent / mesh if mesh else None,
     )
