@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerfit.data import Data
+from fingerfit.designs import separation
 from fingerfit.diagnose import Examination, Look, anchor_of, look, suspects
 from fingerfit.extend import extended
 from fingerfit.fit import Fit
@@ -68,7 +69,12 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
         refits[candidate.suspect.effect.name] = refit
         run += more
     verdict = decide(judge, looks, refits, len(found))
-    measurements = separating(examination, looks) if verdict.kind == "indistinguishable" else []
+    measurements: list[tuple[str, float]] = []
+    if verdict.kind == "indistinguishable":
+        blamed = {one.suspect.effect.name: one for one in looks}
+        first, second = (blamed[name] for name in verdict.effects[:2])
+        measurements, more = separation(examination, first, second, threads)
+        run += more
     return Examined(examination, judge, looks, refits, verdict, run, measurements)
 
 
@@ -100,35 +106,6 @@ def widened(fit: Fit, last: Round, one: Look) -> Fit:
     """Fit of the model with a tested effect more, from where `fit` ended."""
     settings = extended(fit.settings, one.suspect.effect, one.suspect.place, one.size, minimum(fit, last).values)
     return Fit(settings, fit.data, fit.mesh_files, fit.sims)
-
-
-def separating(examination: Examination, looks: list[Look]) -> list[tuple[str, float]]:
-    """What would separate the first two effects: changes of the measurement and their gain, the best first.
-
-    The gain is how much larger the signal of the first effect becomes, in units of the noise and after all that the
-    second and the model's own constants can imitate is taken away.
-    """
-    residual = examination.residual
-    noise, mesh = residual.covariance, examination.mesh_covariance()
-    nuisance, own = examination.nuisance(), examination.own()
-    pictures = np.flatnonzero(residual.kept) < residual.value.size
-    finer = np.where(pictures[:, None] & pictures[None], 0.25, 1.0)
-    sharper = np.where(pictures[:, None] & pictures[None], 1.0, 0.04)
-    without_force = nuisance.copy()
-    without_force[:, 0::2] *= 0.2
-    designs = {
-        "as measured": (noise, mesh, nuisance),
-        "pictures with half the noise (four repetitions averaged)": (noise * finer, mesh, nuisance),
-        "forces and displacements measured five times better": (noise * sharper, mesh, without_force),
-        "a mesh of half the element size": (noise, mesh * 0.2, nuisance),
-    }
-    first, second = looks[0], looks[1]
-    signal = {}
-    for title, (covariance, error, unknown) in designs.items():
-        judge = Judge(residual.vector, covariance + error, np.concatenate([own, second.columns], axis=1), unknown)
-        signal[title] = float((judge.signature(first.columns @ first.finding.size[:, None]) ** 2).sum())
-    base = max(signal.pop("as measured"), 1e-300)
-    return sorted(((title, value / base) for title, value in signal.items()), key=lambda pair: -pair[1])
 
 
 def _root_mean_square(values: np.ndarray) -> float:
