@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from fingerfit.predict import positions
 from fingerfit.solvers.contract import Outcome
 from fingerfit.truth import Truth
 
+SAMPLES = {2: 16, 3: 32}
+"""Places in a pixel where the body is looked at, in the plane and in space."""
 _WEAVE = 2.5
 """Points of the texture's grid within the length over which it changes."""
 
@@ -41,8 +43,8 @@ def grid(truth: Truth, mesh: Mesh) -> Picture:
 def take_pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation | None) -> tuple[np.ndarray, Picture]:
     """Pictures without noise, before compression and at the steps, and their grid.
 
-    A pixel is the mean of samples in a grid of `fine` along each of its sides. They are taken one after the other, so
-    that the memory is that of one sample for each pixel, not that of the fine grid.
+    A pixel is the mean of `samples` places in it. They are taken one after the other, so that the memory is that of one
+    sample for each pixel.
 
     Returns
     -------
@@ -51,24 +53,45 @@ def take_pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation 
     frame : Picture
     """
     frame = grid(truth, mesh)
-    fine = int(truth.picture.get("fine", 4 if truth.dim == 2 else 2))
-    texture = _Texture(truth, mesh, frame, fine)
+    places = sample_places(truth.dim, int(truth.picture.get("samples", SAMPLES[truth.dim])))
+    texture = _Texture(truth, mesh, frame)
     intensity = _intensities(truth, mesh)
     pictures = np.zeros((1 + outcome.steps, *frame.values.shape), frame.values.dtype)
     for k, u in enumerate([np.zeros(mesh.points.shape), *outcome.displacement]):
         shift = np.zeros(truth.dim) if seen is None or k == 0 else seen.shift(k)
         flat = pictures[k].reshape(-1)
-        for place in product(range(fine), repeat=truth.dim):
-            offset = ((np.array(place[::-1]) + 0.5) / fine - 0.5) * frame.spacing
+        for place in places:
+            offset = place * frame.spacing
             way = backward_map(mesh, u + shift, replace(frame, origin=frame.origin + offset))
             points = frame.to_points(way.index) + offset
             signal = intensity[way.element]
             for shape in truth.drawn:
                 signal = np.where(within(shape, points), shape["intensity"], signal)
-            flat[way.pixel] += signal * (1 + texture.at(points)) / fine**truth.dim
+            flat[way.pixel] += signal * (1 + texture.at(points)) / len(places)
         if seen is not None and k > 0:
             pictures[k] = seen.intensity(pictures[k], k, *positions(frame))
     return pictures, frame
+
+
+@cache
+def sample_places(dim: int, count: int) -> np.ndarray:
+    """Places in a pixel, from -1/2 to 1/2 along each side, shape (count, dim).
+
+    In the plane a grid. In space a lattice (Korobov) in which every place has a height of its own along each axis: of
+    a grid, layers of places cross a plane border together, and the border seems to jump from one to the next.
+    """
+    if dim == 2:
+        side = round(count**0.5)
+        steps = (np.arange(side) + 0.5) / side - 0.5
+        return np.stack([steps[i[::-1]] for i in np.indices((side, side)).reshape(2, -1)[::-1]], axis=1)
+    index, best, widest = np.arange(count), np.zeros((count, 3)), -1.0
+    for step in (n for n in range(1, max(count, 2)) if np.gcd(n, count) == 1):
+        places = (index[:, None] * np.array([1, step, step**2]) % count) / count
+        gaps = np.abs(places[1:] - places[0])
+        distance = np.linalg.norm(np.minimum(gaps, 1 - gaps), axis=1).min(initial=1.0)
+        if distance > widest + 1e-12:
+            best, widest = places, distance
+    return best + (0.5 / count - 0.5)
 
 
 def within(shape: dict[str, Any], points: np.ndarray) -> np.ndarray:
@@ -100,12 +123,13 @@ def _intensities(truth: Truth, mesh: Mesh) -> np.ndarray:
 class _Texture:
     """Random field that is fixed to the material."""
 
-    def __init__(self, truth: Truth, mesh: Mesh, frame: Picture, fine: int) -> None:
+    def __init__(self, truth: Truth, mesh: Mesh, frame: Picture) -> None:
         from scipy.ndimage import gaussian_filter
 
         length = truth.picture["correlation"]
         if truth.dim == 2:
             # the samples themselves, as far as the picture reaches
+            fine = round(SAMPLES[2] ** 0.5)
             spacing, size = frame.spacing / fine, np.array(frame.values.shape[::-1]) * fine
             origin = frame.origin - frame.spacing / 2 + spacing / 2
         else:

@@ -187,8 +187,11 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
         brick = None
     width = body.number("width", above=0.0) if mesh is None and brick is None else None
     origin = body.numbers("origin", 2, (0.0, 0.0)) or (0.0, 0.0)
-    # only meshes say later whether they are plane
-    thickness = body.number("thickness", *([None] if mesh else []), above=0.0) if brick is None else 1.0
+    thickness: float | None = 1.0
+    if mesh is not None:  # which says later whether it is plane
+        thickness = body.number("thickness", 0.0, above=0.0) if "thickness" in body.data else 0.0
+    elif brick is None:
+        thickness = body.number("thickness", above=0.0)
     return Body(
         tuple(layers),
         width * size if width else None,

@@ -37,7 +37,7 @@ class Truth:
     picture : dict
         ``texture`` (relative spread), ``correlation`` (mm), ``noise`` (0..1), ``pictured``: steps with a picture; in
         the plane ``pixels`` of a side and ``side`` in mm; in space ``pixels`` and ``spacing`` (mm) along x, y, z and,
-        where the body is not in the middle, ``origin`` (mm) and ``fine``, samples along each side of a voxel.
+        where the body is not in the middle, ``origin`` (mm) and ``samples`` in each voxel.
     force_noise : float
         Standard deviation as a share of the largest force.
     displacement_noise : float
@@ -149,7 +149,7 @@ def read_truth(path: Path) -> Truth:
         "mesh": () if mesh_file is not None else ("element", "across", "per_layer", "grading"),
         "picture": (*where, "texture", "correlation", "noise", "pictured"),
     }
-    tables = {name: _table(keys, name, those, ("origin", "fine")[not space :]) for name, those in wanted.items()}
+    tables = {name: _table(keys, name, those, ("origin", "samples") if space else ()) for name, those in wanted.items()}
     displacement = tuple(keys.items("displacement"))
     size = (0.0, 0.0) if space else (body.number("width", above=0.0), body.number("thickness", above=0.0))
     spread = (noise.number("force"), noise.number("displacement"))
@@ -262,6 +262,9 @@ def _check_grid(keys: Keys, truth: Truth) -> None:
     for name in ("texture", "noise"):
         picture.number(name)
     picture.number("correlation", above=0.0)
+    samples = truth.picture.get("samples", 1)
+    if type(samples) is not int or not 1 <= samples <= 512:
+        picture.wrong("samples", samples, "a whole number from 1 to 512")
     steps = range(1, len(truth.displacement) + 1)
     for number in picture.items("pictured"):
         if number not in steps:

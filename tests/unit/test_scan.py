@@ -13,6 +13,7 @@ from fingerfit.imaging.pictures import read_picture
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import brick
 from fingerfit.prepare import make_mesh
+from fingerfit.scan import sample_places
 from fingerfit.settings import MeshSettings
 from fingerfit.study_file import load_study
 
@@ -41,7 +42,6 @@ DESCRIPTION = {
         "correlation": 2.0,
         "noise": 0.03,
         "pictured": [1, 2],
-        "fine": 2,
     },
     "noise": {"force": 0.01, "displacement": 0.02},
     "seed": 3,
@@ -91,15 +91,30 @@ def test_tissues_and_drawn_shapes_are_where_they_are_described(solved):
 def test_border_voxels_are_partly_filled(solved):
     _, found = solved
     frame = found.frame
-    # voxel centres at -3 + 0.25 + 0.5 k mm: the top at 8 mm is the border between two
     assert frame.origin == pytest.approx([-2.75, -3.25, -2.75])
     moved = found.pictures[-1]
-    inside = (moved > 0.01) & (moved < 0.85)
-    x, y, _ = frame.to_index(np.array([[1.0, 1.0, 0.0]])).round().astype(int)[0]
-    # 1.2 mm down: 6.8 mm, within the voxel from 6.5 to 7 mm; of two samples one is filled
-    column = moved[:, y, x]
-    assert column[frame.to_index(np.array([[0, 0, 6.75]])).round().astype(int)[0][2]] == pytest.approx(0.45, abs=1e-3)
-    assert inside.any()
+    x, y, z = frame.to_index(np.array([[1.0, 1.0, 6.75]])).round().astype(int)[0]
+    # 1.2 mm down: the top is at 6.8 mm, within the voxel from 6.5 to 7 mm; 0.6 of it, of 32 heights 19
+    assert moved[z, y, x] == pytest.approx(0.9 * 19 / 32, abs=1e-3)
+
+
+@pytest.mark.parametrize("count", [8, 16, 27, 32])
+def test_no_two_samples_of_a_voxel_are_crossed_together(count):
+    places = sample_places(3, count)
+    assert places.shape == (count, 3)
+    assert places.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    for axis in range(3):
+        assert np.diff(np.sort(places[:, axis])) == pytest.approx(np.full(count - 1, 1 / count))
+    # and they keep away from each other, as in a regular grid of as many
+    gaps = np.abs(places[:, None] - places[None])
+    distance = np.linalg.norm(np.minimum(gaps, 1 - gaps), axis=2) + np.eye(count)
+    assert distance.min() > 0.6 * count ** (-1 / 3)
+
+
+def test_samples_in_the_plane_are_a_grid():
+    places = sample_places(2, 16)
+    assert sorted(set(places[:, 0])) == sorted(set(places[:, 1])) == [-0.375, -0.125, 0.125, 0.375]
+    assert len({tuple(place) for place in places}) == 16
 
 
 def test_a_body_keeps_its_volume_and_the_indenter_is_dark(solved):
@@ -111,22 +126,21 @@ def test_a_body_keeps_its_volume_and_the_indenter_is_dark(solved):
     assert (found.pictures[-1][top:] == 0).all()
 
 
-def test_memory_and_result_do_not_depend_on_how_fine_the_samples_are_but_for_borders(tmp_path):
+def test_more_samples_change_borders_only(tmp_path):
     found = {}
-    for fine in (1, 3):
-        folder = tmp_path / str(fine)
+    for samples in (1, 27):
+        folder = tmp_path / str(samples)
         folder.mkdir()
-        found[fine] = solve(
-            read_truth(described(folder, picture__fine=fine, displacement=[0.6], picture__pictured=[1])), folder
-        )
-    one, three = found[1].pictures, found[3].pictures
-    assert one.shape == three.shape
-    whole = np.isin(np.round(three, 5), np.round([0.0, 0.9], 5))  # 15 of 27 samples of 0.9 would be 0.5
+        path = described(folder, picture__samples=samples, displacement=[0.6], picture__pictured=[1])
+        found[samples] = solve(read_truth(path), folder).pictures
+    one, many = found[1], found[27]
+    assert one.shape == many.shape
+    whole = np.isin(np.round(many, 5), np.round([0.0, 0.9], 5))  # 15 of 27 samples of 0.9 would be 0.5
     assert whole.mean() > 0.5
-    assert one[whole] == pytest.approx(three[whole], abs=1e-5)
-    # only samples of one for each voxel make borders hard
+    assert one[whole] == pytest.approx(many[whole], abs=1e-5)
+    # only one sample for each voxel makes borders hard
     assert len(np.unique(np.round(one, 4))) == 5
-    assert len(np.unique(np.round(three, 4))) > 20
+    assert len(np.unique(np.round(many, 4))) > 20
 
 
 def test_texture_moves_with_the_material(tmp_path):
@@ -220,6 +234,7 @@ WRONG = {
     "picture__pixels": ([36, 34], "picture.pixels: found [36, 34]; expected 3 numbers"),
     "picture__spacing": ([0.5, 0.5, 0], "picture.spacing: found [0.5, 0.5, 0.0]; expected 3 numbers above 0"),
     "picture__pictured": ([1, 3], "picture.pictured: found 3; expected steps from 1 to 2"),
+    "picture__samples": (0.5, "picture.samples: found 0.5; expected a whole number from 1 to 512"),
     "body__tissues": ({"bone": "dark"}, "body.tissues.bone: found dark; expected a number"),
 }
 
