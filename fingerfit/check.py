@@ -58,10 +58,12 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
         )
         lines += ["prepared, in this order:", *(f"  {line}" for line in data.history.splitlines())]
     lines.append(_identifiable(study, bool(len(data.measured)), settings.fit.score))
-    if picture is not None and len(data.measured) and mesh.dim == 2:
+    if picture is not None and len(data.measured):
         from fingerfit.plots import extent, figure_overlay, save
+        from fingerfit.volumes import figure_place, frame_of
 
-        save(figure_overlay(mesh, data.before, extent(data)), picture)
+        plane = mesh.dim == 2
+        save(figure_overlay(mesh, data.before, extent(data)) if plane else figure_place(mesh, frame_of(data)), picture)
         lines.append(f"mesh over picture: {picture}")
     return "\n".join(lines)
 

@@ -71,9 +71,8 @@ class Data:
     history: str = ""
 
     def save(self, path: Path) -> None:
-        """Write to .npz, whole or not at all; volumes, whose noise does not compress, as they are."""
-        arrays = {name: np.asarray(value) for name, value in self.__dict__.items()}
-        write_npz(path, arrays, compressed=self.before.ndim < 3)
+        """Write to .npz, whole or not at all; not compressed, because every round reads it and noise stays as large."""
+        write_npz(path, {name: np.asarray(value) for name, value in self.__dict__.items()}, compressed=False)
 
     @classmethod
     def load(cls, path: Path) -> Data:

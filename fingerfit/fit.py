@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fingerfit.data import Data
 from fingerfit.deck.context import deck_context
@@ -22,11 +22,13 @@ from fingerfit.mesh_io import format_mesh, read_mesh
 from fingerfit.predict import Predictor, Synthesis, since_first_picture
 from fingerfit.rounds import Asked, simulation_name
 from fingerfit.score import Prediction, score
-from fingerfit.settings import Settings
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Study
 from fingerfit.study_file import load_study, with_gain
+
+if TYPE_CHECKING:
+    from fingerfit.settings import Settings
 
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 SEARCH, REFINED = "search", "refined"

@@ -85,7 +85,7 @@ class Predictor:
         axis = self.mesh.dim - 1
         conjugate = outcome.indenter if data.control == "force" else outcome.reaction
         points = np.empty_like(data.points_displacement)
-        for step in np.unique(data.points_step):
+        for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
             points[chosen] = self._probe.read(outcome.displacement[step])[chosen]
         measured = -conjugate[: len(data.step), axis]
