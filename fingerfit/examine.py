@@ -7,7 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerfit.data import Data
-from fingerfit.diagnose import Examination, Look, anchor_of, look, suspects
+from fingerfit.designs import separation
+from fingerfit.diagnose import (
+    Examination,
+    Look,
+    anchor_of,
+    best_places,
+    judge_of,
+    stiffness_map,
+    suspects,
+    try_suspects,
+)
 from fingerfit.extend import extended
 from fingerfit.fit import Fit
 from fingerfit.judge import Judge
@@ -34,6 +44,8 @@ class Examined:
         Simulations that were not known before.
     measurements : list of (str, float)
         Changes of the measurement and by how much each would separate the first two effects better.
+    stiffness : ndarray, shape (places, dim + 2)
+        As from `stiffness_map`.
     """
 
     examination: Examination
@@ -43,6 +55,7 @@ class Examined:
     verdict: Verdict
     run: int
     measurements: list[tuple[str, float]]
+    stiffness: np.ndarray
 
 
 def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examined:
@@ -61,15 +74,23 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     found = suspects(fit, finest(fit, last).values)
     run = solve_missing(fit, [anchor_of(fit, last), *(asked for suspect in found for asked in suspect.asked)], threads)
     examination = Examination(fit, last, everything)
-    judge, looks = look(examination, found)
+    judge = judge_of(examination)
+    everywhere = try_suspects(examination, judge, found)
+    looks = best_places(everywhere)
     refits: dict[str, Refit] = {}
     for candidate in to_refit(judge, looks, len(found)):
         refit, more = _refit(fit, last, candidate, everything, judge.misfit, threads)
         refits[candidate.suspect.effect.name] = refit
         run += more
     verdict = decide(judge, looks, refits, len(found))
-    measurements = separating(examination, looks) if verdict.kind == "indistinguishable" else []
-    return Examined(examination, judge, looks, refits, verdict, run, measurements)
+    measurements: list[tuple[str, float]] = []
+    if verdict.kind == "indistinguishable":
+        blamed = {one.suspect.effect.name: one for one in looks}
+        first, second = (blamed[name] for name in verdict.effects[:2])
+        measurements, more = separation(examination, first, second, threads)
+        run += more
+    stiffness = stiffness_map(examination, everywhere)
+    return Examined(examination, judge, looks, refits, verdict, run, measurements, stiffness)
 
 
 def errors(examination: Examination) -> tuple[float, float | None]:
@@ -119,7 +140,7 @@ def _fitted(wider: Fit, everything: Data, threads: int) -> tuple[Refit, int]:
     end, run = run_fit(wider, threads)
     run += solve_missing(wider, [anchor_of(wider, end)], threads)
     examination = Examination(wider, end, everything)
-    judge = look(examination, [])[0]
+    judge = judge_of(examination)
     fitted, held_out = errors(examination)
     return Refit(judge.misfit, judge.freedom, fitted, held_out, minimum(wider, end).values), run
 
@@ -130,36 +151,6 @@ def widened(fit: Fit, last: Round, one: Look, share: float = 1.0) -> Fit:
     size = {p.name: p.null + share * (one.size[p.name] - p.null) for p in effect.parameters}
     settings = extended(fit.settings, effect, one.suspect.place, size, minimum(fit, last).values)
     return Fit(settings, fit.data, fit.mesh_files, fit.sims)
-
-
-def separating(examination: Examination, looks: list[Look]) -> list[tuple[str, float]]:
-    """What would separate the first two effects: changes of the measurement and their gain, the best first.
-
-    The gain is how much larger the signal of the first effect becomes, in units of the noise and after all that the
-    second and the model's own constants can imitate is taken away.
-    """
-    residual = examination.residual
-    noise, mesh = residual.covariance, examination.mesh_covariance()
-    nuisance, own = examination.nuisance(), examination.own()
-    pictures = np.flatnonzero(residual.kept) < residual.value.size
-    finer = np.where(pictures[:, None] & pictures[None], 0.25, 1.0)
-    sharper = np.where(pictures[:, None] & pictures[None], 1.0, 0.04)
-    without_force = nuisance.copy()
-    without_force[:, 0::2] *= 0.2
-    designs = {"as measured": (noise, mesh, nuisance)}
-    if pictures.any():
-        kind = "pictures" if len(examination.data.picture_step) else "points"
-        designs[f"{kind} with half the noise (four repetitions averaged)"] = (noise * finer, mesh, nuisance)
-    designs["forces and displacements measured five times better"] = (noise * sharper, mesh, without_force)
-    if mesh.any():
-        designs["a mesh of half the element size"] = (noise, mesh * 0.2, nuisance)
-    first, second = looks[0], looks[1]
-    signal = {}
-    for title, (covariance, error, unknown) in designs.items():
-        judge = Judge(residual.vector, covariance + error, np.concatenate([own, second.columns], axis=1), unknown)
-        signal[title] = float((judge.signature(first.columns @ first.finding.size[:, None]) ** 2).sum())
-    base = max(signal.pop("as measured"), 1e-300)
-    return sorted(((title, value / base) for title, value in signal.items()), key=lambda pair: -pair[1])
 
 
 def _root_mean_square(values: np.ndarray) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 from fingerfit.data import Data
 from fingerfit.effects.observe import Observation
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.warp import BackwardMap, Probe, backward_map, warp
 from fingerfit.mesh import Mesh
 from fingerfit.score import Prediction
@@ -75,7 +74,7 @@ class Predictor:
             return None
         maps = self.maps(outcome, seen)
         # smoothed after the warp: its border is then as soft as that of the measured picture
-        synthesized = [smooth(warp(data.coefficients, data.background, way), data.smooth) for way in maps]
+        synthesized = [warp(data.coefficients, data.background, way, data.smooth) for way in maps]
         if seen is not None and synthesized:
             x, y = positions(self._frame)
             synthesized = [
@@ -86,7 +85,7 @@ class Predictor:
         axis = self.mesh.dim - 1
         conjugate = outcome.indenter if data.control == "force" else outcome.reaction
         points = np.empty_like(data.points_displacement)
-        for step in np.unique(data.points_step):
+        for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
             points[chosen] = self._probe.read(outcome.displacement[step])[chosen]
         measured = -conjugate[: len(data.step), axis]
