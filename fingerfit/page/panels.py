@@ -56,7 +56,7 @@ class Panels:
         )
         every = np.concatenate([np.abs(c.difference).ravel() for c in pictured]) if pictured else np.ones(1)
         self.limit = float(np.nanquantile(every, 0.999)) or 1.0
-        self.reach = _limit([c.moves for c in pictured if c.mapped])
+        self.reach = _limit([m.compare.moves for m in models if m.compare is not None and m.compare.mapped])
         for model in models:
             if model.compare is not None:
                 self._draw(model, model.compare)
@@ -124,7 +124,7 @@ class Panels:
         drawn = [effect for effect in ranked if effect in model.patterns][:PATTERNS]
         there = compare.moves if model.there is None else model.there
         own = _limit([there, *(model.patterns[effect] for effect in drawn)])
-        for n in range(compare.pictures):
+        for n in range(compare.views):
             self.keys[f"map|{name}|{n}"] = self.keep(map_panel(self.maps, compare, compare.moves[n], self.reach))
             if not drawn:
                 continue
