@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fem.factor import CLOSE, LARGE
+from fingerfit.fem.factor import CLOSE, LARGE, inner
 from fingerfit.fem.system import System
 
 TOLERANCE = 1e-8
@@ -158,10 +158,10 @@ class Newton:
         last, before = self.load, self._before[1]
         done = np.concatenate([last.given - before.given, last.force - before.force])
         ahead = np.concatenate([load.given - last.given, load.force - last.force])
-        length = done @ done
+        length = inner(done, done)
         if length == 0:
             return None
-        share = (done @ ahead) / length
+        share = inner(done, ahead) / length
         if self.system.driven:
             before, now, then = (np.abs(part.force).max() ** _HERTZ for part in (self._before[1], last, load))
             share = (then - now) / (now - before) if now > before and then > now else share
@@ -213,7 +213,7 @@ class Newton:
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
-            if step @ residual > 0 and error > 1e-4:
+            if inner(step, residual) > 0 and error > 1e-4:
                 step = -step
             moved = self._search(q, step, residual, load, held)
             if moved is None:
@@ -261,7 +261,7 @@ class Newton:
     ) -> np.ndarray | None:
         """Shorten a step until it lowers the residual or the potential energy."""
         system = self.system
-        norm, slope = np.abs(residual).max(), float(step @ residual)
+        norm, slope = np.abs(residual).max(), inner(step, residual)
         start: float | None = None
         # where contact opens and closes, residuals say little
         enough = 0.3 if system.slides else 1.0
@@ -280,7 +280,7 @@ class Newton:
         return None
 
     def _potential(self, u: np.ndarray, load: Load) -> float:
-        return self.system.energy(u) - float(load.force @ u)
+        return self.system.energy(u) - inner(load.force, u)
 
 
 def _line(start: Load, target: Load) -> Callable[[float], Load]:
