@@ -31,7 +31,7 @@ Made by `make benchmark-solver`; do not edit. The phantom (CPE8, three layers, g
 decks, the programs in turn, the median of so many runs. Times are of the processor, from deck to displacements; *first*
 is the built-in solver with the loading of its libraries, once in a process. CalculiX runs twice: as it stops by itself,
 at half a percent of the mean force (*default*, which the ratio is to), and as the adapter tells it, at 1e-5 (*adapter*,
-what `solver: calculix` does). The differences are the largest ones of any displacement in any step over the indentation:
+what `solver: calculix` does). Differences are the largest ones of any displacement in any step over the indentation;
 those of *default* are CalculiX's own error.
 
 """
@@ -95,8 +95,8 @@ def table(rows: list[dict], threads: int) -> str:
         *HEAD.splitlines(),
         f"Measured on {machine()}; threads: {threads}.",
         "",
-        "| control | elements | unknowns | built-in, s | first, s | default, s | ratio | adapter, s | difference | default's"
-        " | iterations | memory, MB | runs |",
+        "| control | elements | unknowns | built-in, s | first, s | default, s | ratio | adapter, s | difference |"
+        " default's | iterations | memory, MB | runs |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
