@@ -171,8 +171,8 @@ class Newton:
         system = self.system
         q = self._predict(load)
         held = np.zeros(len(system.free), dtype=bool)
+        held[system.pushed] = True
         if q is not None and system.driven:
-            held[system.pushed] = True
             if self._forces(system.expand(q, load.given)) is None:
                 q = self._nearest(q, load)
         elif q is not None and self._forces(system.expand(q, load.given)) is None:
