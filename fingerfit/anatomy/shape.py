@@ -85,9 +85,15 @@ class Anatomy:
                 expected = "a positive number" if positive else f"a number from {low:g} to {high:g}"
                 raise InputError("anatomy", name, value, expected)
         skin = self.epidermis + self.dermis
-        free = min(self.palmar + self.bone_depth, self.dorsal * (1 - self.slope) - self.bone_depth, self.width / 2)
-        if self.bone_height / 2 * HEAD + skin > free:
-            raise InputError("anatomy", "bone_height", self.bone_height, f"less than {2 * (free - skin) / HEAD:.3g} mm")
+        free = min(
+            (self.palmar + self.bone_depth - skin) / HEAD,
+            (self.dorsal - self.bone_depth - skin) / HEAD,
+            self.dorsal * (1 - self.slope) / (1 + self.knuckle) - self.bone_depth - skin,
+        )
+        if self.bone_height >= 2 * free:
+            raise InputError("anatomy", "bone_height", self.bone_height, f"less than {2 * free:.3g} mm")
+        if self.bone_width * HEAD / 2 + skin >= self.width / 2 * (1 - self.taper):
+            raise InputError("anatomy", "bone_width", self.bone_width, "bones that fit into the width")
         if not self.tip < self.joint < self.length - 2 * self.gap:
             expected = f"between tip ({self.tip:g}) and {self.length - 2 * self.gap:g} mm"
             raise InputError("anatomy", "joint", self.joint, expected)

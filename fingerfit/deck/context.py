@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.deck.patch import ball, half_tube
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.expression import evaluate
@@ -48,7 +49,8 @@ def deck_context(
     dict
         ``title, mesh, dim, thickness, control, boundary, steps, increment, top, indenter, layers, effects, parts``,
         ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
-        ``aside(node)``, ``elements()``, ``node(set)`` and ``point(set)`` of a set of one node.
+        ``aside(node)``, ``elements()``, ``node(set)`` and ``point(set)`` of a set of one node, ``ball(centre, radius,
+        count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
     effects = catalogue() if effects is None else effects
     present = [effect for effect in effects.values() if effect.present(values)]
@@ -78,6 +80,10 @@ def deck_context(
         "elements": lambda: _elements(mesh),
         "node": lambda name: _only(mesh, name) + 1,
         "point": lambda name: mesh.points[_only(mesh, name)].tolist(),
+        "ball": lambda centre, radius, count: ball(centre, radius, count, len(mesh.points) + 1),
+        "half_tube": lambda axis, radius, count: half_tube(
+            axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, len(mesh.points) + 1000001
+        ),
     }
 
 

@@ -58,6 +58,7 @@ class Reading:
         self.pressures: list[dict[tuple[Key, int | None], tuple[float, str | None]]] = []
         self.steps: list[DeckStep] = []
         self.step: DeckStep | None = None
+        self.renewed: DeckStep | None = None
         self.finite: bool | None = None
 
     def key(self, label: int) -> Key:
