@@ -124,7 +124,7 @@ def main() -> None:
     for case in CASES:
         rows.append(measure(case, known, args.threads))
         args.out.write_text(table(rows, args.threads))
-        print(args.out.read_text().splitlines()[-1], flush=True)
+        print(args.out.read_text(encoding="utf-8").splitlines()[-1], flush=True)
 
 
 if __name__ == "__main__":

@@ -63,7 +63,7 @@ def measure(folder: Path, control: str, cells: int, repetitions: int, threads: i
     for _ in range(repetitions):
         ours.append(run_solver("builtin", deck, threads))
         theirs.append(run_solver("calculix", deck, threads))
-    text = deck.read_text()
+    text = deck.read_text(encoding="utf-8")
     deck.write_text(text.replace("*STATIC", EXACT + "*STATIC"))
     exact = run_solver("calculix", deck, threads)
     mesh_nodes = ours[0].outcome.displacement.shape[1]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fingerfit.imaging.pictures import read_picture
+import numpy as np
+
+from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.prepare import make_mesh, prepare
 from fingerfit.settings import load_settings
 from fingerfit.settings_check import check_against_study
@@ -50,8 +52,10 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
         size = " x ".join(map(str, frame.values.shape[::-1]))
         spacing = " x ".join(f"{s:.4g}" for s in frame.spacing)
         lines.append(
-            f"pictures: {size} pixels of {spacing} mm, noise {100 * data.picture_noise:.2g} % of the brightest"
+            f"pictures: {size} pixels of {spacing} mm{_turn(frame)},"
+            f" noise {100 * data.picture_noise:.2g} % of the brightest"
         )
+        lines += ["prepared, in this order:", *(f"  {line}" for line in data.history.splitlines())]
     lines.append(_identifiable(study, bool(len(data.measured)), settings.fit.score))
     if picture is not None and len(data.measured) and mesh.dim == 2:
         from fingerfit.plots import extent, figure_overlay, save
@@ -59,6 +63,14 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
         save(figure_overlay(mesh, data.before, extent(data)), picture)
         lines.append(f"mesh over picture: {picture}")
     return "\n".join(lines)
+
+
+def _turn(frame: Picture) -> str:
+    """How the axes of a picture lie in space, where they are not simply its axes."""
+    if np.allclose(frame.direction, np.eye(frame.dim), atol=1e-6):
+        return ""
+    axes = ["(" + ", ".join(f"{x:.3g}" for x in axis) + ")" for axis in np.round(frame.direction.T, 6) + 0.0]
+    return f" along {', '.join(axes)}"
 
 
 def _table(study: Study) -> str:

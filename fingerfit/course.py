@@ -76,12 +76,11 @@ def _evaluate_all(fit: Fit, batch: list[Asked], threads: int) -> list[dict[str, 
 def _evaluate(fit: Fit, asked: Asked, predictor: Predictor) -> dict[str, Any]:
     """Score one simulated guess: its entry of the history."""
     outcome = fit.outcome(asked)
-    predicted = predictor.predict(outcome, fit.seen(asked.values))
+    made = predictor.predict(outcome, fit.seen(asked.values))
     entry: dict[str, Any] = {"values": asked.values, "sim": asked.sim, "score": None}
-    if predicted is None:
+    if made is None:
         return {**entry, "message": outcome.message}
-    prediction, faults = predicted
-    entry = {**entry, "score": fit.score(prediction), "message": ""}
-    if faults.inverted or faults.overlaps:
-        entry["message"] = f"{faults.inverted} inverted elements, {faults.overlaps} pixels claimed twice"
+    entry = {**entry, "score": fit.score(made.prediction), "message": ""}
+    if made.inverted or made.overlaps:
+        entry["message"] = f"{made.inverted} inverted elements, {made.overlaps} pixels claimed twice"
     return entry

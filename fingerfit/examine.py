@@ -58,11 +58,10 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     threads : int
         Simulations beside each other.
     """
-    values = finest(fit, last).values
-    anchor, found = anchor_of(fit, values), suspects(fit, values)
-    run = solve_missing(fit, [anchor, *(asked for suspect in found for asked in suspect.asked)], threads)
-    examination = Examination(fit, last, values, everything)
-    judge, looks = look(examination, found, anchor)
+    found = suspects(fit, finest(fit, last).values)
+    run = solve_missing(fit, [anchor_of(fit, last), *(asked for suspect in found for asked in suspect.asked)], threads)
+    examination = Examination(fit, last, everything)
+    judge, looks = look(examination, found)
     refits: dict[str, Refit] = {}
     for candidate in to_refit(judge, looks, len(found)):
         refit, more = _refit(fit, last, candidate, everything, threads)
@@ -75,9 +74,8 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
 
 def errors(examination: Examination) -> tuple[float, float | None]:
     """Error of fitted and of held-out pictures in units of the noise floor; 1 is the noise."""
-    data, residual, fit = examination.data, examination.residual, examination.fit
-    ratio = residual.error / residual.floor
-    fitted = fitted_pictures(fit, data)
+    ratio = examination.residual.error / examination.floor
+    fitted = fitted_pictures(examination.fit, examination.data)
     held = ratio[~fitted]
     return _root_mean_square(ratio[fitted]), _root_mean_square(held) if len(held) else None
 
@@ -88,23 +86,20 @@ def fitted_pictures(fit: Fit, data: Data) -> np.ndarray:
     return np.array([wanted is None or int(data.step[step]) in wanted for step in data.picture_step], dtype=bool)
 
 
-def judged(examination: Examination) -> Judge:
-    """Misfit of a model whose suspects are not tested."""
-    return look(examination, [], anchor_of(examination.fit, examination.values))[0]
-
-
 def _refit(fit: Fit, last: Round, one: Look, everything: Data, threads: int) -> tuple[Refit, int]:
-    effect = one.suspect.effect
-    size = {p.name: float(p.null + s) for p, s in zip(effect.parameters, one.finding.size, strict=True)}
-    settings = extended(fit.settings, effect, one.suspect.place, size, minimum(fit, last).values)
-    wider = Fit(settings, fit.data, fit.mesh_files, fit.sims)
+    wider = widened(fit, last, one)
     end, run = run_fit(wider, threads)
-    base = finest(wider, end)
-    run += solve_missing(wider, [anchor_of(wider, base.values)], threads)
-    examination = Examination(wider, end, base.values, everything)
-    judge = judged(examination)
+    run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    examination = Examination(wider, end, everything)
+    judge = look(examination, [])[0]
     fitted, held_out = errors(examination)
     return Refit(judge.misfit, judge.freedom, fitted, held_out, minimum(wider, end).values), run
+
+
+def widened(fit: Fit, last: Round, one: Look) -> Fit:
+    """Fit of the model with a tested effect more, from where `fit` ended."""
+    settings = extended(fit.settings, one.suspect.effect, one.suspect.place, one.size, minimum(fit, last).values)
+    return Fit(settings, fit.data, fit.mesh_files, fit.sims)
 
 
 def separating(examination: Examination, looks: list[Look]) -> list[tuple[str, float]]:
@@ -113,10 +108,9 @@ def separating(examination: Examination, looks: list[Look]) -> list[tuple[str, f
     The gain is how much larger the signal of the first effect becomes, in units of the noise and after all that the
     second and the model's own constants can imitate is taken away.
     """
-    anchor = anchor_of(examination.fit, examination.values)
     residual = examination.residual
-    noise, mesh = residual.covariance, examination.mesh_covariance(anchor)
-    nuisance, own = examination.nuisance(anchor), examination.own()
+    noise, mesh = residual.covariance, examination.mesh_covariance()
+    nuisance, own = examination.nuisance(), examination.own()
     pictures = np.flatnonzero(residual.kept) < residual.value.size
     finer = np.where(pictures[:, None] & pictures[None], 0.25, 1.0)
     sharper = np.where(pictures[:, None] & pictures[None], 1.0, 0.04)

@@ -65,6 +65,8 @@ class Truth:
         At the end of each step, s; needed by effects that depend on it.
     effects : dict
         Hidden effects and their numbers.
+    own : Path, optional
+        A folder whose ``effects/`` has effects that are not in the catalogue.
     """
 
     title: str
@@ -81,6 +83,12 @@ class Truth:
     seed: int
     time: tuple[float, ...] = ()
     effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    own: Path | None = None
+
+    @property
+    def known(self) -> dict[str, Effect]:
+        """The catalogue and the experiment's own effects."""
+        return catalogue(self.own)
 
     @property
     def values(self) -> dict[str, float]:
@@ -102,8 +110,9 @@ def read_truth(path: Path) -> Truth:
     if problems:
         raise Problems(problems)
     keys.known(
-        "title", "body", "material", "mesh", "solver", "displacement", "picture", "noise", "seed", "time", "effects"
-    )
+        "title", "body", "material", "mesh", "solver", "displacement", "picture", "noise", "seed", "time", "effects",
+        "own",
+    )  # fmt: skip
     body, noise = keys.mapping("body"), keys.mapping("noise")
     body.known("width", "thickness", "layers")
     noise.known("force", "displacement")
@@ -129,7 +138,8 @@ def read_truth(path: Path) -> Truth:
     truth = (body.number("width", above=0.0), body.number("thickness", above=0.0))
     spread = (noise.number("force"), noise.number("displacement"))
     solver, title, seed = keys.text("solver"), keys.text("title"), keys.number("seed")
-    effects, known = keys.mapping("effects", {}), catalogue()
+    own = path.parent / (keys.text("own") or "") if "own" in keys.data else None
+    effects, known = keys.mapping("effects", {}), catalogue(own)
     effects.known(*known)
     hidden = {}
     for name in effects.data:
@@ -155,6 +165,7 @@ def read_truth(path: Path) -> Truth:
         int(seed or 0),
         time,
         hidden,
+        own,
     )
 
 
@@ -219,12 +230,13 @@ def solve(truth: Truth, folder: Path, threads: int = 2) -> Solved:
 
 
 def _present(truth: Truth) -> list[Effect]:
-    return [effect for name, effect in catalogue().items() if name in truth.effects]
+    return [effect for name, effect in truth.known.items() if name in truth.effects]
 
 
 def _run(truth: Truth, study: Study, mesh: Mesh, folder: Path, threads: int) -> Outcome:
-    context = deck_context(study, mesh, "mesh.inp", truth.values, truth.material)
-    write_text(folder / "deck.inp", render_deck("block.inp.j2", context, [TEMPLATES]))
+    context = deck_context(study, mesh, "mesh.inp", truth.values, truth.material, truth.known)
+    folders = [*([truth.own] if truth.own else []), TEMPLATES]
+    write_text(folder / "deck.inp", render_deck("block.inp.j2", context, folders))
     outcome = get_solver(truth.solver).solve(folder / "deck.inp", folder, threads)
     if outcome.status != CONVERGED:
         raise SolverError(f"experiment: {truth.solver}: {outcome.message}")
@@ -256,11 +268,9 @@ def _pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation | No
     x, y = positions(frame)
     for k, u in enumerate([np.zeros(mesh.points.shape), *outcome.displacement]):
         shift = np.zeros(2) if seen is None or k == 0 else seen.shift(k)
-        moved = replace(dense, origin=dense.origin - shift)
-        way = backward_map(mesh, u, moved)
-        source = way.index - shift / dense.spacing
+        way = backward_map(mesh, u + shift, dense)
         full = np.zeros(dense.values.size)
-        full[way.pixel] = intensity[way.element] * (1 + sample(texture, source))
+        full[way.pixel] = intensity[way.element] * (1 + sample(texture, way.index))
         picture = full.reshape(pixels, fine, pixels, fine).mean(axis=(1, 3))
         pictures.append(picture if seen is None or k == 0 else seen.intensity(picture, k, x, y))
     return np.array(pictures), frame

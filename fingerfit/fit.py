@@ -19,7 +19,7 @@ from fingerfit.errors import StateError
 from fingerfit.files import digest
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import read_mesh
-from fingerfit.predict import Predictor
+from fingerfit.predict import Predictor, Synthesis, since_first_picture
 from fingerfit.rounds import Asked, simulation_name
 from fingerfit.score import Prediction, score
 from fingerfit.settings import Settings
@@ -82,7 +82,7 @@ class Fit:
 
     def ask(self, values: Mapping[str, float], role: str = SEARCH, gain: float = 1.0) -> Asked:
         """Deck and name of the simulation of a guess; `gain` multiplies the prescribed quantity."""
-        mesh = self._mesh(role)
+        mesh = REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH
         context = deck_context(
             with_gain(self.study, gain),
             self.meshes[mesh],
@@ -105,22 +105,26 @@ class Fit:
         everything = {**self.settings.fixed(), **values}
         return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].points, len(self.data.step))
 
-    def _mesh(self, role: str) -> str:
-        return REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH
+    def mesh_of(self, asked: Asked) -> str:
+        """Which of the meshes a guess is solved on."""
+        return REFINED if self.mesh_names.get(REFINED) == asked.mesh else SEARCH
 
     def outcome(self, asked: Asked) -> Outcome:
-        """Solution of a guess."""
-        return Outcome.load(self.sims / asked.sim / "solution.npz")
+        """Solution of a guess, since the first picture."""
+        return since_first_picture(Outcome.load(self.sims / asked.sim / "solution.npz"), len(self.data.step))
+
+    def synthesis(self, asked: Asked) -> Synthesis:
+        """What should have been measured by a guess that must have a solution, and its maps."""
+        made = self.predictor(self.mesh_of(asked)).predict(self.outcome(asked), self.seen(asked.values))
+        if made is None:
+            raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
+        return made
 
     def prediction(self, asked: Asked) -> Prediction:
-        """Prediction of a guess that must have a solution."""
+        """The same without the maps; kept."""
         key = asked.sim + json.dumps(asked.values, sort_keys=True)
         if key not in self._predictions:
-            predictor = self.predictor(self._mesh(asked.role))
-            predicted = predictor.predict(self.outcome(asked), self.seen(asked.values))
-            if predicted is None:
-                raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
-            self._predictions[key] = predicted[0]
+            self._predictions[key] = self.synthesis(asked).prediction
         return self._predictions[key]
 
     def score(self, prediction: Prediction) -> float:

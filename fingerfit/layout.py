@@ -46,7 +46,7 @@ _FIT = (
     "score.py",
 )
 SOURCES: dict[str, tuple[str, ...]] = {
-    "prepare": (*_READ, *_MESH, "prepare.py"),
+    "prepare": (*_READ, *_MESH, "pictured.py", "prepare.py"),
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
     "plot": (*_FIT, "plots.py"),
@@ -58,6 +58,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "extend.py",
         "findings.py",
         "judge.py",
+        "pictured.py",
         "prepare.py",
         "residual.py",
         "simulate.py",
@@ -168,6 +169,6 @@ def figures(settings: Settings) -> list[str]:
 def write_settings(settings: Settings, path: Path) -> str:
     """Write the settings where they differ from what is there, and return the path."""
     text = json.dumps(settings.model_dump(mode="json"), indent=1) + "\n"
-    if not path.exists() or path.read_text() != text:
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
     return str(path)

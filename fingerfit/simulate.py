@@ -8,23 +8,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fingerfit.course import next_round
-from fingerfit.files import write_json, write_text
 from fingerfit.fit import Fit
-from fingerfit.rounds import Asked, Round
+from fingerfit.rounds import Asked, Round, write_folders
 from fingerfit.solvers.registry import get_solver
 
 
 def solve_missing(fit: Fit, asked: Sequence[Asked], threads: int) -> int:
     """Solve what has no solution yet; returns how many that were."""
-    missing = {a.sim: a for a in asked if not (fit.sims / a.sim / "solution.npz").exists()}
-    for a in missing.values():
-        folder = fit.sims / a.sim
-        write_text(folder / "deck.inp", a.deck)
-        write_json(folder / "solver.json", {**fit.solver, "includes": [f"{a.mesh}.inp"]})
-        mesh = fit.sims.parent / "meshes" / f"{a.mesh}.inp"
-        if not mesh.exists():
-            name = next(key for key, value in fit.mesh_names.items() if value == a.mesh)
-            write_text(mesh, fit.mesh_files[name].read_text())
+    batch = [a for a in asked if not (fit.sims / a.sim / "solution.npz").exists()]
+    meshes = {fit.mesh_names[name]: path for name, path in fit.mesh_files.items()}
+    missing = write_folders(fit.sims.parent, batch, fit.solver, meshes)
     solve = functools.partial(_solve, fit.sims, fit.settings.solver)
     if threads < 2 or len(missing) < 2:
         for sim in missing:

@@ -2,22 +2,28 @@
 
 For each pixel of the deformed picture the element that covers it is found and its local coordinates, by Newton's
 method on the element's own shape functions; these give the material point, and the picture before compression is
-read there through cubic B-splines (Unser 1999). The same code serves two and three dimensions.
+read there through cubic B-splines (Unser 1999). The same code serves two and three dimensions; in tetrahedra, of which
+a body has many, scan lines take the place of the search (`fingerfit.imaging.tetrahedra`).
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fingerfit.fem.elements import distance, rule, shape
+from fingerfit.fem.elements import ELEMENTS, distance, rule, shape
 from fingerfit.imaging.inverse import local_coordinates
 from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.preprocess import reach_of, smooth
+from fingerfit.imaging.tetrahedra import Claims, Tetrahedra, border_faces
 from fingerfit.mesh import Mesh
 
 _DEEP = 1 - 1e-3
+_PAIRS = 4_000_000
+"""Pairs of element and point that are looked at together."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class BackwardMap:
     shape : tuple of int
         Shape of the picture.
     inverted : int
-        Elements that are turned inside out somewhere: what they cover is left out.
+        Elements that are turned inside out somewhere. Tetrahedra that are so between their corners cover nothing.
     overlaps : int
         Pixels inside more than one element; the one whose centre is nearest has them.
     """
@@ -67,25 +73,58 @@ def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture, margin: f
     reference = frame.to_index(mesh.points)
     size = np.array(frame.values.shape[::-1])
     found, inverted, first = [], 0, 0
+    straight: list[tuple[int, Tetrahedra, np.ndarray]] = []
     for block in mesh.blocks:
-        corners = deformed[block.nodes]
-        inverted += _count_inverted(block.element, corners, reference[block.nodes])
-        element, pixel = _candidates(corners, size, margin)
-        xi, outside = local_coordinates(block.element, corners, element, pixel.astype(float), margin)
-        near = np.isfinite(outside)
-        element, pixel, xi, outside = element[near], pixel[near], xi[near], outside[near]
-        source = np.einsum("pn,pni->pi", shape(block.element, xi)[0], reference[block.nodes][element])
-        depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(block.element, xi), 1.0))
-        found.append((element + first, pixel, source, depth))
+        corners, rest = deformed[block.nodes], reference[block.nodes]
+        inverted += _count_inverted(block.element, corners, rest)
+        if mesh.dim == 3 and ELEMENTS[block.element].is_simplex:
+            body = Tetrahedra(block.element, corners, rest, size)
+            claims = body.inside()
+            straight.append((first, body, block.nodes))
+        else:
+            claims = _search(block.element, corners, rest, size, margin)
+        found.append(replace(claims, element=claims.element + first))
         first += len(block.nodes)
-    element, pixel, source, depth = (np.concatenate(part) for part in zip(*found, strict=True))
-    flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), frame.values.shape)
-    order = np.lexsort((element, depth, flat))
-    chosen = np.ones(len(order), dtype=bool)
-    chosen[1:] = flat[order][1:] != flat[order][:-1]
-    kept = order[chosen]
-    deep = np.bincount(flat[depth < _DEEP], minlength=1)
-    return BackwardMap(flat[kept], source[kept], element[kept], frame.values.shape, inverted, int((deep > 1).sum()))
+    if straight and margin > 0:
+        covered = np.zeros(frame.values.size, dtype=bool)
+        for claims in found:
+            covered[claims.pixel[claims.depth <= 1]] = True
+        borders = border_faces([nodes for _, _, nodes in straight])
+        for (start, body, _), (element, face) in zip(straight, borders, strict=True):
+            claims = body.near(element, face, margin, covered)
+            found.append(replace(claims, element=claims.element + start))
+    return _winners(Claims.joined(found, mesh.dim), frame.values.shape, inverted)
+
+
+def _search(kind: str, corners: np.ndarray, reference: np.ndarray, size: np.ndarray, margin: float) -> Claims:
+    """Claims of elements of any type, found by trying all pixels of the boxes around them."""
+    element, pixel = _candidates(corners, size, margin)
+    xi, outside = local_coordinates(kind, corners, element, pixel.astype(float), margin)
+    near = np.isfinite(outside)
+    element, pixel, xi, outside = element[near], pixel[near], xi[near], outside[near]
+    source = np.einsum("pn,pni->pi", shape(kind, xi)[0], reference[element])
+    depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(kind, xi), 1.0))
+    return Claims(element, np.ravel_multi_index(tuple(pixel[:, ::-1].T), tuple(size[::-1])), source, depth)
+
+
+def _winners(claims: Claims, shape: tuple[int, ...], inverted: int) -> BackwardMap:
+    """One claim for each pixel: the deepest, then that of the first element."""
+    times = np.bincount(claims.pixel, minlength=1)
+    several = np.take(times, claims.pixel) > 1
+    rival = np.flatnonzero(several)
+    pixel, depth = claims.pixel[rival], claims.depth[rival]
+    order = np.lexsort((claims.element[rival], depth, pixel))
+    won = np.ones(len(order), dtype=bool)
+    won[1:] = pixel[order][1:] != pixel[order][:-1]
+    kept = np.concatenate([np.flatnonzero(~several), rival[order[won]]])
+    # in the order of the picture: what is read there lies close together
+    place = np.full(len(times), -1)
+    place[claims.pixel[kept]] = kept
+    kept = place[place >= 0]
+    deep = np.bincount(pixel[depth < _DEEP], minlength=1)
+    return BackwardMap(
+        claims.pixel[kept], claims.source[kept], claims.element[kept], shape, inverted, int((deep > 1).sum())
+    )
 
 
 def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> int:
@@ -127,6 +166,13 @@ def sample(coefficients: np.ndarray, index: np.ndarray) -> np.ndarray:
     index : ndarray, shape (points, dim)
         x, y[, z]; beyond the border the picture is mirrored.
     """
+    if coefficients.ndim == 3:
+        from scipy.ndimage import map_coordinates
+
+        # the same sum, compiled; in the plane its import would cost more than it saves
+        return map_coordinates(
+            coefficients, index.T[::-1], output=coefficients.dtype, order=3, mode="mirror", prefilter=False
+        )
     size = np.array(coefficients.shape[::-1])
     low = np.floor(index).astype(np.int64) - 1
     weights = _weights(index - np.floor(index))
@@ -154,8 +200,8 @@ def _weights(t: np.ndarray) -> np.ndarray:
     ) / 6  # fmt: skip
 
 
-def warp(coefficients: np.ndarray, background: float, way: BackwardMap) -> np.ndarray:
-    """The synthesized picture.
+def warp(coefficients: np.ndarray, background: float, way: BackwardMap, sigma: float = 0.0) -> np.ndarray:
+    """The synthesized picture, as precise as the coefficients.
 
     Parameters
     ----------
@@ -165,10 +211,24 @@ def warp(coefficients: np.ndarray, background: float, way: BackwardMap) -> np.nd
         Intensity of the pixels that the body does not cover.
     way : BackwardMap
         Where the covered pixels come from.
+    sigma : float
+        Standard deviation of a Gaussian that follows, pixels.
     """
-    picture = np.full(int(np.prod(way.shape)), background)
-    picture[way.pixel] = sample(coefficients, way.index)
-    return picture.reshape(way.shape)
+    flat = np.full(int(np.prod(way.shape)), background, dtype=coefficients.dtype)
+    flat[way.pixel] = sample(coefficients, way.index)
+    picture = flat.reshape(way.shape)
+    if sigma > 0 and len(way.pixel):
+        # all else is background and stays as it is
+        place = np.unravel_index(way.pixel, way.shape)
+        reach = reach_of(sigma)
+        window = tuple(slice(max(0, int(p.min()) - 2 * reach), int(p.max()) + 2 * reach + 1) for p in place)
+        picture[window] = smooth(picture[window], sigma)
+    return picture
+
+
+def _parts(points: np.ndarray, size: int) -> Iterator[tuple[int, np.ndarray]]:
+    for first in range(0, len(points), size):
+        yield first, points[first : first + size]
 
 
 class Probe:
@@ -189,8 +249,12 @@ class Probe:
         for block in mesh.blocks:
             corners = mesh.points[block.nodes]
             low, high = corners.min(axis=1) - 1e-9, corners.max(axis=1) + 1e-9
-            near = ((low[:, None] <= points) & (points <= high[:, None])).all(axis=2)
-            element, point = np.nonzero(near)
+            pairs = []
+            for first, part in _parts(points, _PAIRS // len(corners) + 1):
+                near = ((low[:, None] <= part) & (part <= high[:, None])).all(axis=2)
+                element, point = np.nonzero(near)
+                pairs.append((element, first + point))
+            element, point = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=int)
             xi, outside = local_coordinates(block.element, corners, element, points[point])
             inside = outside == 0
             element, point = element[inside], point[inside]

@@ -50,11 +50,14 @@ def write_page(study: Path, out: Path) -> None:
         lstrip_blocks=True,
     )
     env.filters.update(number=number, with_unit=with_unit, in_words=in_words)
-    script = (FOLDER / "page.js").read_text()
+    script = (FOLDER / "page.js").read_text(encoding="utf-8")
     stamp = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     # Markup: our own files, not escaped; everything that comes from a study is
     text = env.get_template("page.html.j2").render(
-        **page_context(inputs), style=Markup((FOLDER / "style.css").read_text()), script=Markup(script), stamp=stamp
+        **page_context(inputs),
+        style=Markup((FOLDER / "style.css").read_text(encoding="utf-8")),
+        script=Markup(script),
+        stamp=stamp,
     )
     write_text(out, text)
 

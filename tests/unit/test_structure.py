@@ -21,7 +21,7 @@ ORDER = (
     ("imaging", "data"),
     ("score", "search", "uncertainty"),
     ("predict", "estimate", "rounds"),
-    ("settings",),
+    ("settings", "pictured"),
     ("prepare", "fit", "experiment", "settings_check"),
     ("residual",),
     ("refine",),
