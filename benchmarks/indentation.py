@@ -193,7 +193,8 @@ def main() -> None:
     for case in CASES:
         rows.append(measure(case, known, args.threads))
         args.out.write_text(table(rows, args.threads))
-        print(next(line for line in reversed(args.out.read_text().splitlines()) if "|" in line), flush=True)
+        lines = args.out.read_text(encoding="utf-8").splitlines()
+        print(next(line for line in reversed(lines) if "|" in line), flush=True)
 
 
 if __name__ == "__main__":

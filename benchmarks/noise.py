@@ -26,7 +26,7 @@ DESCRIPTION = ROOT / "studies/phantom/experiment.yaml"
 
 def solved_once(truth: Truth) -> Solved:
     """The answer without noise, from the cache where it is."""
-    cache = CACHE / f"solved_{digest(DESCRIPTION.read_text())}.npz"
+    cache = CACHE / f"solved_{digest(DESCRIPTION.read_text(encoding='utf-8'))}.npz"
     if not cache.exists():
         with tempfile.TemporaryDirectory() as folder:
             made = solve(truth, Path(folder))
@@ -113,7 +113,7 @@ def main() -> None:
     args = parser.parse_args()
     truth = read_truth(DESCRIPTION)
     solved = solved_once(truth)
-    config = yaml.safe_load((ROOT / "config.yaml").read_text())
+    config = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
     constants = {f"mu_{layer['name']}": layer["mu"] for layer in truth.layers}
     seeds, fits, start = list(range(1, args.count + 1)), [], time.perf_counter()
     for seed in seeds:

@@ -31,8 +31,8 @@ from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Body, Layer, Noise, Step, Study
 
 PHANTOM = ROOT / "studies/phantom"
-TRUTH = yaml.safe_load((PHANTOM / "sealed/truth.yaml").read_text())
-EXPERIMENT = yaml.safe_load((PHANTOM / "experiment.yaml").read_text())
+TRUTH = yaml.safe_load((PHANTOM / "sealed/truth.yaml").read_text(encoding="utf-8"))
+EXPERIMENT = yaml.safe_load((PHANTOM / "experiment.yaml").read_text(encoding="utf-8"))
 LAYERS = [(layer["name"], float(layer["height"])) for layer in EXPERIMENT["body"]["layers"]]
 WIDTH, THICKNESS = EXPERIMENT["body"]["width"], EXPERIMENT["body"]["thickness"]
 BOTH = {"element": "CPE8", "across": 10, "per_layer": 4, "grading": 10.0}
@@ -40,7 +40,7 @@ BOTH = {"element": "CPE8", "across": 10, "per_layer": 4, "grading": 10.0}
 
 def config_of(file: str) -> dict[str, Any]:
     """A config of this repository, with the study's place made absolute."""
-    config = yaml.safe_load((ROOT / file).read_text())
+    config = yaml.safe_load((ROOT / file).read_text(encoding="utf-8"))
     return {**config, "study": str(ROOT / config["study"])}
 
 
@@ -211,7 +211,7 @@ def profile() -> list[str]:
         jobs: dict[str, list[tuple[float, float]]] = {}
         for path in (folder / ".snakemake/metadata").rglob("*"):
             if path.is_file():
-                job = json.loads(path.read_text())
+                job = json.loads(path.read_text(encoding="utf-8"))
                 jobs.setdefault(job["rule"], []).append((job["starttime"] - start, job["endtime"] - start))
         rounds = len(list(folder.glob("results/*/*/rounds/*.json")))
         count = len(list(folder.glob("results/*/sims/*/solution.npz")))
@@ -274,7 +274,7 @@ def main() -> None:
         print(section, flush=True)
     head = "# The phantom study in figures\n\nMade by `benchmarks/phantom.py` (`make benchmark`) on two cores.\n"
     made = [CACHE / f"phantom_{part}.md" for part in PARTS]
-    sections = [path.read_text() for path in made if path.exists()]
+    sections = [path.read_text(encoding="utf-8") for path in made if path.exists()]
     (ROOT / "benchmarks/phantom.md").write_text("\n".join([head, *sections]))
 
 

@@ -65,7 +65,7 @@ def machine() -> str:
     cpu = next(
         (
             line.partition(":")[2].strip()
-            for line in Path("/proc/cpuinfo").read_text().splitlines()
+            for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
             if "model name" in line
         ),
         platform.machine(),
@@ -83,7 +83,7 @@ def machine() -> str:
 def _peak(pid: int | str) -> float:
     """Peak resident memory of a process so far, MB."""
     try:
-        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        for line in Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines():
             if line.startswith("VmHWM"):
                 return float(line.split()[1]) / 1024
     except OSError:
@@ -95,7 +95,7 @@ def _watch(peak: list[float], done: threading.Event) -> None:
     """Keep the peak of this process's children."""
     children = Path(f"/proc/self/task/{os.getpid()}/children")
     while not done.wait(0.02):
-        for pid in children.read_text().split():
+        for pid in children.read_text(encoding="utf-8").split():
             peak[0] = max(peak[0], _peak(pid))
 
 
@@ -109,7 +109,10 @@ class _Ccx:
         count = str(threads)
         environment = {"OMP_NUM_THREADS": count, "CCX_NPROC_EQUATION_SOLVER": count}
         run(["ccx", "-i", deck.stem], workdir, self.limit, environment)
-        tables = _read_dat((workdir / f"{deck.stem}.dat").read_text(), deck.read_text().count("*END STEP"))
+        tables = _read_dat(
+            (workdir / f"{deck.stem}.dat").read_text(encoding="utf-8"),
+            deck.read_text(encoding="utf-8").count("*END STEP"),
+        )
         moved = np.array([table["ALL"][:, 1:] for table in tables])
         force = np.array([-table["BOTTOM"][:, 1:].sum(axis=0) for table in tables])
         indenter = np.array([table["INDENTER"][0, 1:] for table in tables])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fingerfit.fit import Fit
+    from fingerfit.settings import Settings
 
 
 def show_deck(args: argparse.Namespace) -> None:
@@ -55,12 +56,17 @@ def prepare(args: argparse.Namespace) -> None:
     data.save(args.out)
 
 
-def _fit(args: argparse.Namespace) -> Fit:
+def _fit(args: argparse.Namespace, settings: Settings | None = None) -> Fit:
+    from fingerfit.choices import read_checked
     from fingerfit.data import Data
     from fingerfit.fit import Fit
-    from fingerfit.settings import load_settings
 
-    settings = load_settings(args.settings)
+    if settings is None and args.settings.suffix == ".json":
+        settings = read_checked(args.settings)  # as the workflow wrote them
+    elif settings is None:
+        from fingerfit.settings import load_settings
+
+        settings = load_settings(args.settings)
     files = {"search": args.mesh} | ({"refined": args.refined} if args.refined else {})
     return Fit(settings, Data.load(args.data), files, args.sims)
 
@@ -111,8 +117,9 @@ def diagnose(args: argparse.Namespace) -> None:
     from fingerfit.findings import rung_of, write_compare, write_diagnosis
     from fingerfit.prepare import prepare
     from fingerfit.rounds import Round
+    from fingerfit.settings import load_settings
 
-    fit, last = _fit(args), Round.load(args.last)
+    fit, last = _fit(args, load_settings(args.settings)), Round.load(args.last)
     smooth, crop = fit.settings.fit.smooth, fit.settings.fit.crop
     everything = prepare(fit.study, fit.meshes["search"], None, smooth, crop)
     found = examine(fit, last, everything, args.threads)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
-import multiprocessing
 from typing import Any
 
+from fingerfit.beside import side_by_side
 from fingerfit.fit import FINAL, SEARCH, SENSITIVITY, Fit
 from fingerfit.predict import Predictor
 from fingerfit.refine import around_best, refine_round
@@ -65,23 +64,19 @@ def _meshes(fit: Fit) -> dict[str, str]:
 
 
 def _evaluate_all(fit: Fit, batch: list[Asked], threads: int) -> list[dict[str, Any]]:
-    evaluate = functools.partial(_evaluate, fit, predictor=fit.predictor(SEARCH))
-    if threads < 2 or len(batch) < 2:
-        return [evaluate(asked) for asked in batch]
-    # forked, so that nothing is read or imported twice
-    with multiprocessing.get_context("fork").Pool(min(threads, len(batch))) as pool:
-        return pool.map(evaluate, batch)
+    predictor = fit.predictor(SEARCH)
+    fit.seen({})  # what is read here is not read again by each process
+    return side_by_side(lambda asked: _evaluate(fit, asked, predictor), batch, threads)
 
 
 def _evaluate(fit: Fit, asked: Asked, predictor: Predictor) -> dict[str, Any]:
     """Score one simulated guess: its entry of the history."""
     outcome = fit.outcome(asked)
-    predicted = predictor.predict(outcome, fit.seen(asked.values))
+    made = predictor.predict(outcome, fit.seen(asked.values))
     entry: dict[str, Any] = {"values": asked.values, "sim": asked.sim, "score": None}
-    if predicted is None:
+    if made is None:
         return {**entry, "message": outcome.message}
-    prediction, faults = predicted
-    entry = {**entry, "score": fit.score(prediction), "message": ""}
-    if faults.inverted or faults.overlaps:
-        entry["message"] = f"{faults.inverted} inverted elements, {faults.overlaps} pixels claimed twice"
+    entry = {**entry, "score": fit.score(made.prediction), "message": ""}
+    if made.inverted or made.overlaps:
+        entry["message"] = f"{made.inverted} inverted elements, {made.overlaps} pixels claimed twice"
     return entry

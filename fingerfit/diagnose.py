@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fingerfit.data import Data
-from fingerfit.effects.contract import Effect
+from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.effects.observe import Observation
 from fingerfit.estimate import STEP
 from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.imaging.pictures import Picture
 from fingerfit.judge import Finding, Judge, likeness
 from fingerfit.predict import Predictor, positions
-from fingerfit.refine import ANCHOR, finest, left_over, mesh_of
+from fingerfit.refine import ANCHOR, finest, left_over
 from fingerfit.residual import Patches, Reader, Residual, flat, residual_of
 from fingerfit.rounds import Asked, Round
 from fingerfit.solvers.contract import CONVERGED
@@ -25,7 +26,10 @@ SMOOTH = 3.0
 """Length over which the error of a mesh is alike, mm."""
 ALIKE = 0.9
 """Correlation of that error between steps."""
-OBSERVED = "observation"
+
+
+Slope = Callable[[str], np.ndarray]
+"""From the name of a constant, or ``control``, to the slope of displacements and conjugate quantity."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,12 @@ class Look:
     finding: Finding
     columns: np.ndarray
 
+    @property
+    def size(self) -> dict[str, float]:
+        """Predicted numbers of the effect, by their short names."""
+        parameters = zip(self.suspect.effect.parameters, self.finding.size, strict=True)
+        return {p.name: float(p.null + s) for p, s in parameters}
+
 
 def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
     """Effects that make sense in this study and are not in the model, with their simulations at small sizes."""
@@ -70,7 +80,7 @@ def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
             if "layer" in effect.scan and place[effect.key("layer")] > len(study.layer_names):
                 continue
             asked = []
-            for parameter in effect.parameters if effect.acts != OBSERVED and effect.name != "coarse_mesh" else ():
+            for parameter in effect.parameters if effect.acts != OBSERVATION and effect.name != "coarse_mesh" else ():
                 trial = {**effect.null(), **place, effect.key(parameter.name): parameter.null + parameter.step}
                 asked.append(fit.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
             found.append(Suspect(effect, place, tuple(asked)))
@@ -85,93 +95,108 @@ class Examination:
     fit : Fit
     last : Round
         Its last round.
-    values : mapping
-        The estimate.
     everything : Data
         Prepared with all pictures, fitted or not.
     """
 
-    def __init__(self, fit: Fit, last: Round, values: Mapping[str, float], everything: Data) -> None:
-        self.fit, self.last, self.values, self.data = fit, last, dict(values), everything
+    def __init__(self, fit: Fit, last: Round, everything: Data) -> None:
+        self.fit, self.last, self.data = fit, last, everything
         spacing = everything.spacing if len(everything.picture_step) else None
         self.patches = Patches.over(fit.meshes[SEARCH], spacing=spacing)
         self.base = finest(fit, last)
-        self.mesh = mesh_of(fit, self.base)
+        self.anchor = anchor_of(fit, last)
+        self.mesh = fit.mesh_of(self.base)
         predictor = Predictor(everything, fit.meshes[self.mesh])
-        outcome, seen = fit.outcome(self.base), fit.seen(self.base.values)
-        predicted = predictor.predict(outcome, seen)
-        assert predicted is not None
-        self.prediction, self.faults = predicted
-        self.maps = predictor.maps(outcome, seen)
-        self.residual: Residual = residual_of(everything, self.prediction, self.maps, self.patches)
+        made = predictor.predict(fit.outcome(self.base), fit.seen(self.base.values))
+        assert made is not None
+        self.prediction = made.prediction
+        self.residual: Residual = residual_of(everything, made.prediction, made.maps, self.patches)
         self._readers = {name: Reader(everything, mesh, self.patches) for name, mesh in fit.meshes.items()}
+        self._read: dict[str, np.ndarray | None] = {}
 
     def read(self, asked: Asked) -> np.ndarray | None:
         """Displacements and conjugate quantity of a simulation; None without a solution."""
-        outcome = self.fit.outcome(asked)
-        if outcome.status != CONVERGED or outcome.steps < len(self.data.step):
-            return None
-        return self._readers[mesh_of(self.fit, asked)].read(outcome)
+        if asked.sim not in self._read:
+            outcome = self.fit.outcome(asked)
+            solved = outcome.status == CONVERGED and outcome.steps >= len(self.data.step)
+            self._read[asked.sim] = self._readers[self.fit.mesh_of(asked)].read(outcome) if solved else None
+        return self._read[asked.sim]
 
-    def own(self) -> np.ndarray:
-        """Slopes of the model's own constants, shape (kept, parameters)."""
-        by_role = {asked.role: asked for asked in self.last.batch}
-        middle = self.read(self.fit.ask(self.searched()))
+    def own(self, slope: Slope | None = None) -> np.ndarray:
+        """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""
         columns = []
         for parameter in self.fit.settings.parameters():
-            column = self._slope(by_role, parameter.name, middle)
-            effect = self.fit.effects.get(parameter.name.split(".")[0])
-            if effect is not None and effect.acts == OBSERVED:
-                column = self._observed(effect, self.values, parameter.name.split(".")[1])
-            columns.append(column)
+            effect, _, short = parameter.name.partition(".")
+            if effect in self.fit.effects and self.fit.effects[effect].acts == OBSERVATION:
+                columns.append(self._observed(self.fit.effects[effect], self.base.values, short))
+            else:
+                columns.append((slope or self.slope)(parameter.name))
         return np.stack(columns, axis=1)[self.residual.kept]
 
-    def searched(self) -> dict[str, float]:
-        """Where the slopes were taken."""
-        best = self.last.best
-        assert best is not None
-        return dict(best["values"])
-
-    def _slope(self, by_role: Mapping[str, Asked], name: str, middle: np.ndarray | None) -> np.ndarray:
+    def slope(self, name: str) -> np.ndarray:
+        """Slope by a constant, where the last round took it; none where it has no solution."""
+        by_role = {asked.role: asked for asked in self.last.batch}
         sides = [self.read(by_role[sign + name]) if sign + name in by_role else None for sign in "+-"]
         width = STEP * sum(side is not None for side in sides)
+        assert self.last.best is not None
+        middle = self.read(self.fit.ask(self.last.best["values"]))
         ahead, behind = (middle if side is None else side for side in sides)
         if ahead is None or behind is None or width == 0:
             return np.zeros(len(self.residual.kept))
         return (ahead - behind) / width
 
-    def nuisance(self, anchor: Asked) -> np.ndarray:
-        """Signals of unknown size with standard deviation 1, shape (kept, nuisances)."""
-        by_role = {asked.role: asked for asked in self.last.batch}
+    def nuisance(self, slope: Slope | None = None) -> np.ndarray:
+        """Signals of unknown size with standard deviation 1, shape (kept, 2 steps).
+
+        Of each step that of the noise of the prescribed quantity, then that of the mesh.
+        """
         data, columns = self.data, []
-        control = self._slope(by_role, "control", self.read(self.fit.ask(self.searched())))
-        size = np.abs(data.controlled)
-        relative = np.divide(data.control_noise, size, out=np.zeros_like(size), where=size > 0)
-        mesh = self.mesh_signal(anchor)
+        control = (slope or self.slope)("control")
         for step in range(len(data.step)):
             only = self._at_step(step)
-            columns.append(control * relative[step] * only)
-            columns.append(mesh * only)
+            columns.append(control * self._control_noise[step] * only)
+            columns.append(self.mesh_signal * only)
         return np.stack(columns, axis=1)[self.residual.kept]
 
-    def mesh_signal(self, anchor: Asked) -> np.ndarray:
+    @cached_property
+    def _control_noise(self) -> np.ndarray:
+        """Noise of the prescribed quantity as a share of it, shape (steps,)."""
+        size = np.abs(self.data.controlled)
+        return np.divide(self.data.control_noise, size, out=np.zeros_like(size), where=size > 0)
+
+    @cached_property
+    def floor(self) -> np.ndarray:
+        """Root mean square difference that a perfect model would leave, shape (pictures,).
+
+        Noise of the pictures, and what the noise of the prescribed quantity moves.
+        """
+        sides = [asked for sign in "+-" for asked in self.last.batch if asked.role == sign + "control"]
+        predictor = Predictor(self.data, self.fit.meshes[SEARCH])
+        made = [predictor.predict(self.fit.outcome(asked), self.fit.seen(asked.values)) for asked in sides]
+        moved = np.zeros(len(self.residual.floor))
+        if len(made) == 2 and made[0] is not None and made[1] is not None:
+            slope = (made[0].prediction.pictures - made[1].prediction.pictures) / (2 * STEP)
+            for n, (step, way) in enumerate(zip(self.data.picture_step, self.residual.fits, strict=True)):
+                moved[n] = np.sqrt(np.mean(slope[n].ravel()[way.pixel] ** 2)) * self._control_noise[step]
+        return np.hypot(self.residual.floor, moved)
+
+    @cached_property
+    def mesh_signal(self) -> np.ndarray:
         """Expected error of the finest mesh: what it changed, continued with its order of convergence."""
-        coarse = self.read(anchor)
-        fine = self.read(self.base)
+        coarse, fine = self.read(self.anchor), self.read(self.base)
         if self.mesh != REFINED or coarse is None or fine is None:
             return np.zeros(len(self.residual.kept))
         return (fine - coarse) * left_over(self.fit)
 
-    def mesh_covariance(self, anchor: Asked) -> np.ndarray:
+    def mesh_covariance(self) -> np.ndarray:
         """Error of the mesh as a random field, shape (kept, kept).
 
         Its size is known, patch by patch and step by step, its pattern only roughly: it is taken to be smooth over
         `SMOOTH` mm and much alike at all steps.
         """
         value = self.residual.value
-        signal = self.mesh_signal(anchor)
         dim = value.shape[2] - 1
-        field = signal[: value.size].reshape(value.shape)[..., :dim]
+        field = self.mesh_signal[: value.size].reshape(value.shape)[..., :dim]
         size = np.linalg.norm(field, axis=2) / np.sqrt(dim)
         apart = ((self.patches.centre[:, None] - self.patches.centre[None]) ** 2).sum(axis=2)
         near = np.exp(-apart / (2 * SMOOTH**2))
@@ -191,15 +216,18 @@ class Examination:
         conjugate[step] = 1.0
         return flat(value, conjugate)
 
-    def columns(self, suspect: Suspect, anchor: Asked) -> np.ndarray | None:
-        """Slopes of a suspect, shape (kept, its parameters); None where a simulation has no solution."""
+    def columns(self, suspect: Suspect, without: Asked | None = None) -> np.ndarray | None:
+        """Slopes of a suspect, shape (kept, its parameters); None where a simulation has no solution.
+
+        `without` is the simulation of the model without it, the anchor when left out.
+        """
         effect, columns = suspect.effect, []
         if effect.name == "coarse_mesh":
-            return self.mesh_signal(anchor)[:, None][self.residual.kept]
-        if effect.acts == OBSERVED:
+            return self.mesh_signal[:, None][self.residual.kept]
+        if effect.acts == OBSERVATION:
             columns = [self._observed(effect, suspect.place, p.name) for p in effect.parameters]
         else:
-            null = self.read(anchor)
+            null = self.read(without or self.anchor)
             for parameter, asked in zip(effect.parameters, suspect.asked, strict=True):
                 found = self.read(asked)
                 if found is None or null is None:
@@ -210,55 +238,83 @@ class Examination:
     def _observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
         """Slope of an effect on the observation by one of its parameters."""
         parameter = next(p for p in effect.parameters if p.name == name)
-        trial = {
-            **effect.null(),
-            **values,
-            effect.key(name): values.get(effect.key(name), parameter.null) + parameter.step,
-        }
-        data, dim = self.data, self.fit.meshes[SEARCH].dim
-        seen = Observation((effect,), trial, *self._corners(), len(data.step))
+        data, dim, points = self.data, self.fit.meshes[SEARCH].dim, self.fit.meshes[SEARCH].points
+        now = {**effect.null(), **values}
+        further = {**now, effect.key(name): now[effect.key(name)] + parameter.step}
+        before, after = (
+            Observation((effect,), guess, points.min(axis=0), points.max(axis=0), len(data.step))
+            for guess in (now, further)
+        )
         x, y = positions(Picture(data.before, data.spacing, data.origin, data.direction))
         value: np.ndarray = np.zeros(self.residual.value.shape)
         for n, (step, picture, way) in enumerate(
             zip(data.picture_step, self.prediction.pictures, self.residual.fits, strict=True)
         ):
-            value[n][:, :dim] = seen.shift(int(step) + 1)
-            change = (seen.intensity(picture, int(step) + 1, x, y) - picture).ravel()[way.pixel]
+            k = int(step) + 1
+            value[n][:, :dim] = after.shift(k) - before.shift(k)
+            change = (after.intensity(picture, k, x, y) - before.intensity(picture, k, x, y)).ravel()[way.pixel]
             size = np.maximum(np.bincount(way.patch, minlength=value.shape[1]), 1)
             value[n][:, dim] = np.bincount(way.patch, change, minlength=value.shape[1]) / size
         conjugate = self.prediction.conjugate
         name = "displacement" if data.control == "force" else "force"
-        changed = seen.conjugate(conjugate, name) - conjugate
+        changed = after.conjugate(conjugate, name) - before.conjugate(conjugate, name)
         return flat(value, changed) / parameter.step
 
-    def _corners(self) -> tuple[np.ndarray, np.ndarray]:
-        points = self.fit.meshes[SEARCH].points
-        return points.min(axis=0), points.max(axis=0)
 
-
-def anchor_of(fit: Fit, values: Mapping[str, float]) -> Asked:
+def anchor_of(fit: Fit, last: Round) -> Asked:
     """The estimate on the search mesh: what the suspects are compared with."""
-    return fit.ask(values, ANCHOR)
+    return fit.ask(finest(fit, last).values, ANCHOR)
 
 
-def look(examination: Examination, found: Sequence[Suspect], anchor: Asked) -> tuple[Judge, list[Look]]:
-    """Test all suspects; the best place of each effect only, by predicted fall."""
-    kept = examination.residual
-    covariance = kept.covariance + examination.mesh_covariance(anchor)
-    judge = Judge(kept.vector, covariance, examination.own(), examination.nuisance(anchor))
-    best: dict[str, Look] = {}
+def judge_of(examination: Examination) -> Judge:
+    """Judge of what a model leaves."""
+    residual = examination.residual
+    covariance = residual.covariance + examination.mesh_covariance()
+    return Judge(residual.vector, covariance, examination.own(), examination.nuisance())
+
+
+def try_suspects(examination: Examination, judge: Judge, found: Sequence[Suspect]) -> list[Look]:
+    """Test all suspects that have a solution."""
+    looks = []
     for suspect in found:
-        columns = examination.columns(suspect, anchor)
-        if columns is None:
-            continue
-        parameters = suspect.effect.parameters
-        low = np.array([p.lower - p.null for p in parameters])
-        high = np.array([p.upper - p.null for p in parameters])
-        tested = Look(suspect, judge.test(columns, low, high), columns)
-        name = suspect.effect.name
-        if name not in best or tested.finding.fall > best[name].finding.fall:
-            best[name] = tested
-    return judge, sorted(best.values(), key=lambda one: -one.finding.fall)
+        columns = examination.columns(suspect)
+        if columns is not None:
+            parameters = suspect.effect.parameters
+            low = np.array([p.lower - p.null for p in parameters])
+            high = np.array([p.upper - p.null for p in parameters])
+            looks.append(Look(suspect, judge.test(columns, low, high), columns))
+    return looks
+
+
+def best_places(looks: Sequence[Look]) -> list[Look]:
+    """The best place of each effect only, by predicted fall."""
+    best: dict[str, Look] = {}
+    for one in looks:
+        name = one.suspect.effect.name
+        if name not in best or one.finding.fall > best[name].finding.fall:
+            best[name] = one
+    return sorted(best.values(), key=lambda one: -one.finding.fall)
+
+
+def stiffness_map(examination: Examination, looks: Sequence[Look]) -> np.ndarray:
+    """Which place wants to be stiffer or softer, from the effects that were tried all over the body.
+
+    Returns
+    -------
+    ndarray, shape (places, dim + 2)
+        Position in mm; predicted change of log mu there; the evidence for it in standard deviations, negative where
+        the place wants to be softer.
+    """
+    points = examination.fit.meshes[SEARCH].points
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    rows = []
+    for one in looks:
+        effect, place = one.suspect.effect, one.suspect.place
+        if set(effect.scan) == {"across", "along"} and "field" in effect.changes:
+            share = np.array([place[effect.key("across")], *[0.5] * (len(low) - 2), place[effect.key("along")]])
+            change = float(one.finding.size[0])
+            rows.append([*(low + share * size), change, np.sign(change) * np.sqrt(one.finding.fall)])
+    return np.array(rows).reshape(-1, len(low) + 2)
 
 
 def alike(judge: Judge, a: Look, b: Look) -> float:
@@ -267,17 +323,15 @@ def alike(judge: Judge, a: Look, b: Look) -> float:
 
 
 def summary(judge: Judge, looks: Sequence[Look]) -> list[dict[str, Any]]:
-    """Ranking as data."""
-    excess = max(judge.misfit - judge.freedom, 1e-300)
+    """Ranking as data: what each suspect would explain, at which place and of which size."""
+    excess = max(judge.misfit - judge.freedom, 1.0)
     return [
         {
             "effect": one.suspect.effect.name,
-            "place": one.suspect.place,
+            "place": {key.split(".")[1]: value for key, value in one.suspect.place.items()},
+            "size": one.size,
             "predicted_fall": one.finding.fall,
-            "share_of_excess": float(min(1.0, one.finding.fall / excess)),
-            "size": {
-                p.name: float(p.null + s) for p, s in zip(one.suspect.effect.parameters, one.finding.size, strict=True)
-            },
+            "share_of_excess": min(1.0, one.finding.fall / excess),
             "visible": one.finding.visible,
         }
         for one in looks

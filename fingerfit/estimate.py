@@ -72,7 +72,8 @@ class LinearModel:
         """Prediction at `delta`, shape (parameters,), from the search's best guess."""
         total = self.base if offset is None else self.base + offset
         for slope, d in zip(self.slopes, delta, strict=True):
-            total = total + slope * float(d)
+            if d:
+                total = total + slope * float(d)
         return total
 
 

@@ -7,7 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerfit.data import Data
-from fingerfit.diagnose import Examination, Look, anchor_of, look, suspects
+from fingerfit.designs import separation
+from fingerfit.diagnose import (
+    Examination,
+    Look,
+    anchor_of,
+    best_places,
+    judge_of,
+    stiffness_map,
+    suspects,
+    try_suspects,
+)
 from fingerfit.extend import extended
 from fingerfit.fit import Fit
 from fingerfit.judge import Judge
@@ -34,6 +44,8 @@ class Examined:
         Simulations that were not known before.
     measurements : list of (str, float)
         Changes of the measurement and by how much each would separate the first two effects better.
+    stiffness : ndarray, shape (places, dim + 2)
+        As from `stiffness_map`.
     """
 
     examination: Examination
@@ -43,6 +55,7 @@ class Examined:
     verdict: Verdict
     run: int
     measurements: list[tuple[str, float]]
+    stiffness: np.ndarray
 
 
 def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examined:
@@ -58,26 +71,32 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     threads : int
         Simulations beside each other.
     """
-    values = finest(fit, last).values
-    anchor, found = anchor_of(fit, values), suspects(fit, values)
-    run = solve_missing(fit, [anchor, *(asked for suspect in found for asked in suspect.asked)], threads)
-    examination = Examination(fit, last, values, everything)
-    judge, looks = look(examination, found, anchor)
+    found = suspects(fit, finest(fit, last).values)
+    run = solve_missing(fit, [anchor_of(fit, last), *(asked for suspect in found for asked in suspect.asked)], threads)
+    examination = Examination(fit, last, everything)
+    judge = judge_of(examination)
+    everywhere = try_suspects(examination, judge, found)
+    looks = best_places(everywhere)
     refits: dict[str, Refit] = {}
     for candidate in to_refit(judge, looks, len(found)):
         refit, more = _refit(fit, last, candidate, everything, threads)
         refits[candidate.suspect.effect.name] = refit
         run += more
     verdict = decide(judge, looks, refits, len(found))
-    measurements = separating(examination, looks) if verdict.kind == "indistinguishable" else []
-    return Examined(examination, judge, looks, refits, verdict, run, measurements)
+    measurements: list[tuple[str, float]] = []
+    if verdict.kind == "indistinguishable":
+        blamed = {one.suspect.effect.name: one for one in looks}
+        first, second = (blamed[name] for name in verdict.effects[:2])
+        measurements, more = separation(examination, first, second, threads)
+        run += more
+    stiffness = stiffness_map(examination, everywhere)
+    return Examined(examination, judge, looks, refits, verdict, run, measurements, stiffness)
 
 
 def errors(examination: Examination) -> tuple[float, float | None]:
     """Error of fitted and of held-out pictures in units of the noise floor; 1 is the noise."""
-    data, residual, fit = examination.data, examination.residual, examination.fit
-    ratio = residual.error / residual.floor
-    fitted = fitted_pictures(fit, data)
+    ratio = examination.residual.error / examination.floor
+    fitted = fitted_pictures(examination.fit, examination.data)
     held = ratio[~fitted]
     return _root_mean_square(ratio[fitted]), _root_mean_square(held) if len(held) else None
 
@@ -88,53 +107,20 @@ def fitted_pictures(fit: Fit, data: Data) -> np.ndarray:
     return np.array([wanted is None or int(data.step[step]) in wanted for step in data.picture_step], dtype=bool)
 
 
-def judged(examination: Examination) -> Judge:
-    """Misfit of a model whose suspects are not tested."""
-    return look(examination, [], anchor_of(examination.fit, examination.values))[0]
-
-
 def _refit(fit: Fit, last: Round, one: Look, everything: Data, threads: int) -> tuple[Refit, int]:
-    effect = one.suspect.effect
-    size = {p.name: float(p.null + s) for p, s in zip(effect.parameters, one.finding.size, strict=True)}
-    settings = extended(fit.settings, effect, one.suspect.place, size, minimum(fit, last).values)
-    wider = Fit(settings, fit.data, fit.mesh_files, fit.sims)
+    wider = widened(fit, last, one)
     end, run = run_fit(wider, threads)
-    base = finest(wider, end)
-    run += solve_missing(wider, [anchor_of(wider, base.values)], threads)
-    examination = Examination(wider, end, base.values, everything)
-    judge = judged(examination)
+    run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    examination = Examination(wider, end, everything)
+    judge = judge_of(examination)
     fitted, held_out = errors(examination)
     return Refit(judge.misfit, judge.freedom, fitted, held_out, minimum(wider, end).values), run
 
 
-def separating(examination: Examination, looks: list[Look]) -> list[tuple[str, float]]:
-    """What would separate the first two effects: changes of the measurement and their gain, the best first.
-
-    The gain is how much larger the signal of the first effect becomes, in units of the noise and after all that the
-    second and the model's own constants can imitate is taken away.
-    """
-    anchor = anchor_of(examination.fit, examination.values)
-    residual = examination.residual
-    noise, mesh = residual.covariance, examination.mesh_covariance(anchor)
-    nuisance, own = examination.nuisance(anchor), examination.own()
-    pictures = np.flatnonzero(residual.kept) < residual.value.size
-    finer = np.where(pictures[:, None] & pictures[None], 0.25, 1.0)
-    sharper = np.where(pictures[:, None] & pictures[None], 1.0, 0.04)
-    without_force = nuisance.copy()
-    without_force[:, 0::2] *= 0.2
-    designs = {
-        "as measured": (noise, mesh, nuisance),
-        "pictures with half the noise (four repetitions averaged)": (noise * finer, mesh, nuisance),
-        "forces and displacements measured five times better": (noise * sharper, mesh, without_force),
-        "a mesh of half the element size": (noise, mesh * 0.2, nuisance),
-    }
-    first, second = looks[0], looks[1]
-    signal = {}
-    for title, (covariance, error, unknown) in designs.items():
-        judge = Judge(residual.vector, covariance + error, np.concatenate([own, second.columns], axis=1), unknown)
-        signal[title] = float((judge.signature(first.columns @ first.finding.size[:, None]) ** 2).sum())
-    base = max(signal.pop("as measured"), 1e-300)
-    return sorted(((title, value / base) for title, value in signal.items()), key=lambda pair: -pair[1])
+def widened(fit: Fit, last: Round, one: Look) -> Fit:
+    """Fit of the model with a tested effect more, from where `fit` ended."""
+    settings = extended(fit.settings, one.suspect.effect, one.suspect.place, one.size, minimum(fit, last).values)
+    return Fit(settings, fit.data, fit.mesh_files, fit.sims)
 
 
 def _root_mean_square(values: np.ndarray) -> float:

@@ -50,9 +50,10 @@ def write_json(path: Path, data: object) -> None:
     write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
-def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays atomically as a compressed .npz without pickles."""
-    write_atomic(path, lambda handle: np.savez_compressed(handle, allow_pickle=False, **arrays))
+def write_npz(path: Path, arrays: Mapping[str, np.ndarray], compressed: bool = True) -> None:
+    """Write arrays atomically as an .npz without pickles."""
+    write = np.savez_compressed if compressed else np.savez
+    write_atomic(path, lambda handle: write(handle, allow_pickle=False, **arrays))
 
 
 def read_json(path: Path) -> Any:
@@ -64,7 +65,7 @@ def read_json(path: Path) -> Any:
         When it is missing or damaged.
     """
     try:
-        return json.loads(Path(path).read_text())
+        return json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise StateError(f"{path}: cannot be read: {error}") from error
 

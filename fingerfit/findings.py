@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.diagnose import Examination
+from fingerfit.diagnose import Examination, summary
 from fingerfit.effects.catalogue import as_text
 from fingerfit.examine import Examined, errors, fitted_pictures
 from fingerfit.files import read_json, write_json, write_npz
 from fingerfit.plots import outline
-from fingerfit.predict import since_first_picture
 from fingerfit.verdict import confusions
 
 SHOWN = 6
@@ -23,15 +22,15 @@ def write_compare(examination: Examination, path: Path) -> None:
     """Measured and synthesized pictures, residual displacements, forces and meshes, as arrays."""
     fit, data, residual = examination.fit, examination.data, examination.residual
     mesh = fit.meshes[examination.mesh]
-    outcome = since_first_picture(fit.outcome(examination.base), len(data.step))
+    outcome = fit.outcome(examination.base)
     dim = mesh.dim
     spread = np.full(residual.kept.shape, np.nan)
     spread[residual.kept] = np.sqrt(np.diag(residual.covariance))
     layer = np.zeros(mesh.element_count, dtype=int)
     for number, members in enumerate(mesh.element_sets.values()):
         layer[members] = number
-    force = -outcome.reaction[:, -1] if data.control == "displacement" else data.force
-    moved = -outcome.indenter[:, -1] if data.control == "force" else data.displacement
+    conjugate = examination.prediction.conjugate
+    moved, force = (conjugate, data.force) if data.control == "force" else (data.displacement, conjugate)
     write_npz(
         path,
         {
@@ -40,7 +39,7 @@ def write_compare(examination: Examination, path: Path) -> None:
             "picture_step": data.picture_step,
             "fitted": fitted_pictures(fit, data),
             "error": residual.error,
-            "floor": residual.floor,
+            "floor": examination.floor,
             "spacing": data.spacing,
             "origin": data.origin,
             "moves": residual.value[..., :dim],
@@ -66,21 +65,14 @@ def write_compare(examination: Examination, path: Path) -> None:
 def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
     """Verdict and ranking as JSON, patterns beside it as .npz; returns the former."""
     model = found.examination.fit.settings.model
-    excess = max(found.judge.misfit - found.judge.freedom, 1.0)
     ranking = []
-    for look in found.looks:
+    for look, entry in zip(found.looks, summary(found.judge, found.looks), strict=True):
         effect, refit = look.suspect.effect, found.refits.get(look.suspect.effect.name)
-        sizes = zip(effect.parameters, look.finding.size, strict=True)
         ranking.append(
             {
                 **as_text(effect),
-                "effect": effect.name,
-                "place": {key.split(".")[1]: value for key, value in look.suspect.place.items()},
-                "size": {p.name: float(p.null + s) for p, s in sizes},
+                **entry,
                 "units": {p.name: p.unit for p in effect.parameters},
-                "predicted_fall": look.finding.fall,
-                "share_of_excess": min(1.0, look.finding.fall / excess),
-                "visible": look.finding.visible,
                 "refit": refit
                 and {
                     "misfit": refit.misfit,
@@ -106,7 +98,7 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
     }
     residual = found.examination.residual
     dim = residual.value.shape[2] - 1
-    patterns = {"there": residual.value[..., :dim]}
+    patterns = {"there": residual.value[..., :dim], "stiffness": found.stiffness}
     for look in found.looks[:SHOWN]:
         whole = np.full(residual.kept.shape, np.nan)
         whole[residual.kept] = look.columns @ look.finding.size

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fingerfit.data import Data
 from fingerfit.deck.context import deck_context
@@ -16,17 +16,19 @@ from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.observe import Observation
 from fingerfit.errors import StateError
-from fingerfit.files import digest
+from fingerfit.files import digest, write_text
 from fingerfit.mesh import Mesh
-from fingerfit.mesh_io import read_mesh
-from fingerfit.predict import Predictor
+from fingerfit.mesh_io import format_mesh, read_mesh
+from fingerfit.predict import Predictor, Synthesis, since_first_picture
 from fingerfit.rounds import Asked, simulation_name
 from fingerfit.score import Prediction, score
-from fingerfit.settings import Settings
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Study
 from fingerfit.study_file import load_study, with_gain
+
+if TYPE_CHECKING:
+    from fingerfit.settings import Settings
 
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 SEARCH, REFINED = "search", "refined"
@@ -80,11 +82,30 @@ class Fit:
         """Predictor of solutions on a mesh."""
         return Predictor(self.data, self.meshes[mesh])
 
-    def ask(self, values: Mapping[str, float], role: str = SEARCH, gain: float = 1.0) -> Asked:
-        """Deck and name of the simulation of a guess; `gain` multiplies the prescribed quantity."""
-        mesh = self._mesh(role)
+    def ask(
+        self,
+        values: Mapping[str, float],
+        role: str = SEARCH,
+        gain: float = 1.0,
+        study: Study | None = None,
+        mesh: str | None = None,
+    ) -> Asked:
+        """Deck and name of the simulation of a guess.
+
+        Parameters
+        ----------
+        values : mapping
+        role : str
+        gain : float
+            Multiplies the prescribed quantity.
+        study : Study, optional
+            Another one than was measured.
+        mesh : str, optional
+            Another one than the role has.
+        """
+        mesh = mesh or (REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH)
         context = deck_context(
-            with_gain(self.study, gain),
+            with_gain(study or self.study, gain),
             self.meshes[mesh],
             f"../../meshes/{self.mesh_names[mesh]}.inp",
             {**self.settings.fixed(), **values},
@@ -94,6 +115,13 @@ class Fit:
         folders = [Path(self.settings.study), TEMPLATES]
         deck = render_deck(self.settings.model.template, context, folders)
         return Asked(dict(values), simulation_name(deck, self.solver), self.mesh_names[mesh], deck, role)
+
+    def with_mesh(self, name: str, mesh: Mesh) -> Fit:
+        """The fit with one mesh more."""
+        text = format_mesh(mesh)
+        path = self.sims.parent / "meshes" / f"{digest(text)}.inp"
+        write_text(path, text)
+        return Fit(self.settings, self.data, {**self.mesh_files, name: path}, self.sims)
 
     @cached_property
     def effects(self) -> dict[str, Effect]:
@@ -105,22 +133,26 @@ class Fit:
         everything = {**self.settings.fixed(), **values}
         return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].points, len(self.data.step))
 
-    def _mesh(self, role: str) -> str:
-        return REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH
+    def mesh_of(self, asked: Asked) -> str:
+        """Which of the meshes a guess is solved on."""
+        return REFINED if self.mesh_names.get(REFINED) == asked.mesh else SEARCH
 
     def outcome(self, asked: Asked) -> Outcome:
-        """Solution of a guess."""
-        return Outcome.load(self.sims / asked.sim / "solution.npz")
+        """Solution of a guess, since the first picture."""
+        return since_first_picture(Outcome.load(self.sims / asked.sim / "solution.npz"), len(self.data.step))
+
+    def synthesis(self, asked: Asked) -> Synthesis:
+        """What should have been measured by a guess that must have a solution, and its maps."""
+        made = self.predictor(self.mesh_of(asked)).predict(self.outcome(asked), self.seen(asked.values))
+        if made is None:
+            raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
+        return made
 
     def prediction(self, asked: Asked) -> Prediction:
-        """Prediction of a guess that must have a solution."""
+        """The same without the maps; kept."""
         key = asked.sim + json.dumps(asked.values, sort_keys=True)
         if key not in self._predictions:
-            predictor = self.predictor(self._mesh(asked.role))
-            predicted = predictor.predict(self.outcome(asked), self.seen(asked.values))
-            if predicted is None:
-                raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
-            self._predictions[key] = predicted[0]
+            self._predictions[key] = self.synthesis(asked).prediction
         return self._predictions[key]
 
     def score(self, prediction: Prediction) -> float:

@@ -20,6 +20,7 @@ TEMPLATES = PACKAGE.parent / "templates"
 
 # What a change of which must run a stage again. Solvers are not here: their identity names the simulations.
 _READ = (
+    "beside.py",
     "data.py",
     "files.py",
     "keys.py",
@@ -39,6 +40,7 @@ _FIT = (
     "effects",
     "fit.py",
     "refine.py",
+    "choices.py",
     "course.py",
     "guess.py",
     "predict.py",
@@ -46,10 +48,10 @@ _FIT = (
     "score.py",
 )
 SOURCES: dict[str, tuple[str, ...]] = {
-    "prepare": (*_READ, *_MESH, "prepare.py"),
+    "prepare": (*_READ, *_MESH, "pictured.py", "prepare.py"),
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
-    "plot": (*_FIT, "plots.py"),
+    "plot": (*_FIT, "plots.py", "slices.py", "volumes.py"),
     "ladder": ("findings.py", "page"),
     "diagnose": (
         *_FIT,
@@ -58,6 +60,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "extend.py",
         "findings.py",
         "judge.py",
+        "pictured.py",
         "prepare.py",
         "residual.py",
         "simulate.py",
@@ -168,6 +171,6 @@ def figures(settings: Settings) -> list[str]:
 def write_settings(settings: Settings, path: Path) -> str:
     """Write the settings where they differ from what is there, and return the path."""
     text = json.dumps(settings.model_dump(mode="json"), indent=1) + "\n"
-    if not path.exists() or path.read_text() != text:
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
     return str(path)

@@ -14,7 +14,7 @@ from fingerfit.data import Data
 from fingerfit.files import write_atomic
 from fingerfit.fit import Fit
 from fingerfit.mesh import Mesh
-from fingerfit.refine import finest, mesh_of
+from fingerfit.refine import finest
 from fingerfit.rounds import Round
 from fingerfit.solvers.contract import Outcome
 
@@ -111,18 +111,12 @@ def figure_pictures(data: Data, synthesized: np.ndarray) -> Figure:
     return figure
 
 
-def figure_forces(data: Data, outcome: Outcome) -> Figure:
-    """Force against displacement of the indenter, measured and of the model."""
+def figure_forces(data: Data, conjugate: np.ndarray) -> Figure:
+    """Force against displacement of the indenter, measured and of the model, whose one is `conjugate`."""
     figure = Figure(figsize=(5.2, 3.8), layout="constrained")
     axes = figure.subplots()
-    axis = outcome.indenter.shape[1] - 1
-    axes.plot(
-        [0, *-outcome.indenter[:, axis]],
-        [0, *-outcome.reaction[:, axis]],
-        "-",
-        color=COLOURS[4],
-        label="model",
-    )
+    moved, force = (conjugate, data.force) if data.control == "force" else (data.displacement, conjugate)
+    axes.plot([0, *moved], [0, *force], "-", color=COLOURS[4], label="model")
     axes.errorbar(
         data.displacement,
         data.force,
@@ -178,13 +172,18 @@ def figure_overlay(mesh: Mesh, values: np.ndarray, frame: tuple[float, float, fl
 def plot_fit(fit: Fit, last: Round, folder: Path) -> None:
     """All figures of a finished fit, into a folder."""
     shown = finest(fit, last)
-    outcome, name = fit.outcome(shown), mesh_of(fit, shown)
-    mesh, data = fit.meshes[name], fit.data
-    save(figure_forces(data, outcome), folder / "force.png")
+    outcome, prediction, data = fit.outcome(shown), fit.prediction(shown), fit.data
+    mesh = fit.meshes[fit.mesh_of(shown)]
+    save(figure_forces(data, prediction.conjugate), folder / "force.png")
     if last.history:
         save(figure_search(last, fit.settings.fit.score), folder / "search.png")
-    predicted = fit.predictor(name).predict(outcome)
-    if mesh.dim == 2 and len(data.measured) and predicted:
+    if mesh.dim == 2 and len(data.measured):
         steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
         save(figure_deformed(mesh, outcome, steps), folder / "deformed_mesh.png")
-        save(figure_pictures(data, predicted[0].pictures), folder / "pictures.png")
+        save(figure_pictures(data, prediction.pictures), folder / "pictures.png")
+    if mesh.dim == 3 and len(data.measured):
+        from fingerfit.volumes import chosen_slices, figure_sections, figure_slices
+
+        steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
+        save(figure_sections(data, mesh, outcome, steps), folder / "deformed_mesh.png")
+        save(figure_slices(data, prediction.pictures, chosen_slices(data, mesh)), folder / "pictures.png")

@@ -9,7 +9,6 @@ import numpy as np
 from fingerfit.data import Data
 from fingerfit.effects.observe import Observation
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.warp import BackwardMap, Probe, backward_map, warp
 from fingerfit.mesh import Mesh
 from fingerfit.score import Prediction
@@ -20,19 +19,28 @@ MARGIN = 1.5
 
 
 @dataclass(frozen=True)
-class Faults:
-    """Where the deformed mesh is no map any more.
+class Synthesis:
+    """A prediction and the maps by which its pictures were made.
 
     Parameters
     ----------
-    inverted : int
-        Elements turned inside out, over all pictures.
-    overlaps : int
-        Pixels that more than one element claims, over all pictures.
+    prediction : Prediction
+    maps : list of BackwardMap
+        One for each picture.
     """
 
-    inverted: int = 0
-    overlaps: int = 0
+    prediction: Prediction
+    maps: list[BackwardMap]
+
+    @property
+    def inverted(self) -> int:
+        """Elements turned inside out, over all pictures."""
+        return sum(way.inverted for way in self.maps)
+
+    @property
+    def overlaps(self) -> int:
+        """Pixels that more than one element claims, over all pictures."""
+        return sum(way.overlaps for way in self.maps)
 
 
 class Predictor:
@@ -51,23 +59,22 @@ class Predictor:
         self._probe = Probe(mesh, data.points)
         self._frame = Picture(data.before, data.spacing, data.origin, data.direction)
 
-    def predict(self, outcome: Outcome, seen: Observation | None = None) -> tuple[Prediction, Faults] | None:
+    def predict(self, outcome: Outcome, seen: Observation | None = None) -> Synthesis | None:
         """Prediction of a solution, or None when it did not reach the last step.
 
         Parameters
         ----------
         outcome : Outcome
-            Its steps are those of the data; one more at the beginning is the state of the first picture.
+            Since the first picture: its steps are those of the data.
         seen : Observation, optional
             Effects on the observation.
         """
         data = self.data
         if outcome.status != CONVERGED or outcome.steps < len(data.step):
             return None
-        outcome = since_first_picture(outcome, len(data.step))
         maps = self.maps(outcome, seen)
         # smoothed after the warp: its border is then as soft as that of the measured picture
-        synthesized = [smooth(warp(data.coefficients, data.background, way), data.smooth) for way in maps]
+        synthesized = [warp(data.coefficients, data.background, way, data.smooth) for way in maps]
         if seen is not None and synthesized:
             x, y = positions(self._frame)
             synthesized = [
@@ -78,25 +85,22 @@ class Predictor:
         axis = self.mesh.dim - 1
         conjugate = outcome.indenter if data.control == "force" else outcome.reaction
         points = np.empty_like(data.points_displacement)
-        for step in np.unique(data.points_step):
+        for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
             points[chosen] = self._probe.read(outcome.displacement[step])[chosen]
-        faults = Faults(sum(m.inverted for m in maps), sum(m.overlaps for m in maps))
         measured = -conjugate[: len(data.step), axis]
         if seen is not None:
             measured = seen.conjugate(measured, "displacement" if data.control == "force" else "force")
-        return Prediction(pictures, measured, points), faults
+        return Synthesis(Prediction(pictures, measured, points), maps)
 
     def maps(self, outcome: Outcome, seen: Observation | None = None) -> list[BackwardMap]:
         """Backward maps of the pictures' steps."""
-        found, true = [], self._frame
-        for step in self.data.picture_step:
-            shift = np.zeros(self.mesh.dim) if seen is None else seen.shift(int(step) + 1)
-            # a displaced picture shows at each pixel what was beside it; where that comes from is as before
-            moved = replace(true, origin=true.origin - shift)
-            way = backward_map(self.mesh, outcome.displacement[step], moved, MARGIN)
-            found.append(replace(way, index=way.index - shift @ true.direction / true.spacing))
-        return found
+        # a displaced picture shows the body as if all of it had moved by as much
+        shifts = [0.0 if seen is None else seen.shift(int(step) + 1) for step in self.data.picture_step]
+        return [
+            backward_map(self.mesh, outcome.displacement[step] + shift, self._frame, MARGIN)
+            for step, shift in zip(self.data.picture_step, shifts, strict=True)
+        ]
 
 
 def positions(frame: Picture) -> tuple[np.ndarray, np.ndarray]:

@@ -125,7 +125,7 @@ def mesh_error(fit: Fit, found: Minimum, searched: Minimum) -> np.ndarray | None
     found, searched : Minimum
         On the finest mesh and on that of the search.
     """
-    if mesh_of(fit, found.base) != REFINED:
+    if fit.mesh_of(found.base) != REFINED:
         return None
     parameters = fit.settings.parameters()
     change = coordinates(parameters, found.values) - coordinates(parameters, searched.values)
@@ -137,11 +137,6 @@ def left_over(fit: Fit) -> float:
     coarse, fine = fit.meshes[SEARCH], fit.meshes[REFINED]
     ratio = (fine.element_count / coarse.element_count) ** (1 / coarse.dim)
     return 1.0 / max(ratio**ORDER - 1.0, 0.1)
-
-
-def mesh_of(fit: Fit, asked: Asked) -> str:
-    """Which mesh a simulation has."""
-    return REFINED if fit.mesh_names.get(REFINED) == asked.mesh else SEARCH
 
 
 def _minimum(fit: Fit, last: Round, base: Asked) -> Minimum:

@@ -9,7 +9,7 @@ import numpy as np
 from fingerfit.errors import StateError
 from fingerfit.estimate import Replicates
 from fingerfit.fit import REFINED, Fit
-from fingerfit.refine import mesh_error, mesh_of, minimum, on_search_mesh
+from fingerfit.refine import mesh_error, minimum, on_search_mesh
 from fingerfit.rounds import Round
 from fingerfit.uncertainty import as_json, repeat, summarise
 
@@ -26,9 +26,9 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
         raise StateError("no guess had a solution: widen or move the bounds, or look at the mesh and the forces")
     settings, parameters = fit.settings, fit.settings.parameters()
     best = minimum(fit, last)
-    mesh = mesh_of(fit, best.base)
+    mesh = fit.mesh_of(best.base)
     searched = on_search_mesh(fit, last) if mesh == REFINED else best
-    maps = fit.predictor(mesh).maps(fit.outcome(best.base))
+    maps = fit.synthesis(best.base).maps
     size, values = len(parameters), best.values
     replicates = Replicates(best.model, fit.data, maps, settings.fit.score, settings.fit.bins, settings.fit.seed)
     shifts, hessian = repeat(replicates.draw, size, settings.fit.replicates)

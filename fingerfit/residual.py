@@ -12,7 +12,6 @@ from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.registration import FEWEST, Fit, register
 from fingerfit.imaging.warp import BackwardMap, Probe, spline_coefficients, warp
 from fingerfit.mesh import Mesh
-from fingerfit.predict import since_first_picture
 from fingerfit.score import Prediction
 from fingerfit.solvers.contract import Outcome
 
@@ -213,9 +212,8 @@ class Reader:
         self._probe = Probe(mesh, points)
 
     def read(self, outcome: Outcome) -> np.ndarray:
-        """Displacements (mm), brightness 0, and the conjugate quantity of a solution, as one vector."""
-        data, outcome = self.data, since_first_picture(outcome, len(self.data.step))
-        found = []
+        """Displacements (mm), brightness 0, and the conjugate quantity of a solution since the first picture."""
+        data, found = self.data, []
         for step in data.picture_step:
             u = self._probe.read(outcome.displacement[step])
             u = u.reshape(-1, self._each, u.shape[1]).mean(axis=1)

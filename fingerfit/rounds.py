@@ -8,6 +8,7 @@ its deck, the mesh the deck includes and the identity of the solver, and can alw
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -113,6 +114,42 @@ def _load_cached(path: str, stamp: int) -> Round:
     return Round.load(Path(path))
 
 
+def write_folders(
+    study: Path, batch: Sequence[Asked], solver: Mapping[str, Any], meshes: Mapping[str, Path]
+) -> list[str]:
+    """Write what is missing of the folders of simulations: deck, identity of the solver, mesh; returns their names.
+
+    Parameters
+    ----------
+    study : Path
+        Holds the folders ``sims`` and ``meshes``.
+    batch : sequence of Asked
+    solver : mapping
+        Identity of the solver.
+    meshes : mapping
+        Files of the meshes by the hash of their content.
+
+    Raises
+    ------
+    StateError
+        When such a file has another content.
+    """
+    for name, file in meshes.items():
+        mesh = study / "meshes" / f"{name}.inp"
+        if not mesh.exists():
+            text = file.read_text(encoding="utf-8")
+            if digest(text) != name:
+                raise StateError(f"{file}: is not the mesh that the rounds were asked with: remove that file")
+            write_text(mesh, text)
+    for asked in batch:
+        folder = study / "sims" / asked.sim
+        if not (folder / "deck.inp").exists():
+            write_text(folder / "deck.inp", asked.deck)
+        if not (folder / "solver.json").exists():
+            write_json(folder / "solver.json", {**solver, "includes": [f"{asked.mesh}.inp"]})
+    return list(dict.fromkeys(asked.sim for asked in batch))
+
+
 @dataclass(frozen=True)
 class Walk:
     """Walks the rounds of one model for the workflow, and makes the folders of their simulations.
@@ -138,20 +175,8 @@ class Walk:
     def batch(self, path: str | Path) -> list[str]:
         """Names of the simulations that a round asks for; their decks are written where they are missing."""
         current = self._round(path)
-        for name, file in current.meshes.items():
-            mesh = self.study / "meshes" / f"{name}.inp"
-            if not mesh.exists():
-                text = (self.model / file).read_text()
-                if digest(text) != name:
-                    raise StateError(f"{self.model / file}: is not the mesh of {path}: remove that file")
-                write_text(mesh, text)
-        for asked in current.batch:
-            folder = self.study / "sims" / asked.sim
-            if not (folder / "deck.inp").exists():
-                write_text(folder / "deck.inp", asked.deck)
-            if not (folder / "solver.json").exists():
-                write_json(folder / "solver.json", {**current.solver, "includes": [f"{asked.mesh}.inp"]})
-        return list(dict.fromkeys(asked.sim for asked in current.batch))
+        meshes = {name: self.model / file for name, file in current.meshes.items()}
+        return write_folders(self.study, current.batch, current.solver, meshes)
 
     def sim_inputs(self, sim: str) -> list[str]:
         """Deck, identity of the solver and mesh of a simulation."""

@@ -78,7 +78,7 @@ def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
     A keyword line that ends with a comma goes on in the next line.
     """
     try:
-        lines = path.read_text().splitlines()
+        lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, "deck", error, "a readable text file") from error
     card: Card | None = None

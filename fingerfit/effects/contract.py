@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
 
-ACTS = ("material", "structure", "boundary", "loading", "numerics", "observation")
-"""Where an effect acts; the last one needs no new simulation."""
 NUMERICS = "numerics"
 """Effects of mesh and load steps: they are tested, but cured by other settings instead of being fitted."""
+OBSERVATION = "observation"
+"""Effects on what is measured: they need no new simulation."""
+ACTS = ("material", "structure", "boundary", "loading", NUMERICS, OBSERVATION)
+"""Where an effect acts."""
 
 
 @dataclass(frozen=True)

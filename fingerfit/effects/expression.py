@@ -11,15 +11,22 @@ import numpy as np
 if TYPE_CHECKING:
     from jinja2.sandbox import SandboxedEnvironment
 
+
+def _plain(name: str) -> Callable[..., Any]:
+    """A function of numpy that only takes its inputs: with `out` it would write into what the formula was given."""
+    function = getattr(np, name)
+    count = function.nin if isinstance(function, np.ufunc) else 3
+
+    def call(*inputs: Any) -> Any:
+        if len(inputs) != count:
+            raise TypeError(f"{name} takes {count} value{'s' * (count > 1)}, not {len(inputs)}")
+        return function(*inputs)
+
+    return call
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "exp": np.exp,
-    "log": np.log,
-    "sqrt": np.sqrt,
-    "tanh": np.tanh,
-    "abs": np.abs,
-    "minimum": np.minimum,
-    "maximum": np.maximum,
-    "where": np.where,
+    name: _plain(name) for name in ("exp", "log", "sqrt", "tanh", "sin", "cos", "abs", "minimum", "maximum", "where")
 }
 """What a formula may call."""
 

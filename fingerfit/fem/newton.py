@@ -15,6 +15,8 @@ TOLERANCE = 1e-8
 """Largest residual force, relative to the largest internal force."""
 _SAME_TANGENT = 1e-6
 """Error below which the tangent is not made anew."""
+_BEND = 0.5
+"""Share of the curvature that a prediction takes on: all of it goes too far where the body gives way suddenly."""
 _PATIENCE = 8
 """Iterations after which a body in contact must be nearer to equilibrium."""
 _HELD = 3
@@ -52,6 +54,10 @@ class Load:
 
     given: np.ndarray
     force: np.ndarray
+
+    def away(self, other: Load) -> np.ndarray:
+        """Difference from another load, shape (2 size,)."""
+        return np.concatenate([self.given - other.given, self.force - other.force])
 
     def between(self, other: Load, share: float) -> Load:
         """Load on the straight way to `other`."""
@@ -104,13 +110,14 @@ class Newton:
         self.state = State(np.zeros(len(system.free)), zero, zero)
         self.load = Load(zero, zero)
         self._before: tuple[State, Load] | None = None
+        self._earlier: tuple[State, Load] | None = None
 
     def change(self, system: System) -> None:
         """Go on with other constraints, from the present displacements."""
         self.system = system
         self.state = State(self.state.u[system.free], self.state.u, self.state.internal)
         self.load = Load(np.where(system.prescribed, self.state.u, 0.0), self.load.force)
-        self._before = None
+        self._before = self._earlier = None
 
     def advance(self, target: Load | Callable[[float], Load], increments: Increments | float = 1.0) -> tuple[bool, int]:
         """Go to a load, in one increment or as many as it needs.
@@ -146,26 +153,34 @@ class Newton:
                     return False, total
                 continue
             self.system.commit(state.u, dt, how.relaxed)
-            self._before = (self.state, self.load)
+            self._earlier, self._before = self._before, (self.state, self.load)
             self.state, self.load, share = state, load, end
             size = how.first if how.fixed else min(2 * size, how.largest)
         return True, total
 
     def _predict(self, load: Load) -> np.ndarray | None:
-        """Unknowns continued on the line through the last two states; None where there is only one."""
+        """Unknowns continued on the curve through the last states; None where there is only one."""
         if self._before is None:
             return None
-        last, before = self.load, self._before[1]
-        done = np.concatenate([last.given - before.given, last.force - before.force])
-        ahead = np.concatenate([load.given - last.given, load.force - last.force])
+        (before, first), last = self._before, self.load
+        done = last.away(first)
         length = inner(done, done)
         if length == 0:
             return None
-        share = inner(done, ahead) / length
+        ahead, slope = inner(done, load.away(last)) / length, self.state.q - before.q
         if self.system.driven:
-            before, now, then = (np.abs(part.force).max() ** _HERTZ for part in (self._before[1], last, load))
-            share = (then - now) / (now - before) if now > before and then > now else share
-        return self.state.q + share * (self.state.q - self._before[0].q)
+            # contact opens and closes, no curve: a round body goes deeper with a power of the force
+            begun, now, then = (float(np.abs(part.force).max()) ** _HERTZ for part in (first, last, load))
+            return self.state.q + ((then - now) / (now - begun) if then > now > begun else ahead) * slope
+        predicted = self.state.q + ahead * slope
+        if self._earlier is None:
+            return predicted
+        earlier, start = self._earlier
+        back = inner(done, first.away(start)) / length
+        if not 0.2 < back < 5.0 or not 0.0 < ahead < 2.0:
+            return predicted
+        bend = (slope - (before.q - earlier.q) / back) / (1 + back)
+        return predicted + _BEND * ahead * (1 + ahead) * bend
 
     def _equilibrium(self, load: Load) -> tuple[State | None, int]:
         system = self.system
@@ -203,7 +218,7 @@ class Newton:
                 return State(q, u, internal), iteration
             # near the end the tangent of the last iteration is as good, but a small one costs nothing
             if matrix is None or error > _SAME_TANGENT or len(q) < LARGE:
-                evaluation = system.evaluate(u)
+                evaluation = system.evaluate(u, led=True)
                 if evaluation is None:
                     return None, iteration
                 matrix = system.matrix(evaluation)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from fingerfit.fem.factor import CLOSE, LinearSolver
+from fingerfit.fem.factor import CLOSE, LARGE, LinearSolver
+from fingerfit.fem.levels import WORK, Levels
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -149,6 +150,7 @@ class System:
             nodes = np.where(self.free < points.size, self.free // points.shape[1], 0)
             positions = points[nodes]
         self._linear = LinearSolver(positions, all(term.symmetric for term in self.terms))
+        self._levels: Levels | None = None
         self._prepare()
 
     def _prepare(self) -> None:
@@ -184,6 +186,9 @@ class System:
         final, self._position = np.unique(keys, return_inverse=True)
         self._row = (final % max(count, 1)).astype(np.int32)
         self._pointers = np.searchsorted(final // max(count, 1), np.arange(count + 1)).astype(np.int32)
+        if self.simple and 0 < count < LARGE:
+            levels = Levels(self._row, self._pointers)
+            self._levels = levels if levels.work < WORK else None
 
     def _maps(self) -> tuple[Any, Any]:
         """Slopes of all displacements, by all independent ones, shape (size, size), and by the unknowns."""
@@ -255,12 +260,12 @@ class System:
         for part in (*self.bodies, *self.terms):
             part.commit(u, dt, relaxed)
 
-    def evaluate(self, u: np.ndarray, tangent: bool = True) -> Evaluation | None:
-        """Internal forces of all parts; None where any of them is impossible."""
+    def evaluate(self, u: np.ndarray, tangent: bool = True, led: bool = False) -> Evaluation | None:
+        """Internal forces of all parts; None where any of them is impossible. `led` as in `Body.forces`."""
         total, largest = np.zeros(self.size), 0.0
         blocks, extra = [], []
         for body in self.bodies:
-            found = body.forces(u, tangent)
+            found = body.forces(u, tangent, led)
             if found is None:
                 return None
             force = np.bincount(body.dofs.ravel(), weights=found[0].ravel(), minlength=self.size)
@@ -280,10 +285,8 @@ class System:
         """Energy of all parts, N mm."""
         return sum(part.energy(u) for part in (*self.bodies, *self.terms))
 
-    def matrix(self, evaluation: Evaluation) -> csc_matrix:
-        """Stiffness of the unknowns."""
-        from scipy.sparse import coo_matrix, csc_matrix
-
+    def matrix(self, evaluation: Evaluation) -> csc_matrix | np.ndarray:
+        """Stiffness of the unknowns; of small systems of elements alone its entries, which are solved by levels."""
         data: np.ndarray = np.empty(0)
         if self.bodies:
             values = np.concatenate([block.ravel() for block in evaluation.blocks])
@@ -291,8 +294,12 @@ class System:
             if self._scale is not None:
                 data = data * self._scale
             data = np.bincount(self._position, weights=data, minlength=len(self._row))
-        matrix = csc_matrix((data, self._row, self._pointers), shape=(self._count, self._count))
         entries = [(e.values, e.rows, e.columns) for e in evaluation.extra if len(e.values)]
+        if self._levels is not None and not entries:
+            return data
+        from scipy.sparse import coo_matrix
+
+        matrix = self._sparse(data)
         if entries:
             data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
             if self.simple:
@@ -310,6 +317,11 @@ class System:
             matrix = (to_unknowns.T @ matrix @ to_unknowns).tocsc()
         return matrix
 
+    def _sparse(self, data: np.ndarray) -> csc_matrix:
+        from scipy.sparse import csc_matrix
+
+        return csc_matrix((data, self._row, self._pointers), shape=(self._count, self._count))
+
     def push(self, evaluation: Evaluation, move: np.ndarray) -> np.ndarray:
         """Internal forces continued along a displacement of all degrees of freedom, to first order."""
         total = evaluation.internal.copy()
@@ -321,9 +333,15 @@ class System:
         return total
 
     def solve(
-        self, matrix: csc_matrix, right: np.ndarray, close: float = CLOSE, held: np.ndarray | None = None
+        self, matrix: csc_matrix | np.ndarray, right: np.ndarray, close: float = CLOSE, held: np.ndarray | None = None
     ) -> np.ndarray | None:
-        """Solution of the unknowns, see `fingerfit.fem.factor.LinearSolver.solve`."""
+        """Solution of the unknowns, see `fingerfit.fem.factor.LinearSolver.solve`; small systems by levels."""
+        if self._levels is not None and isinstance(matrix, np.ndarray):
+            found = self._levels.solve(matrix, right)
+            if found is not None:
+                return found
+            # a block may be singular where the whole is not
+            matrix = self._sparse(matrix)
         return self._linear.solve(matrix, right, close, held)
 
 

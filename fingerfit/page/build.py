@@ -50,11 +50,14 @@ def write_page(study: Path, out: Path) -> None:
         lstrip_blocks=True,
     )
     env.filters.update(number=number, with_unit=with_unit, in_words=in_words)
-    script = (FOLDER / "page.js").read_text()
+    script = (FOLDER / "page.js").read_text(encoding="utf-8")
     stamp = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     # Markup: our own files, not escaped; everything that comes from a study is
     text = env.get_template("page.html.j2").render(
-        **page_context(inputs), style=Markup((FOLDER / "style.css").read_text()), script=Markup(script), stamp=stamp
+        **page_context(inputs),
+        style=Markup((FOLDER / "style.css").read_text(encoding="utf-8")),
+        script=Markup(script),
+        stamp=stamp,
     )
     write_text(out, text)
 
@@ -119,6 +122,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "has_map": panels.has("map", model.name),
         "has_force": panels.has("force", model.name),
         "force": panels.keys.get(f"force|{model.name}"),
+        "stiffness": panels.keys.get(f"stiffness|{model.name}"),
         "diagnosis": diagnosis,
         "ranking": ranking,
         "first_effect": drawn[0] if drawn else "",

@@ -124,11 +124,11 @@ def _sets(deck: Deck, path: Path) -> tuple[np.ndarray, np.ndarray]:
 def _request_results(deck: Path) -> None:
     """Ask for the results file at the end of every step."""
     lines: list[str] = []
-    for line in deck.read_text().splitlines():
+    for line in deck.read_text(encoding="utf-8").splitlines():
         if re.match(r"\s*\*\s*END\s+STEP", line, re.IGNORECASE):
             lines += _RESULTS
         lines.append(line)
-    deck.write_text("\n".join(lines) + "\n")
+    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _ended(increment: FilIncrement, deck: Deck) -> bool:

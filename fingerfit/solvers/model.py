@@ -121,7 +121,7 @@ class Model:
 
     def _add_bodies(self, averaged: bool) -> None:
         deck, first = self.deck, 0
-        materials = {n: self.material(int(n)) for n in np.unique(self._section) if n >= 0}
+        materials = {n: self.material(n) for n in sorted(set(self._section.tolist())) if n >= 0}
         kinds = {n: structure_of(material) for n, material in materials.items()}
         for block in deck.mesh.blocks:
             section = self._section[first : first + len(block.nodes)]

@@ -89,11 +89,11 @@ def _stop(number: int) -> None:
 def copy_deck(deck: Path, folder: Path) -> None:
     """Copy a deck as deck.inp, with the files it includes, which programs look up where they run."""
     lines = []
-    for line in deck.read_text().splitlines():
+    for line in deck.read_text(encoding="utf-8").splitlines():
         match = re.match(r"\*INCLUDE\s*,\s*INPUT\s*=\s*(.+)", line, re.IGNORECASE)
         if match:
             source = deck.parent / match.group(1).strip()
             shutil.copy(source, folder / source.name)
             line = f"*INCLUDE, INPUT={source.name}"
         lines.append(line)
-    (folder / "deck.inp").write_text("\n".join(lines) + "\n")
+    (folder / "deck.inp").write_text("\n".join(lines) + "\n", encoding="utf-8")

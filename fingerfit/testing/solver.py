@@ -74,7 +74,7 @@ def write_block(
         lines += ["*NODE PRINT, NSET=ALL, FREQUENCY=1000", "U", "*NODE PRINT, NSET=BOTTOM, FREQUENCY=1000", "RF"]
         lines += ["*END STEP"]
     (folder / "block.inp").write_text(format_mesh(mesh))
-    (folder / "deck.inp").write_text("\n".join(lines) + "\n")
+    (folder / "deck.inp").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return folder / "deck.inp"
 
 
@@ -126,7 +126,7 @@ class SolverConformance:
 
     def test_it_refuses_before_a_run(self, solver: Solver, tmp_path: Path) -> None:
         deck = write_block(tmp_path, "displacement", [1.0], self.elements(solver)[0])
-        text = deck.read_text()
+        text = deck.read_text(encoding="utf-8")
         deck.write_text(text.replace("*SOLID SECTION", "*SOLID SEKTION"))
         with pytest.raises(InputError, match=r"deck\.inp: line \d+"):
             solver.check(deck)
@@ -235,7 +235,7 @@ class ExternalSolverConformance(SolverConformance):
         assert "\n" not in str(caught.value)
         assert time.monotonic() - start < 10
         time.sleep(0.2)
-        for pid in pids.read_text().split():
+        for pid in pids.read_text(encoding="utf-8").split():
             assert not _runs(int(pid)), f"process {pid} is left"
 
     def test_a_program_that_fails_is_an_error(self, tmp_path: Path) -> None:
@@ -255,6 +255,6 @@ class ExternalSolverConformance(SolverConformance):
 def _runs(pid: int) -> bool:
     """Whether a process is there and not a zombie."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] != "Z"
     except OSError:
         return False

@@ -64,7 +64,7 @@ def place(tmp_path, monkeypatch):
 
 
 def edit(path, change):
-    data = yaml.safe_load(path.read_text())
+    data = yaml.safe_load(path.read_text(encoding="utf-8"))
     change(data)
     path.write_text(yaml.safe_dump(data))
 
@@ -80,8 +80,8 @@ def config(change):
 def text(name, old, new):
     def change(place):
         path = place / name
-        assert old in path.read_text()
-        path.write_text(path.read_text().replace(old, new))
+        assert old in path.read_text(encoding="utf-8")
+        path.write_text(path.read_text(encoding="utf-8").replace(old, new))
 
     return change
 

@@ -24,7 +24,7 @@ def main():
     job = dict(part.split("=") for part in sys.argv[1:])["job"]
     path = Path(f"{job}.inp")
     deck = read_deck(path)
-    text = path.read_text().upper()
+    text = path.read_text(encoding="utf-8").upper()
     assert text.count("*NODE FILE") == text.count("*END STEP") == len(deck.steps)
     parts = [record(1921, "6.23-1", "stand-in", "", "", 0, 0, 1.0)]
     for label, point in enumerate(deck.mesh.points.tolist(), 1):

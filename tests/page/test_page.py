@@ -22,7 +22,7 @@ HOSTILE = "</script><img src=x onerror=alert(1)> $\\frac{"
 def page(folder, **options):
     sample.write(folder / "hidden-tilt", **options)
     write_page(folder / "hidden-tilt", folder / "report.html")
-    return (folder / "report.html").read_text()
+    return (folder / "report.html").read_text(encoding="utf-8")
 
 
 def data_of(text):
@@ -97,7 +97,7 @@ def test_only_forces_give_a_page(tmp_path):
     }
     sample.save(tmp_path / "s/base/compare.npz", arrays)
     write_page(tmp_path / "s", tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text()
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "This study has no pictures" in text and "force|base" in data_of(text)["panels"]
 
 
@@ -155,7 +155,7 @@ def test_in_a_browser(whole, tmp_path, width):
     # the page's policy runs no script but its own: the copy under test goes without
     text = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", whole)
     path = tmp_path / "report.html"
-    path.write_text(text.replace("</body>", f"<script>{{{CLICKS}}}</script></body>"))
+    path.write_text(text.replace("</body>", f"<script>{{{CLICKS}}}</script></body>"), encoding="utf-8")
     run = subprocess.run(
         [binary, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},1000",
          "--virtual-time-budget=8000", "--dump-dom", path.as_uri()],
@@ -172,7 +172,7 @@ def test_its_own_policy_lets_the_page_run(whole, tmp_path):
     binary = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
     if binary is None:
         pytest.skip("no Chromium is installed: the page is not tried in a browser")
-    (tmp_path / "report.html").write_text(whole)
+    (tmp_path / "report.html").write_text(whole, encoding="utf-8")
     run = subprocess.run(
         [binary, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=3000",
          "--dump-dom", (tmp_path / "report.html").as_uri()],

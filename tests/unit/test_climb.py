@@ -62,20 +62,20 @@ def test_add_changes_nothing_else(config):
     said = add(config, "tilt")
     assert "added tilt (tilt of the indenter)" in said
     assert effects(config) == {"tilt": {}}
-    new = config.read_text()
+    new = config.read_text(encoding="utf-8")
     assert new.replace("  effects:\n    tilt: {}\n", "") == CONFIG
     assert len(new.splitlines()) == len(CONFIG.splitlines()) + 2
 
 
 def test_drop_takes_back_what_add_did(config):
     add(config, "tilt")
-    once = config.read_text()
+    once = config.read_text(encoding="utf-8")
     add(config, "inclusion")
     assert list(effects(config)) == ["tilt", "inclusion"]
     drop(config, "inclusion")
-    assert config.read_text() == once
+    assert config.read_text(encoding="utf-8") == once
     assert "dropped tilt" in drop(config, "tilt")
-    assert config.read_text() == CONFIG
+    assert config.read_text(encoding="utf-8") == CONFIG
 
 
 @pytest.mark.parametrize("at", ["  name:", "  mesh:", "\nfit:"])
@@ -90,11 +90,13 @@ def test_effects_that_were_written_by_hand_stay(config, at):
         "inclusion": {"contrast": 0.5, "across": 0.25},
         "onset": {},
     }
-    assert config.read_text().replace("    onset: {}\n", "") == text
+    assert config.read_text(encoding="utf-8").replace("    onset: {}\n", "") == text
     drop(config, "onset")
-    assert config.read_text() == text
+    assert config.read_text(encoding="utf-8") == text
     drop(config, "inclusion")
-    assert config.read_text() == text.replace("    inclusion:\n      contrast: 0.5\n      across: 0.25\n", "")
+    assert config.read_text(encoding="utf-8") == text.replace(
+        "    inclusion:\n      contrast: 0.5\n      across: 0.25\n", ""
+    )
 
 
 def test_effects_on_one_line(config):
@@ -103,7 +105,7 @@ def test_effects_on_one_line(config):
     assert effects(config) == {"tilt": {"slope": 0.012345678}, "onset": {}}
     drop(config, "onset")
     drop(config, "tilt")
-    assert config.read_text() == CONFIG
+    assert config.read_text(encoding="utf-8") == CONFIG
 
 
 def test_effects_at_the_end_without_a_last_newline(config):
@@ -129,10 +131,10 @@ def test_add_starts_at_what_the_diagnosis_found(config, tmp_path):
 
 
 def refused(config, action, name):
-    before = config.read_text()
+    before = config.read_text(encoding="utf-8")
     with pytest.raises(FingerfitError) as caught:
         action(config, name)
-    assert config.read_text() == before
+    assert config.read_text(encoding="utf-8") == before
     line = str(caught.value)
     assert "\n" not in line
     return line

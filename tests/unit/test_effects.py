@@ -498,3 +498,11 @@ def test_the_documentation_lists_the_catalogue(own):
     known = catalogue(own)
     values = at_step(known["example"])
     assert deck(values, known) != PLAIN == deck(known["example"].null(), known)
+
+
+@pytest.mark.parametrize("formula", ["exp(x, x)", "exp(x, out=x)", "where(x > 0)"])
+def test_a_formula_cannot_write_into_its_inputs(formula):
+    x = np.array([1.0, 2.0])
+    with pytest.raises(ValueError, match=re.escape(formula)):
+        evaluate(formula, {"x": x})
+    assert x.tolist() == [1.0, 2.0]

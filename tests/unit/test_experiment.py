@@ -84,7 +84,7 @@ def test_noise_has_the_size_that_is_described(truth, solved):
 
 def test_the_truth_is_only_in_the_sealed_file(truth, solved, tmp_path):
     write_study(truth, solved, tmp_path / "s")
-    sealed = yaml.safe_load((tmp_path / "s/sealed/truth.yaml").read_text())
+    sealed = yaml.safe_load((tmp_path / "s/sealed/truth.yaml").read_text(encoding="utf-8"))
     assert sealed["constants"] == {"mu_top": 0.031234, "mu_bottom": 0.067891, "alpha": 1.4, "poisson": 0.49}
     assert sealed["force"] == pytest.approx(solved.force, abs=1e-6)
     for path, content in contents(tmp_path / "s").items():
@@ -148,7 +148,7 @@ def test_every_mistake_of_a_description_is_told(tmp_path):
 def test_the_shipped_study_is_that_of_its_description():
     folder = Path(__file__).resolve().parents[2] / "studies/phantom"
     truth = read_truth(folder / "experiment.yaml")
-    sealed = yaml.safe_load((folder / "sealed/truth.yaml").read_text())
+    sealed = yaml.safe_load((folder / "sealed/truth.yaml").read_text(encoding="utf-8"))
     assert {f"mu_{layer['name']}": layer["mu"] for layer in truth.layers} | truth.material == sealed["constants"]
     assert truth.mesh == sealed["mesh"]
     assert truth.solver == sealed["solver"]["name"]

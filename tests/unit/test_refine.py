@@ -23,7 +23,7 @@ def fit_on(search, refined=None):
     return SimpleNamespace(
         settings=SimpleNamespace(parameters=lambda: PARAMETERS),
         meshes=meshes,
-        mesh_names={name: name for name in meshes},
+        mesh_of=lambda asked: asked.mesh,
     )
 
 

@@ -36,7 +36,7 @@ CASES = {
 @pytest.mark.parametrize("element, material", CASES, ids=lambda name: name)
 def test_agrees(tmp_path, needs_ccx, element, material):
     deck = write_block(tmp_path, "displacement", [0.5, 1.0], element, cells=2)
-    text = deck.read_text()
+    text = deck.read_text(encoding="utf-8")
     start, end = text.index("*HYPERELASTIC"), text.index("*SOLID SECTION")
     deck.write_text(text[:start] + MATERIALS[material] + "\n" + text[end:])
     ours, theirs = BuiltinSolver(averaged=False).solve(deck, tmp_path), CalculixSolver().solve(deck, tmp_path)

@@ -74,7 +74,11 @@ def source(name):
     """Text of an example, packed or not."""
     for path in (EXAMPLES / f"{name}.inp", EXAMPLES / f"{name}.inp.gz"):
         if path.exists():
-            return gzip.decompress(path.read_bytes()).decode() if path.suffix == ".gz" else path.read_text()
+            return (
+                gzip.decompress(path.read_bytes()).decode()
+                if path.suffix == ".gz"
+                else path.read_text(encoding="utf-8")
+            )
     pytest.skip(f"no {name}.inp in {EXAMPLES}: install calculix-ccx-test or set FINGERFIT_CCX_EXAMPLES")
 
 
@@ -95,9 +99,9 @@ def solve_with_ccx(text, labels, folder):
     (folder / "deck.inp").write_text("\n".join(lines) + "\n")
     with (folder / "log").open("w") as log:
         subprocess.run(["ccx", "-i", "deck"], cwd=folder, stdout=log, stderr=log, timeout=300, check=False)
-    dat = (folder / "deck.dat").read_text()
+    dat = (folder / "deck.dat").read_text(encoding="utf-8")
     blocks = dat.split(" displacements (vx,vy,vz) for set EVERY_NODE and time")[1:]
-    assert blocks, (folder / "log").read_text()[-2000:]
+    assert blocks, (folder / "log").read_text(encoding="utf-8")[-2000:]
     rows = re.findall(r"^ *(\d+) +(\S+) +(\S+) +(\S+)$", blocks[-1].split(" forces")[0].split(" stresses")[0], re.M)
     return {int(label): np.array([float(x), float(y), float(z)]) for label, x, y, z in rows}
 

@@ -126,7 +126,9 @@ def test_the_second_rung_explains_what_was_held_out(place):
 
 
 def test_nothing_of_the_first_rung_ran_again(place):
-    first = {name: int(when) for name, when in map(str.split, (place / "first.txt").read_text().splitlines())}
+    first = {
+        name: int(when) for name, when in map(str.split, (place / "first.txt").read_text(encoding="utf-8").splitlines())
+    }
     second = simulations(place)
     assert len(first) > 20
     assert {name: second[name] for name in first} == first
@@ -146,6 +148,8 @@ def test_no_rule_reads_what_is_sealed(place, monkeypatch):
     files = layout.study_files(load_settings(Path("config.yaml")))
     assert "study/study.yaml" in files
     assert not [path for path in files if "sealed" in path]
-    records = [path.read_text() for path in (place / ".snakemake/metadata").rglob("*") if path.is_file()]
+    records = [
+        path.read_text(encoding="utf-8") for path in (place / ".snakemake/metadata").rglob("*") if path.is_file()
+    ]
     assert any("study/study.yaml" in text for text in records)
     assert not [text for text in records if "sealed" in text]

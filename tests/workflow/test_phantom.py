@@ -17,12 +17,12 @@ def found(tmp_path_factory):
         from fitting import fit_study
     finally:
         sys.path.pop(0)
-    config = yaml.safe_load((ROOT / "config.yaml").read_text())
+    config = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
     return fit_study({**config, "study": str(ROOT / config["study"])}, tmp_path_factory.mktemp("fit")).estimate
 
 
 def test_every_constant_is_within_two_per_cent(found):
-    truth = yaml.safe_load((ROOT / "studies/phantom/sealed/truth.yaml").read_text())["constants"]
+    truth = yaml.safe_load((ROOT / "studies/phantom/sealed/truth.yaml").read_text(encoding="utf-8"))["constants"]
     assert found["sim_mesh"] == "refined"
     assert found["remarks"] == []
     assert set(found["parameters"]) == {"mu_top", "mu_middle", "mu_bottom"}
@@ -33,8 +33,8 @@ def test_every_constant_is_within_two_per_cent(found):
 
 
 def test_the_readme_states_what_comes_out(found):
-    readme = (ROOT / "README.md").read_text()
-    truth = yaml.safe_load((ROOT / "studies/phantom/sealed/truth.yaml").read_text())["constants"]
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    truth = yaml.safe_load((ROOT / "studies/phantom/sealed/truth.yaml").read_text(encoding="utf-8"))["constants"]
     for name, entry in found["parameters"].items():
         (printed,) = re.findall(rf"^{name} +MPa +([\d.]+)", readme, re.MULTILINE)
         (row,) = re.findall(rf"^\| {name} \|(.*)\|$", readme, re.MULTILINE)

@@ -115,7 +115,7 @@ def snakemake(place, *options, **environment):
 
 
 def estimate(place):
-    return (place / "results/study/base/estimate.json").read_text()
+    return (place / "results/study/base/estimate.json").read_text(encoding="utf-8")
 
 
 def test_the_constants_are_found(made):
@@ -189,10 +189,10 @@ def test_a_changed_mesh_runs_everything_and_back_nothing(place):
 
 def test_a_changed_template_runs_what_depends_on_it(place):
     own = place / "study/own.inp.j2"
-    own.write_text((ROOT / "templates/block.inp.j2").read_text())
+    own.write_text((ROOT / "templates/block.inp.j2").read_text(encoding="utf-8"))
     configure(place, model__template="own.inp.j2")
     assert snakemake(place) == 0
-    own.write_text(own.read_text().replace("values are totals", "values are the totals"))
+    own.write_text(own.read_text(encoding="utf-8").replace("values are totals", "values are the totals"))
     assert snakemake(place) > 5
 
 
@@ -234,7 +234,7 @@ def test_killed_at_a_random_moment_and_called_again(made, tmp_path, seed):
         try:
             deadline = time.monotonic() + 120
             while number >= 0 and not (place / f"results/study/base/rounds/{number}.json").exists():
-                assert running.poll() is None, (tmp_path / "log").read_text()
+                assert running.poll() is None, (tmp_path / "log").read_text(encoding="utf-8")
                 assert time.monotonic() < deadline
                 time.sleep(0.02)
             time.sleep(delay)
