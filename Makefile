@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test benchmark benchmark-solver benchmark-indentation benchmark-hidden setup lint clean
+.PHONY: help run test benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp setup lint clean
 
 PYTHON ?= python3
 CORES ?= 2
@@ -32,6 +32,9 @@ benchmark-solver: setup  ## the built-in solver against CalculiX: benchmarks/sol
 
 benchmark-indentation: setup  ## the same in space, a sphere into a finger: benchmarks/indentation.md (10 minutes)
 	$(BIN)/python benchmarks/indentation.py
+
+benchmark-warp: setup  ## volumes warped and scored: benchmarks/warp.md (one minute)
+	$(BIN)/python benchmarks/warp.py
 
 benchmark-hidden: setup  ## hidden effects, found or not: benchmarks/hidden_effects.md (two hours)
 	$(BIN)/python benchmarks/hidden_effects.py

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fingerfit.imaging.pictures import read_picture
+import numpy as np
+
+from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.prepare import make_mesh, prepare
 from fingerfit.settings import load_settings
 from fingerfit.settings_check import check_against_study
@@ -37,7 +39,8 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
     lines = [
         f"{study_path(path)}: {study.title}",
         f"control: {study.control}; base {study.base}, indenter {study.indenter}",
-        f"body: layers {', '.join(study.layer_names)} (from the indenter down), thickness {study.thickness:g} mm",
+        f"body: layers {', '.join(study.layer_names)} (from the indenter down)"
+        + (f", thickness {study.thickness:g} mm" if mesh.dim == 2 else ""),
         f"mesh: {len(mesh.points)} nodes, {mesh.element_count} {mesh.blocks[0].element}",
         "",
         _table(study),
@@ -50,15 +53,27 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
         size = " x ".join(map(str, frame.values.shape[::-1]))
         spacing = " x ".join(f"{s:.4g}" for s in frame.spacing)
         lines.append(
-            f"pictures: {size} pixels of {spacing} mm, noise {100 * data.picture_noise:.2g} % of the brightest"
+            f"pictures: {size} pixels of {spacing} mm{_turn(frame)},"
+            f" noise {100 * data.picture_noise:.2g} % of the brightest"
         )
+        lines += ["prepared, in this order:", *(f"  {line}" for line in data.history.splitlines())]
     lines.append(_identifiable(study, bool(len(data.measured)), settings.fit.score))
-    if picture is not None and len(data.measured) and mesh.dim == 2:
+    if picture is not None and len(data.measured):
         from fingerfit.plots import extent, figure_overlay, save
+        from fingerfit.volumes import figure_place, frame_of
 
-        save(figure_overlay(mesh, data.before, extent(data)), picture)
+        plane = mesh.dim == 2
+        save(figure_overlay(mesh, data.before, extent(data)) if plane else figure_place(mesh, frame_of(data)), picture)
         lines.append(f"mesh over picture: {picture}")
     return "\n".join(lines)
+
+
+def _turn(frame: Picture) -> str:
+    """How the axes of a picture lie in space, where they are not simply its axes."""
+    if np.allclose(frame.direction, np.eye(frame.dim), atol=1e-6):
+        return ""
+    axes = ["(" + ", ".join(f"{x:.3g}" for x in axis) + ")" for axis in np.round(frame.direction.T, 6) + 0.0]
+    return f" along {', '.join(axes)}"
 
 
 def _table(study: Study) -> str:

@@ -27,7 +27,7 @@ class Data:
     force_noise, displacement_noise, picture_noise, points_noise : float
         Standard deviations; that of the pictures holds before smoothing, in scaled intensity.
     before : ndarray, shape (ny, nx) or (nz, ny, nx)
-        Smoothed and scaled picture before compression; empty when there are no pictures.
+        Smoothed and scaled picture before compression; empty when there are no pictures. Volumes are single precision.
     coefficients : ndarray, like `before`
         Cubic B-spline coefficients of the scaled picture before compression, not smoothed: that follows the warp.
     measured : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
@@ -44,6 +44,8 @@ class Data:
         Reference positions and measured displacements of material points, mm.
     points_step : ndarray of int, shape (points,)
         Index into `step` of each measured point.
+    history : str
+        What was done to the pictures, in words, one step a line.
     """
 
     step: np.ndarray
@@ -66,6 +68,7 @@ class Data:
     points: np.ndarray
     points_displacement: np.ndarray
     points_step: np.ndarray
+    history: str = ""
 
     def save(self, path: Path) -> None:
         """Write to .npz, whole or not at all; not compressed, because every round reads it and noise stays as large."""

@@ -266,24 +266,55 @@ def anchor_of(fit: Fit, last: Round) -> Asked:
     return fit.ask(finest(fit, last).values, ANCHOR)
 
 
-def look(examination: Examination, found: Sequence[Suspect]) -> tuple[Judge, list[Look]]:
-    """Test all suspects; the best place of each effect only, by predicted fall."""
-    kept = examination.residual
-    covariance = kept.covariance + examination.mesh_covariance()
-    judge = Judge(kept.vector, covariance, examination.own(), examination.nuisance())
-    best: dict[str, Look] = {}
+def judge_of(examination: Examination) -> Judge:
+    """Judge of what a model leaves."""
+    residual = examination.residual
+    covariance = residual.covariance + examination.mesh_covariance()
+    return Judge(residual.vector, covariance, examination.own(), examination.nuisance())
+
+
+def try_suspects(examination: Examination, judge: Judge, found: Sequence[Suspect]) -> list[Look]:
+    """Test all suspects that have a solution."""
+    looks = []
     for suspect in found:
         columns = examination.columns(suspect)
-        if columns is None:
-            continue
-        parameters = suspect.effect.parameters
-        low = np.array([p.lower - p.null for p in parameters])
-        high = np.array([p.upper - p.null for p in parameters])
-        tested = Look(suspect, judge.test(columns, low, high), columns)
-        name = suspect.effect.name
-        if name not in best or tested.finding.fall > best[name].finding.fall:
-            best[name] = tested
-    return judge, sorted(best.values(), key=lambda one: -one.finding.fall)
+        if columns is not None:
+            parameters = suspect.effect.parameters
+            low = np.array([p.lower - p.null for p in parameters])
+            high = np.array([p.upper - p.null for p in parameters])
+            looks.append(Look(suspect, judge.test(columns, low, high), columns))
+    return looks
+
+
+def best_places(looks: Sequence[Look]) -> list[Look]:
+    """The best place of each effect only, by predicted fall."""
+    best: dict[str, Look] = {}
+    for one in looks:
+        name = one.suspect.effect.name
+        if name not in best or one.finding.fall > best[name].finding.fall:
+            best[name] = one
+    return sorted(best.values(), key=lambda one: -one.finding.fall)
+
+
+def stiffness_map(examination: Examination, looks: Sequence[Look]) -> np.ndarray:
+    """Which place wants to be stiffer or softer, from the effects that were tried all over the body.
+
+    Returns
+    -------
+    ndarray, shape (places, dim + 2)
+        Position in mm; predicted change of log mu there; the evidence for it in standard deviations, negative where
+        the place wants to be softer.
+    """
+    points = examination.fit.meshes[SEARCH].points
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    rows = []
+    for one in looks:
+        effect, place = one.suspect.effect, one.suspect.place
+        if set(effect.scan) == {"across", "along"} and "field" in effect.changes:
+            share = np.array([place[effect.key("across")], *[0.5] * (len(low) - 2), place[effect.key("along")]])
+            change = float(one.finding.size[0])
+            rows.append([*(low + share * size), change, np.sign(change) * np.sqrt(one.finding.fall)])
+    return np.array(rows).reshape(-1, len(low) + 2)
 
 
 def alike(judge: Judge, a: Look, b: Look) -> float:

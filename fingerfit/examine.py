@@ -8,7 +8,16 @@ import numpy as np
 
 from fingerfit.data import Data
 from fingerfit.designs import separation
-from fingerfit.diagnose import Examination, Look, anchor_of, look, suspects
+from fingerfit.diagnose import (
+    Examination,
+    Look,
+    anchor_of,
+    best_places,
+    judge_of,
+    stiffness_map,
+    suspects,
+    try_suspects,
+)
 from fingerfit.extend import extended
 from fingerfit.fit import Fit
 from fingerfit.judge import Judge
@@ -35,6 +44,8 @@ class Examined:
         Simulations that were not known before.
     measurements : list of (str, float)
         Changes of the measurement and by how much each would separate the first two effects better.
+    stiffness : ndarray, shape (places, dim + 2)
+        As from `stiffness_map`.
     """
 
     examination: Examination
@@ -44,6 +55,7 @@ class Examined:
     verdict: Verdict
     run: int
     measurements: list[tuple[str, float]]
+    stiffness: np.ndarray
 
 
 def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examined:
@@ -62,7 +74,9 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     found = suspects(fit, finest(fit, last).values)
     run = solve_missing(fit, [anchor_of(fit, last), *(asked for suspect in found for asked in suspect.asked)], threads)
     examination = Examination(fit, last, everything)
-    judge, looks = look(examination, found)
+    judge = judge_of(examination)
+    everywhere = try_suspects(examination, judge, found)
+    looks = best_places(everywhere)
     refits: dict[str, Refit] = {}
     for candidate in to_refit(judge, looks, len(found)):
         refit, more = _refit(fit, last, candidate, everything, threads)
@@ -75,7 +89,8 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
         first, second = (blamed[name] for name in verdict.effects[:2])
         measurements, more = separation(examination, first, second, threads)
         run += more
-    return Examined(examination, judge, looks, refits, verdict, run, measurements)
+    stiffness = stiffness_map(examination, everywhere)
+    return Examined(examination, judge, looks, refits, verdict, run, measurements, stiffness)
 
 
 def errors(examination: Examination) -> tuple[float, float | None]:
@@ -97,7 +112,7 @@ def _refit(fit: Fit, last: Round, one: Look, everything: Data, threads: int) -> 
     end, run = run_fit(wider, threads)
     run += solve_missing(wider, [anchor_of(wider, end)], threads)
     examination = Examination(wider, end, everything)
-    judge = look(examination, [])[0]
+    judge = judge_of(examination)
     fitted, held_out = errors(examination)
     return Refit(judge.misfit, judge.freedom, fitted, held_out, minimum(wider, end).values), run
 

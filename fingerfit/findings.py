@@ -98,7 +98,7 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
     }
     residual = found.examination.residual
     dim = residual.value.shape[2] - 1
-    patterns = {"there": residual.value[..., :dim]}
+    patterns = {"there": residual.value[..., :dim], "stiffness": found.stiffness}
     for look in found.looks[:SHOWN]:
         whole = np.full(residual.kept.shape, np.nan)
         whole[residual.kept] = look.columns @ look.finding.size

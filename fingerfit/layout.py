@@ -48,10 +48,10 @@ _FIT = (
     "score.py",
 )
 SOURCES: dict[str, tuple[str, ...]] = {
-    "prepare": (*_READ, *_MESH, "prepare.py"),
+    "prepare": (*_READ, *_MESH, "pictured.py", "prepare.py"),
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
-    "plot": (*_FIT, "plots.py"),
+    "plot": (*_FIT, "plots.py", "slices.py", "volumes.py"),
     "ladder": ("findings.py", "page"),
     "diagnose": (
         *_FIT,
@@ -60,6 +60,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "extend.py",
         "findings.py",
         "judge.py",
+        "pictured.py",
         "prepare.py",
         "residual.py",
         "simulate.py",

@@ -9,7 +9,6 @@ import numpy as np
 from fingerfit.data import Data
 from fingerfit.effects.observe import Observation
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.warp import BackwardMap, Probe, backward_map, warp
 from fingerfit.mesh import Mesh
 from fingerfit.score import Prediction
@@ -75,7 +74,7 @@ class Predictor:
             return None
         maps = self.maps(outcome, seen)
         # smoothed after the warp: its border is then as soft as that of the measured picture
-        synthesized = [smooth(warp(data.coefficients, data.background, way), data.smooth) for way in maps]
+        synthesized = [warp(data.coefficients, data.background, way, data.smooth) for way in maps]
         if seen is not None and synthesized:
             x, y = positions(self._frame)
             synthesized = [

@@ -6,12 +6,11 @@ import numpy as np
 
 from fingerfit.data import Data
 from fingerfit.errors import FingerfitError, InputError, Problems
-from fingerfit.imaging.noise import estimate_noise
-from fingerfit.imaging.pictures import Picture, read_picture
-from fingerfit.imaging.preprocess import scale_of, smooth
+from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import read_mesh
 from fingerfit.meshing import brick, layered_block
+from fingerfit.pictured import Prepared, prepare_pictures
 from fingerfit.settings import MeshSettings
 from fingerfit.study import ESTIMATED, Study
 
@@ -26,7 +25,9 @@ def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
     """
     body = study.body
     if body.brick is not None and settings is not None:
-        mesh = brick(body.brick, (settings.across, settings.across, settings.per_layer), body.layers[0].name)
+        cells = (settings.across, settings.across, settings.per_layer)
+        heights = [(layer.name, layer.height or body.brick[2]) for layer in body.layers]
+        mesh = brick(body.brick, cells, element=settings.element, layers=heights)
     elif body.width is not None and settings is not None:
         layers = [(layer.name, layer.height or 0.0) for layer in body.layers]
         mesh = layered_block(
@@ -40,6 +41,8 @@ def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
         )
     elif body.mesh is not None:
         mesh = _named(read_mesh(body.mesh), study)
+        if mesh.dim == 2 and not body.thickness:
+            raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
     else:
         raise InputError(study.path, "body", "no shape", "layers with width and height, brick or mesh")
     return mesh
@@ -107,31 +110,21 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         if number not in numbers or not study.steps[numbers.index(number)].picture:
             found = f"step {number}, which has no picture" if number in numbers else f"step {number}"
             problems.append(InputError("config.yaml", "fit.steps", found, "steps with a picture"))
-    before, pictures = _read_pictures(study, used, problems)
-    if before is not None and before.dim != mesh.dim:
-        problems.append(
-            InputError(study.before or "", "picture", f"{before.dim} dimensions", f"{mesh.dim}, as the mesh")
-        )
+    prepared = None
+    try:
+        prepared = prepare_pictures(study, mesh, used, sigma, crop)
+    except Problems as error:
+        problems += error.problems
+    except InputError as error:
+        problems.append(error)
     points = _read_points(study, mesh, problems)
     if problems:
         raise Problems(problems)
-    values = raw = np.zeros((0,) * mesh.dim)
-    measured = np.zeros((0, *values.shape))
-    noise, background = 0.0, 0.0
-    if before is not None:
-        covered = covers(mesh, before)
-        if covered.mean() == 0:
-            raise InputError(study.before or "", "picture", "no pixel on the mesh", "a picture that overlaps the body")
-        low, size = scale_of(before.values)
-        empty = _empty(before, mesh)
-        noise = _picture_noise(study, before, empty) / size
-        before, *pictures = [picture.crop(mesh.points, crop) for picture in (before, *pictures)]
-        empty = _empty(before, mesh)
-        raw = (before.values - low) / size
-        values = smooth(raw, sigma)
-        measured = np.array([smooth((p.values - low) / size, sigma) for p in pictures])
-        background = float(np.median(values[empty])) if empty.any() else float(values.min())
-    from fingerfit.imaging.warp import spline_coefficients
+    nothing = np.zeros((0,) * mesh.dim)
+    if prepared is None:
+        place = Picture(nothing, np.ones(mesh.dim), np.zeros(mesh.dim), np.eye(mesh.dim))
+        prepared = Prepared(place, nothing, np.zeros((0, *nothing.shape)), 0.0, 0.0, sigma, "")
+        used = []
 
     def column(name: str) -> np.ndarray:
         return np.array([np.nan if getattr(s, name) is None else getattr(s, name) for s in study.steps])
@@ -143,46 +136,22 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         control=study.control,
         force_noise=_noise(study, "force", column("force"), column("displacement")),
         displacement_noise=_noise(study, "displacement", column("displacement"), column("force")),
-        picture_noise=noise,
+        picture_noise=prepared.noise,
         points_noise=float(study.noise.points or 0.0) if study.noise.points != ESTIMATED else 0.0,
-        before=values,
-        coefficients=spline_coefficients(raw) if raw.size else raw,
-        measured=measured,
-        picture_step=np.array(used if before is not None else [], dtype=int),
-        spacing=before.spacing if before else np.ones(mesh.dim),
-        origin=before.origin if before else np.zeros(mesh.dim),
-        direction=before.direction if before else np.eye(mesh.dim),
-        background=background,
-        smooth=sigma,
+        before=prepared.before.values,
+        coefficients=prepared.coefficients,
+        measured=prepared.measured,
+        picture_step=np.array(used, dtype=int),
+        spacing=prepared.before.spacing,
+        origin=prepared.before.origin,
+        direction=prepared.before.direction,
+        background=prepared.background,
+        smooth=prepared.smooth,
         points=points[0],
         points_displacement=points[1],
         points_step=points[2],
+        history=prepared.history,
     )
-
-
-def covers(mesh: Mesh, picture: Picture) -> np.ndarray:
-    """Pixels on the undeformed body, shape of the picture, bool."""
-    from fingerfit.imaging.warp import backward_map
-
-    covered = np.zeros(picture.values.size, dtype=bool)
-    covered[backward_map(mesh, np.zeros(mesh.points.shape), picture).pixel] = True
-    return covered.reshape(picture.values.shape)
-
-
-def _empty(picture: Picture, mesh: Mesh) -> np.ndarray:
-    """Pixels far from the body: outside its bounding box by more than a fifth of its size."""
-    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    margin = 0.2 * (high - low)
-    index = np.indices(picture.values.shape)[::-1].reshape(picture.dim, -1).T
-    where = picture.to_points(index.astype(float))
-    outside = ((where < low - margin) | (where > high + margin)).any(axis=1)
-    return outside.reshape(picture.values.shape)
-
-
-def _picture_noise(study: Study, before: Picture, empty: np.ndarray) -> float:
-    if isinstance(study.noise.picture, float):
-        return study.noise.picture
-    return estimate_noise(before.values, empty)
 
 
 def _noise(study: Study, name: str, values: np.ndarray, against: np.ndarray) -> float:
@@ -199,33 +168,6 @@ def _noise(study: Study, name: str, values: np.ndarray, against: np.ndarray) -> 
     basis = np.stack([x, x**2, x**3], axis=1)
     residual = values[known] - basis @ np.linalg.lstsq(basis, values[known], rcond=None)[0]
     return float(np.sqrt((residual**2).sum() / (known.sum() - 3)))
-
-
-def _read_pictures(
-    study: Study, used: list[int], problems: list[FingerfitError]
-) -> tuple[Picture | None, list[Picture]]:
-    if not used or study.before is None:
-        return None, []
-    try:
-        before = read_picture(study.before)
-    except InputError as error:
-        problems.append(error)
-        return None, []
-    pictures = []
-    for index in used:
-        path = study.steps[index].picture
-        if path is None:
-            continue
-        try:
-            picture = read_picture(path)
-        except InputError as error:
-            problems.append(error)
-            continue
-        if not picture.same_place(before):
-            found = f"{'x'.join(map(str, picture.values.shape[::-1]))} at {np.round(picture.origin, 6).tolist()}"
-            problems.append(InputError(path, "geometry", found, f"that of {study.before.name}"))
-        pictures.append(picture)
-    return before, pictures
 
 
 def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -54,7 +54,7 @@ class Body:
     origin : tuple of float
         Lower left corner of a block, mm.
     thickness : float
-        Out of plane, mm.
+        Out of plane, mm; 0 where a mesh comes without it.
     brick : tuple of float or None
         Lengths of the sides, mm.
     mesh : Path or None
@@ -80,6 +80,28 @@ class Noise:
 
 
 @dataclass(frozen=True)
+class Chain:
+    """What is done to pictures before they are compared, in this order.
+
+    Parameters
+    ----------
+    trim : str or tuple of tuple
+        ``body``: to the surroundings of the body; ``off``; or lower and upper corner of a box in space, mm.
+    resize : tuple of int or None
+        Pixels along each axis of the picture, x first.
+    gaussian : float or None
+        Standard deviation in pixels, 0 for none; None: the setting `fit.smooth`.
+    scale : bool
+        To 0 at the lowest and 1 at the highest intensity before compression.
+    """
+
+    trim: str | tuple[tuple[float, ...], tuple[float, ...]] = "body"
+    resize: tuple[int, ...] | None = None
+    gaussian: float | None = None
+    scale: bool = True
+
+
+@dataclass(frozen=True)
 class Study:
     """What was measured.
 
@@ -99,6 +121,8 @@ class Study:
         ``held`` or ``slides``; ``glued`` or ``slides``.
     base_nodes, indenter_nodes : str
         Node sets of a user's mesh at the base and under the indenter.
+    chain : Chain
+        Preparation of the pictures.
     length : float
         Size of the study's unit of length, for tables of points.
     """
@@ -115,6 +139,7 @@ class Study:
     length: float = 1.0
     base_nodes: str = "BOTTOM"
     indenter_nodes: str = "TOP"
+    chain: Chain = Chain()
 
     @property
     def layer_names(self) -> list[str]:

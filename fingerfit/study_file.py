@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.keys import Keys, read_yaml
-from fingerfit.study import ESTIMATED, Body, Layer, Noise, Step, Study
+from fingerfit.study import ESTIMATED, Body, Chain, Layer, Noise, Step, Study
 from fingerfit.units import factor
 
 COLUMNS = ("step", "time", "displacement", "force", "picture", "points")
@@ -47,7 +47,7 @@ def load_study(path: Path) -> Study:
     base, base_nodes = _side(boundary, "base", ("held", "slides"), "BOTTOM")
     indenter, indenter_nodes = _side(boundary, "indenter", ("glued", "slides"), "TOP")
     pictures = keys.mapping("pictures", {})
-    pictures.known("before", "noise")
+    pictures.known("before", "noise", "trim", "resize", "gaussian", "scale")
     before = pictures.text("before", None)
     study = Study(
         path=file,
@@ -62,6 +62,7 @@ def load_study(path: Path) -> Study:
         length=sizes["length"],
         base_nodes=base_nodes,
         indenter_nodes=indenter_nodes,
+        chain=_chain(pictures, sizes["length"]),
     )
     if not problems:
         _cross_check(study, problems)
@@ -112,6 +113,48 @@ def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
     )
 
 
+def _chain(pictures: Keys, length: float) -> Chain:
+    """Preparation of the pictures; YAML reads ``off`` as false."""
+    data, off = pictures.data, ("off", False)
+    trim, resize, gaussian = data.get("trim", "body"), data.get("resize", "off"), data.get("gaussian")
+    box = _box(trim, length)
+    if trim in off:
+        trim = "off"
+    elif trim != "body" and box is None:
+        pictures.wrong("trim", trim, "body, off, or [[x, y, z], [x, y, z]]: lower and upper corner of a box")
+    if resize in off:
+        resize = None
+    elif not (
+        isinstance(resize, list) and len(resize) in (2, 3) and all(type(n) is int and 2 <= n <= 4096 for n in resize)
+    ):
+        pictures.wrong("resize", resize, "off, or pixels along each axis: 2 or 3 whole numbers from 2 to 4096")
+        resize = None
+    if gaussian in off and gaussian is not None and type(gaussian) is not int:
+        gaussian = 0.0
+    elif gaussian is not None and not (isinstance(gaussian, int | float) and 0 <= gaussian <= 20):
+        pictures.wrong("gaussian", gaussian, "off, or a standard deviation in pixels from 0 to 20")
+        gaussian = None
+    scale = data.get("scale", "range")
+    if scale != "range" and scale not in off:
+        pictures.wrong("scale", scale, "range or off")
+    return Chain(
+        box or trim, tuple(resize) if resize else None, None if gaussian is None else float(gaussian), scale == "range"
+    )
+
+
+def _box(value: object, length: float) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+    """Corners of a box in mm; None when it is none."""
+    if not (isinstance(value, list) and len(value) == 2 and all(isinstance(corner, list) for corner in value)):
+        return None
+    low, high = value
+    numbers = all(type(x) in (int, float) and math.isfinite(x) for x in [*low, *high])
+    if not numbers or len(low) != len(high) or len(low) not in (2, 3):
+        return None
+    if any(a >= b for a, b in zip(low, high, strict=True)):
+        return None
+    return tuple(x * length for x in low), tuple(x * length for x in high)
+
+
 def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
     body.known("layers", "width", "thickness", "origin", "brick", "mesh")
     size, layers, names = sizes["length"], [], set()
@@ -125,27 +168,35 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
         if not name.isidentifier():
             layer.wrong("name", name, "letters, digits and _")
         names.add(name)
-        block = mesh is None and brick is None
-        height = layer.number("height", above=0.0) if block else None
+        height = None
+        if brick is not None and len(body.data["layers"]) == 1:
+            height = layer.number("height", None, above=0.0)
+        elif mesh is None:
+            height = layer.number("height", above=0.0)
         layers.append(Layer(name, height * size if height else None, layer.text("elements", name.upper())))
     if body.data.get("layers") == []:
         body.wrong("layers", "none", "at least one layer")
     if (mesh is not None) + (brick is not None) + ("width" in body.data) > 1:
         found = " and ".join(key for key in ("width", "brick", "mesh") if key in body.data)
         body.problems.append(InputError(file, "body", found, "one of width (with layers), brick, mesh"))
-    if brick is not None and len(layers) > 1:
-        body.wrong("layers", f"{len(layers)} layers", "one layer in a brick")
+    heights = [layer.height for layer in layers if layer.height is not None]
+    if brick is not None and len(heights) == len(layers) and not math.isclose(sum(heights), brick[2] * size):
+        body.wrong("layers", f"heights of {sum(heights) / size:g} in all", f"{brick[2]:g}, the height of the brick")
     if brick is not None and min(brick) <= 0:
         body.wrong("brick", list(brick), "3 lengths above 0")
         brick = None
     width = body.number("width", above=0.0) if mesh is None and brick is None else None
     origin = body.numbers("origin", 2, (0.0, 0.0)) or (0.0, 0.0)
-    thickness = body.number("thickness", above=0.0) if brick is None else 1.0
+    thickness: float | None = 1.0
+    if mesh is not None:  # which says later whether it is plane
+        thickness = body.number("thickness", 0.0, above=0.0) if "thickness" in body.data else 0.0
+    elif brick is None:
+        thickness = body.number("thickness", above=0.0)
     return Body(
         tuple(layers),
         width * size if width else None,
         (origin[0] * size, origin[1] * size),
-        (thickness or 1.0) * size,
+        (thickness or 0.0) * size,
         (brick[0] * size, brick[1] * size, brick[2] * size) if brick else None,
         file.parent / mesh if mesh else None,
     )

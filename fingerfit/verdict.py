@@ -19,7 +19,7 @@ ENOUGH = 0.75
 """Share of the excess misfit that an answer must explain."""
 RIVAL = 12.0
 """Difference of misfit below which two refits cannot be told apart: odds of 400 to 1."""
-NEAR = 0.05
+NEAR = 0.03
 """The same for two refits that are both adequate, per degree of freedom: what an error of the mesh may decide."""
 TRIED = 3
 """Effects that are refitted."""

@@ -162,7 +162,9 @@ def _outside(depth: np.ndarray, xi: np.ndarray, slope: np.ndarray, det: np.ndarr
         )
         inverse = np.linalg.inv(slope[:, :, far].transpose(2, 1, 0))
         in_space = np.einsum("ap,pai->pi", gradient, inverse)
-        found[far] = (depth[far] - 1.0) / np.linalg.norm(in_space, axis=1)
+        # where the distance has no slope the point may be anywhere: infinitely far
+        with np.errstate(divide="ignore"):
+            found[far] = (depth[far] - 1.0) / np.linalg.norm(in_space, axis=1)
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,18 +54,22 @@ class Picture:
         last = np.clip(np.ceil(high + share * (high - low)) + 1, first + 1, size).astype(int)
         window = tuple(slice(a, b) for a, b in zip(first[::-1], last[::-1], strict=True))
         origin = self.to_points(first[None].astype(float))[0]
-        return Picture(self.values[window], self.spacing, origin, self.direction)
+        return Picture(self.values[window].copy(), self.spacing, origin, self.direction)
 
     def same_place(self, other: Picture) -> bool:
         """Whether the other picture has the same pixels in space."""
-        return self.values.shape == other.values.shape and all(
-            np.allclose(a, b, atol=1e-6)
-            for a, b in (
-                (self.spacing, other.spacing),
-                (self.origin, other.origin),
-                (self.direction, other.direction),
-            )
-        )
+        return not self.difference(other)
+
+    def difference(self, other: Picture) -> str:
+        """What of the place in space is not that of another picture, in words; empty when nothing."""
+        found = []
+        if self.values.shape != other.values.shape:
+            found.append("x".join(map(str, self.values.shape[::-1])) + " pixels")
+        for name in ("spacing", "origin", "direction"):
+            own, its = getattr(self, name), getattr(other, name)
+            if own.shape != its.shape or not np.allclose(own, its, atol=1e-6):
+                found.append(f"{name} {np.round(own, 6).tolist()}")
+        return ", ".join(found)
 
 
 def read_picture(path: Path) -> Picture:
@@ -81,13 +86,7 @@ def read_picture(path: Path) -> Picture:
     if not path.exists():
         raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
     try:
-        if path.is_dir():
-            files = sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(path))
-            if not files:
-                raise InputError(path, "picture", "a folder without a DICOM series", "one DICOM series")
-            image = sitk.ReadImage(files)
-        else:
-            image = sitk.ReadImage(str(path))
+        image = sitk.ReadImage(_series(path) if path.is_dir() else str(path))
     except RuntimeError as error:
         reason = [line for line in str(error).splitlines() if line.strip()][-1]
         raise InputError(path, "picture", reason, "a picture that SimpleITK reads") from error
@@ -105,9 +104,35 @@ def read_picture(path: Path) -> Picture:
         raise InputError(path, "picture", f"{dim} dimensions", "2 or 3")
     if not np.isfinite(values).all():
         raise InputError(path, "picture", "NaN or infinite intensities", "finite intensities")
-    if abs(np.linalg.det(direction)) < 0.5:
-        raise InputError(path, "picture", "axes that are not perpendicular", "an orthogonal direction matrix")
+    if np.abs(direction.T @ direction - np.eye(dim)).max() > 1e-3:
+        raise InputError(path, "direction", "axes that are not perpendicular", "an orthogonal direction matrix")
+    if dim == 3 and np.linalg.det(direction) < 0:
+        raise InputError(path, "direction", "a left-handed direction matrix (determinant -1)", "a right-handed one")
     return Picture(values, spacing, origin, direction)
+
+
+def _series(path: Path) -> Sequence[str]:
+    """Files of the one DICOM series in a folder, in the order of its slices."""
+    import SimpleITK as sitk
+
+    series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(path))
+    if len(series) != 1:
+        found = f"{len(series)} DICOM series" if series else "a folder without a DICOM series"
+        raise InputError(path, "picture", found, "one DICOM series")
+    files = sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(path), series[0])
+    reader, places = sitk.ImageFileReader(), []
+    for file in files:
+        reader.SetFileName(file)
+        reader.ReadImageInformation()
+        places.append(np.array(reader.GetOrigin()))
+    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1) if len(places) > 1 else np.zeros(0)
+    # ITK takes the mean distance and only warns
+    if len(gaps) and np.abs(gaps - np.median(gaps)).max() > 0.01 * np.median(gaps):
+        worst = int(np.argmax(np.abs(gaps - np.median(gaps))))
+        names = f"{Path(files[worst]).name} and {Path(files[worst + 1]).name}"
+        found = f"{gaps[worst]:.4g} mm between {names}"
+        raise InputError(path, "slices", found, f"{np.median(gaps):.4g} mm, as between the others")
+    return files
 
 
 def write_picture(path: Path, picture: Picture, kind: Any = np.uint16) -> None:

@@ -2,21 +2,27 @@
 
 For each pixel of the deformed picture the element that covers it is found and its local coordinates, by Newton's
 method on the element's own shape functions; these give the material point, and the picture before compression is
-read there through cubic B-splines (Unser 1999). The same code serves two and three dimensions.
+read there through cubic B-splines (Unser 1999). The same code serves two and three dimensions; in tetrahedra, of which
+a body has many, scan lines take the place of the search (`fingerfit.imaging.tetrahedra`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fingerfit.fem.elements import distance, rule, shape
+from fingerfit.fem.elements import ELEMENTS, distance, rule, shape
 from fingerfit.imaging.inverse import bulge, interpolate, local_coordinates
 from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.preprocess import reach_of, smooth
+from fingerfit.imaging.tetrahedra import Claims, Tetrahedra, border_faces
 from fingerfit.mesh import Mesh
 
 _DEEP = 1 - 1e-3
+_PAIRS = 4_000_000
+"""Pairs of element and point that are looked at together."""
 _POLE = 3**0.5 - 2
 """Of the filter that makes cubic B-splines pass through the values."""
 
@@ -36,7 +42,7 @@ class BackwardMap:
     shape : tuple of int
         Shape of the picture.
     inverted : int
-        Elements that are turned inside out somewhere: what they cover is left out.
+        Elements that are turned inside out somewhere. Tetrahedra that are so between their corners cover nothing.
     overlaps : int
         Pixels inside more than one element; the one whose centre is nearest has them.
     """
@@ -67,34 +73,71 @@ def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture, margin: f
     deformed = frame.to_index(mesh.points + displacement)
     reference = frame.to_index(mesh.points)
     size = np.array(frame.values.shape[::-1])
-    covered = np.zeros(frame.values.size, dtype=bool)
-    found, inverted = [], 0
-    # pixels beside the body are looked for apart: there are few
-    for reach in dict.fromkeys((0.0, margin)):
-        first = 0
-        for block in mesh.blocks:
-            corners = deformed[block.nodes]
-            inverted += _count_inverted(block.element, corners, reference[block.nodes]) if not reach else 0
-            element, pixel = _candidates(corners, size, reach + _slack(block.element, corners, reach))
-            flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), frame.values.shape)
-            new = ~covered[flat] if reach else slice(None)
-            element, pixel, flat = element[new], pixel[new], flat[new]
-            xi, outside = local_coordinates(block.element, corners, element, pixel.astype(float), reach)
-            near = np.isfinite(outside)
-            element, flat, xi, outside = element[near], flat[near], xi[near], outside[near]
-            source = interpolate(block.element, reference[block.nodes], element, xi)
-            depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(block.element, xi), 1.0))
-            found.append((element + first, flat, source, depth))
-            first += len(block.nodes)
-        for _, flat, *_ in found:
-            covered[flat] = True
-    element, flat, source, depth = (np.concatenate(part) for part in zip(*found, strict=True))
-    order = np.lexsort((element, depth, flat))
-    chosen = np.ones(len(order), dtype=bool)
-    chosen[1:] = flat[order][1:] != flat[order][:-1]
-    kept = order[chosen]
-    deep = np.bincount(flat[depth < _DEEP], minlength=1)
-    return BackwardMap(flat[kept], source[kept], element[kept], frame.values.shape, inverted, int((deep > 1).sum()))
+    blocks = [(block.element, deformed[block.nodes], reference[block.nodes]) for block in mesh.blocks]
+    first = np.cumsum([0, *(len(block.nodes) for block in mesh.blocks)])
+    solid = {
+        n: Tetrahedra(*block, size) for n, block in enumerate(blocks) if mesh.dim == 3 and ELEMENTS[block[0]].is_simplex
+    }
+    found = []
+    for n, block in enumerate(blocks):
+        claims = solid[n].inside() if n in solid else _search(*block, size)
+        found.append(replace(claims, element=claims.element + first[n]))
+    if margin > 0:
+        # pixels beside the body are looked for apart: there are few
+        covered = np.zeros(frame.values.size, dtype=bool)
+        for claims in found:
+            covered[claims.pixel] = True
+        borders = dict(zip(solid, border_faces([mesh.blocks[n].nodes for n in solid]), strict=True))
+        for n, block in enumerate(blocks):
+            if n in solid:
+                claims = solid[n].near(*borders[n], margin, covered)
+            else:
+                claims = _search(*block, size, margin, covered)
+            found.append(replace(claims, element=claims.element + first[n]))
+    inverted = sum(_count_inverted(*block) for block in blocks)
+    return _winners(Claims.joined(found, mesh.dim), frame.values.shape, inverted)
+
+
+def _search(
+    kind: str,
+    corners: np.ndarray,
+    reference: np.ndarray,
+    size: np.ndarray,
+    reach: float = 0.0,
+    covered: np.ndarray | None = None,
+) -> Claims:
+    """Claims of elements of any type, found by trying all pixels of the boxes around them that are not covered yet."""
+    element, pixel = _candidates(corners, size, reach + _slack(kind, corners, reach))
+    flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), tuple(size[::-1]))
+    if covered is not None:
+        new = ~covered[flat]
+        element, pixel, flat = element[new], pixel[new], flat[new]
+    xi, outside = local_coordinates(kind, corners, element, pixel.astype(float), reach)
+    near = np.isfinite(outside)
+    element, flat, xi, outside = element[near], flat[near], xi[near], outside[near]
+    source = interpolate(kind, reference, element, xi)
+    depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(kind, xi), 1.0))
+    return Claims(element, flat, source, depth)
+
+
+def _winners(claims: Claims, shape: tuple[int, ...], inverted: int) -> BackwardMap:
+    """One claim for each pixel: the deepest, then that of the first element."""
+    times = np.bincount(claims.pixel, minlength=1)
+    several = np.take(times, claims.pixel) > 1
+    rival = np.flatnonzero(several)
+    pixel, depth = claims.pixel[rival], claims.depth[rival]
+    order = np.lexsort((claims.element[rival], depth, pixel))
+    won = np.ones(len(order), dtype=bool)
+    won[1:] = pixel[order][1:] != pixel[order][:-1]
+    kept = np.concatenate([np.flatnonzero(~several), rival[order[won]]])
+    # in the order of the picture: what is read there lies close together
+    place = np.full(len(times), -1)
+    place[claims.pixel[kept]] = kept
+    kept = place[place >= 0]
+    deep = np.bincount(pixel[depth < _DEEP], minlength=1)
+    return BackwardMap(
+        claims.pixel[kept], claims.source[kept], claims.element[kept], shape, inverted, int((deep > 1).sum())
+    )
 
 
 def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> int:
@@ -127,8 +170,12 @@ def _candidates(corners: np.ndarray, size: np.ndarray, slack: np.ndarray | float
 def spline_coefficients(values: np.ndarray) -> np.ndarray:
     """Cubic B-spline coefficients of a picture, mirrored at its borders, by the recursions of Unser (1999).
 
-    The same as scipy.ndimage.spline_filter, whose import costs more than what it filters here.
+    The same as scipy.ndimage.spline_filter, whose import costs more than what it filters here in the plane.
     """
+    if values.ndim == 3:
+        from scipy.ndimage import spline_filter
+
+        return spline_filter(values, order=3, output=float, mode="mirror")
     found = values.astype(float)
     for axis, size in enumerate(values.shape):
         if size < 2:
@@ -156,6 +203,13 @@ def sample(coefficients: np.ndarray, index: np.ndarray) -> np.ndarray:
     index : ndarray, shape (points, dim)
         x, y[, z]; beyond the border the picture is mirrored.
     """
+    if coefficients.ndim == 3:
+        from scipy.ndimage import map_coordinates
+
+        # the same sum, compiled
+        return map_coordinates(
+            coefficients, index.T[::-1], output=coefficients.dtype, order=3, mode="mirror", prefilter=False
+        )
     size = np.array(coefficients.shape[::-1])
     low = np.floor(index).astype(np.int64) - 1
     weights = [_weights(t) for t in (index - np.floor(index)).T]
@@ -185,8 +239,8 @@ def _weights(t: np.ndarray) -> np.ndarray:
     return np.stack([first, second, 1 - first - second - last, last])
 
 
-def warp(coefficients: np.ndarray, background: float, way: BackwardMap) -> np.ndarray:
-    """The synthesized picture.
+def warp(coefficients: np.ndarray, background: float, way: BackwardMap, sigma: float = 0.0) -> np.ndarray:
+    """The synthesized picture, as precise as the coefficients.
 
     Parameters
     ----------
@@ -196,10 +250,24 @@ def warp(coefficients: np.ndarray, background: float, way: BackwardMap) -> np.nd
         Intensity of the pixels that the body does not cover.
     way : BackwardMap
         Where the covered pixels come from.
+    sigma : float
+        Standard deviation of a Gaussian that follows, pixels.
     """
-    picture = np.full(int(np.prod(way.shape)), background)
-    picture[way.pixel] = sample(coefficients, way.index)
-    return picture.reshape(way.shape)
+    flat = np.full(int(np.prod(way.shape)), background, dtype=coefficients.dtype)
+    flat[way.pixel] = sample(coefficients, way.index)
+    picture = flat.reshape(way.shape)
+    if sigma > 0 and len(way.pixel):
+        # all else is background and stays as it is
+        place = np.unravel_index(way.pixel, way.shape)
+        reach = reach_of(sigma)
+        window = tuple(slice(max(0, int(p.min()) - 2 * reach), int(p.max()) + 2 * reach + 1) for p in place)
+        picture[window] = smooth(picture[window], sigma)
+    return picture
+
+
+def _parts(points: np.ndarray, size: int) -> Iterator[tuple[int, np.ndarray]]:
+    for first in range(0, len(points), size):
+        yield first, points[first : first + size]
 
 
 class Probe:
@@ -220,8 +288,12 @@ class Probe:
         for block in mesh.blocks:
             corners = mesh.points[block.nodes]
             low, high = corners.min(axis=1) - 1e-9, corners.max(axis=1) + 1e-9
-            near = ((low[:, None] <= points) & (points <= high[:, None])).all(axis=2)
-            element, point = np.nonzero(near)
+            pairs = []
+            for first, part in _parts(points, _PAIRS // len(corners) + 1):
+                near = ((low[:, None] <= part) & (part <= high[:, None])).all(axis=2)
+                element, point = np.nonzero(near)
+                pairs.append((element, first + point))
+            element, point = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=int)
             xi, outside = local_coordinates(block.element, corners, element, points[point])
             inside = outside == 0
             element, point = element[inside], point[inside]

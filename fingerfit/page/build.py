@@ -122,6 +122,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "has_map": panels.has("map", model.name),
         "has_force": panels.has("force", model.name),
         "force": panels.keys.get(f"force|{model.name}"),
+        "stiffness": panels.keys.get(f"stiffness|{model.name}"),
         "diagnosis": diagnosis,
         "ranking": ranking,
         "first_effect": drawn[0] if drawn else "",

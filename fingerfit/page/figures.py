@@ -179,6 +179,32 @@ def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -
     return figure
 
 
+def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
+    """Which places want to be stiffer or softer, over the layers of the body.
+
+    Parameters
+    ----------
+    compare : Compare
+    stiffness : ndarray, shape (places, 4)
+        Position in mm, predicted change of log mu, evidence in standard deviations.
+    """
+    figure, axes, scale = map_frame(compare).panel()
+    for edge in borders(compare):
+        axes.plot(*edge.T, color="#777777", linewidth=0.8)
+    x, y, change, evidence = stiffness.T
+    # a chance finding stays pale
+    limit = max(6.0, float(np.abs(evidence).max()))
+    shown = axes.scatter(
+        x, y, c=evidence, s=430, cmap="PuOr_r", vmin=-limit, vmax=limit, edgecolor="#555555", linewidth=0.6
+    )
+    for at, height, value, weight in zip(x, y, change, evidence, strict=True):
+        colour = "white" if abs(weight) > 0.7 * limit else "#111111"
+        text = f"{100 * np.expm1(value):+.0f}"
+        axes.annotate(text, (at, height), ha="center", va="center", fontsize=7, color=colour)
+    _scale(figure, shown, scale, "evidence in standard deviations\n(softer: negative, stiffer: positive)")
+    return figure
+
+
 def force_figure(compare: Compare) -> Figure | None:
     """Force against indentation with the band of noise, and below what is left of it; None when nothing is known."""
     known = np.isfinite(compare.force) & np.isfinite(compare.displacement) if len(compare.force) else np.zeros(0, bool)

@@ -159,6 +159,8 @@ class Model:
         Residual displacement, mm.
     patterns : dict of ndarray
         What each effect would leave, by its name, mm.
+    stiffness : ndarray, shape (places, 4)
+        Position in mm, predicted change of log mu, and the evidence for it in standard deviations.
     """
 
     name: str
@@ -167,6 +169,7 @@ class Model:
     diagnosis: dict[str, Any]
     there: np.ndarray | None
     patterns: dict[str, np.ndarray]
+    stiffness: np.ndarray = field(default_factory=lambda: _empty(0, 4))
 
     @property
     def verdict(self) -> str:
@@ -250,4 +253,5 @@ def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
         fitting = {key: value for key, value in arrays.items() if value.shape == compare.moves.shape}
         there = fitting.get("there", compare.moves)
         patterns = {key[len("pattern_") :]: v for key, v in fitting.items() if key.startswith("pattern_")}
-    return Model(name, rung, compare, diagnosis, there, patterns)
+    stiffness = arrays.get("stiffness", _empty(0, 4))
+    return Model(name, rung, compare, diagnosis, there, patterns, stiffness)

@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fingerfit.page.figures import Frame, difference_panel, force_figure, grey_panel, map_frame, map_panel, uri
+from fingerfit.page.figures import (
+    Frame,
+    difference_panel,
+    force_figure,
+    grey_panel,
+    map_frame,
+    map_panel,
+    stiffness_figure,
+    uri,
+)
 from fingerfit.page.inputs import Compare, Model
 from fingerfit.page.regions import patch_size
 
@@ -90,6 +99,8 @@ class Panels:
             self.keys[f"difference|{name}|{n}"] = self.keep(figure)
         if compare.mapped:
             self._draw_maps(model, compare)
+        if compare.mapped and len(model.stiffness):
+            self.keys[f"stiffness|{name}"] = self.keep(stiffness_figure(compare, model.stiffness))
         if compare.meshed:
             self._keep_mesh(name, compare)
         figure_or_none = force_figure(compare)

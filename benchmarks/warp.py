@@ -1,0 +1,115 @@
+"""Warping and scoring of volumes on one core, beside the way that tries every pixel of the box around each element.
+
+    python benchmarks/warp.py
+
+writes benchmarks/warp.md. A bent and compressed body of 40 x 18 x 16 mm, as large in the volume as a fingertip.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from running import ROOT, machine
+
+from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.similarity import nmi, ssd
+from fingerfit.imaging.warp import _search, _winners, backward_map, spline_coefficients, warp
+from fingerfit.mesh import Mesh
+from fingerfit.meshing import brick
+from fingerfit.predict import MARGIN
+
+SIZE = (40.0, 18.0, 16.0)
+CASES = (
+    ("C3D4", (36, 18, 9), (256, 128, 128)),
+    ("C3D10", (18, 9, 5), (256, 128, 128)),
+    ("C3D10", (36, 18, 9), (256, 128, 128)),
+    ("C3D4", (36, 18, 9), (128, 64, 64)),
+    ("C3D10", (18, 9, 5), (128, 64, 64)),
+)
+"""Element type, elements along each axis before the cut into six, voxels."""
+HEAD = """# Warping a volume
+
+Made by `make benchmark-warp`; do not edit. Seconds on one core, the best of five: *map* finds where each voxel comes
+from, up to {margin} voxels around the body; *warp* reads the volume before compression there through cubic B-splines
+and smooths (Gaussian, 1 voxel); SSD and NMI (32 bins) compare the whole volume. *Whole* is map, warp and SSD. *Search*
+is the way for elements of any type, which tries every voxel of the box around each element, where its memory allows;
+*difference* is the largest one between the two of where a voxel inside the body comes from, in voxels.
+
+Measured on {machine}.
+
+| voxels | elements | nodes | voxels of the body | map | warp | SSD | NMI | whole | search | ratio | difference |
+|---|---|---|---|---|---|---|---|---|---|---|---|
+"""
+
+
+def best(run: Callable[[], Any], times: int) -> tuple[float, Any]:
+    """Shortest time, s, and the answer."""
+    found, shortest = None, np.inf
+    for _ in range(times):
+        start = time.perf_counter()
+        found = run()
+        shortest = min(shortest, time.perf_counter() - start)
+    return shortest, found
+
+
+def displacement(points: np.ndarray) -> np.ndarray:
+    """Bending, twisting and a dent, mm."""
+    x, y, z = points.T
+    dent = -2.0 * z / SIZE[2] * np.exp(-((x - 20) ** 2 + (y - 9) ** 2) / 30)
+    return np.stack([0.4 * np.sin(y / 5), 0.3 * np.sin(z / 4 + x / 6), dent], axis=1)
+
+
+def search(mesh: Mesh, u: np.ndarray, frame: Picture) -> Any:
+    """The map by trying every voxel of all boxes."""
+    (block,) = mesh.blocks
+    nodes = [frame.to_index(points)[block.nodes] for points in (mesh.points + u, mesh.points)]
+    claims = _search(block.element, *nodes, np.array(frame.values.shape[::-1]), 0.0)
+    return _winners(claims, frame.values.shape, 0)
+
+
+def measure(kind: str, cells: tuple[int, int, int], voxels: tuple[int, int, int]) -> str:
+    """A row of the table."""
+    mesh = brick(SIZE, cells, element=kind)
+    u = displacement(mesh.points)
+    spacing = np.array([50.0, 28.0, 26.0]) / voxels
+    frame = Picture(np.zeros(voxels[::-1]), spacing, np.full(3, -5.0), np.eye(3))
+    values = np.random.default_rng(1).uniform(size=voxels[::-1]).astype(np.float32)
+    coefficients = spline_coefficients(values).astype(np.float32)
+    found, way = best(lambda: backward_map(mesh, u, frame, MARGIN), 5)
+    warped, picture = best(lambda: warp(coefficients, 0.0, way, 1.0), 5)
+    scores = [best(lambda: ssd(picture, values), 5)[0], best(lambda: nmi(picture, values, 32, limits=(0.0, 1.0)), 5)[0]]
+    whole = found + warped + scores[0]
+    other, ratio, difference = "", "", ""
+    if max(voxels) <= 128:
+        inside, exact = best(lambda: backward_map(mesh, u, frame), 5)
+        seconds, there = best(lambda: search(mesh, u, frame), 1)
+        assert np.array_equal(exact.pixel, there.pixel)
+        other, ratio = f"{seconds:.1f}", f"{seconds / inside:.0f}"
+        difference = f"{np.abs(exact.index - there.index).max():.0e}"
+    size = " x ".join(map(str, voxels))
+    numbers = " | ".join(f"{value:.2f}" for value in (found, warped))
+    scored = " | ".join(f"{value:.3f}" for value in scores)
+    return (
+        f"| {size} | {mesh.element_count} {kind} | {len(mesh.points)} | {len(way.pixel)} | {numbers} | {scored} |"
+        f" {whole:.2f} | {other} | {ratio} | {difference} |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=ROOT / "benchmarks/warp.md")
+    args = parser.parse_args()
+    rows = []
+    for case in CASES:
+        rows.append(measure(*case))
+        args.out.write_text(HEAD.format(margin=MARGIN, machine=machine()) + "\n".join(rows) + "\n")
+        print(rows[-1], flush=True)
+
+
+if __name__ == "__main__":
+    main()

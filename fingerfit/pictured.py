@@ -1,0 +1,212 @@
+"""From the pictures of a study to arrays that can be compared: reading, and the chain of preparation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.imaging.noise import estimate_noise
+from fingerfit.imaging.pictures import Picture, read_picture
+from fingerfit.imaging.preprocess import noise_after_resizing, resize, scale_of, smooth
+from fingerfit.imaging.warp import backward_map, spline_coefficients
+from fingerfit.mesh import Mesh
+from fingerfit.study import Study
+
+_LEAST = 0.5
+"""Share of a mesh that must lie in the pictures."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Pictures of a study after the chain.
+
+    Parameters
+    ----------
+    before : Picture
+        Before compression, scaled and smoothed.
+    coefficients : ndarray
+        Cubic B-spline coefficients of the same, scaled only.
+    measured : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
+        During compression, scaled and smoothed.
+    noise : float
+        Standard deviation before smoothing, in scaled intensity.
+    background : float
+        Scaled intensity where there is no body.
+    smooth : float
+        Standard deviation of the Gaussian, pixels.
+    history : str
+        What was done, in words, one step a line.
+    """
+
+    before: Picture
+    coefficients: np.ndarray
+    measured: np.ndarray
+    noise: float
+    background: float
+    smooth: float
+    history: str
+
+
+def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, crop: float) -> Prepared | None:
+    """Read and prepare the pictures of steps; None when there are none.
+
+    Parameters
+    ----------
+    study : Study
+        Its chain says what is done.
+    mesh : Mesh
+        To see where the body is.
+    used : list of int
+        Indices of the steps.
+    sigma : float
+        Gaussian, pixels, where the chain leaves it open.
+    crop : float
+        How far around the body pictures are kept, as a share of its extent.
+
+    Raises
+    ------
+    Problems
+        With one line for everything that is wrong with the files.
+    InputError
+        For a chain that does not fit them, or a mesh that does not lie in them.
+    """
+    chain, said = study.chain, []
+
+    def trimmed(picture: Picture) -> Picture:
+        if chain.trim == "off":
+            return picture
+        return picture.crop(mesh.body, crop) if chain.trim == "body" else picture.crop(_corners(study), 0.0)
+
+    found = _read(study, mesh, used, trimmed)
+    if found is None:
+        return None
+    before, pictures = found
+    _check_place(study, mesh, before)
+    sigma = sigma if chain.gaussian is None else chain.gaussian
+    low, size = scale_of(before.values) if chain.scale else (0.0, 1.0)
+    if not chain.scale and not -0.5 <= before.values.min() <= before.values.max() <= 1.5:
+        spread = f"off, with intensities from {before.values.min():.4g} to {before.values.max():.4g}"
+        raise InputError(study.path, "pictures.scale", spread, "range, or pictures with intensities from 0 to 1")
+    given = study.noise.picture
+    noise = given if isinstance(given, float) else estimate_noise(before.values, _empty(before, mesh))
+
+    def prepared(part: Picture) -> Picture:
+        picture = part if chain.resize is None else resize(part, chain.resize)
+        # noise makes more than single precision of volumes, of which there are many, worthless
+        values = ((picture.values - low) / size).astype(np.float32 if picture.dim == 3 else np.float64)
+        return Picture(values, picture.spacing, picture.origin, picture.direction)
+
+    part = trimmed(before)
+    said.append(_words_of_trim(study, before, part, crop))
+    if chain.resize is not None:
+        noise *= noise_after_resizing(part, chain.resize)
+    raw = prepared(part)
+    said.append(f"resize: to {_pixels(raw)}" if chain.resize else "resize: off")
+    values = smooth(raw.values, sigma)
+    said.append(f"Gaussian: standard deviation of {sigma:g} pixels" if sigma else "Gaussian: off")
+    said.append(f"scale: intensity {low:.5g} to 0, {low + size:.5g} to 1" if chain.scale else "scale: off")
+    measured = np.empty((len(pictures), *values.shape), values.dtype)
+    for n, picture in enumerate(pictures):
+        measured[n] = smooth(prepared(picture).values, sigma)
+    empty = _empty(raw, mesh)
+    return Prepared(
+        before=Picture(values, raw.spacing, raw.origin, raw.direction),
+        coefficients=spline_coefficients(raw.values).astype(values.dtype),
+        measured=measured,
+        noise=noise / size,
+        background=float(np.median(values[empty])) if empty.any() else float(values.min()),
+        smooth=sigma,
+        history="\n".join(said),
+    )
+
+
+def covers(mesh: Mesh, picture: Picture) -> np.ndarray:
+    """Pixels on the undeformed body, shape of the picture, bool."""
+    covered = np.zeros(picture.values.size, dtype=bool)
+    covered[backward_map(mesh, np.zeros(mesh.points.shape), picture).pixel] = True
+    return covered.reshape(picture.values.shape)
+
+
+def _read(
+    study: Study, mesh: Mesh, used: list[int], trimmed: Callable[[Picture], Picture]
+) -> tuple[Picture, list[Picture]] | None:
+    """The whole picture before compression, and of those of the steps what is left after trimming."""
+    if not used or study.before is None:
+        return None
+    before = read_picture(study.before)
+    if before.dim != mesh.dim:
+        raise InputError(study.before, "picture", f"{before.dim} dimensions", f"{mesh.dim}, as the mesh")
+    chain, expected = study.chain, f"{before.dim}, as the pictures"
+    if chain.resize is not None and len(chain.resize) != before.dim:
+        raise InputError(study.path, "pictures.resize", f"{len(chain.resize)} numbers", expected)
+    if not isinstance(chain.trim, str) and len(chain.trim[0]) != before.dim:
+        raise InputError(study.path, "pictures.trim", f"corners of {len(chain.trim[0])} numbers", expected)
+    problems: list[FingerfitError] = []
+    pictures = []
+    for path in [study.steps[index].picture for index in used]:
+        if path is None:
+            continue
+        try:
+            picture = read_picture(path)
+        except InputError as error:
+            problems.append(error)
+            continue
+        if not picture.same_place(before):
+            problems.append(InputError(path, "geometry", picture.difference(before), f"that of {study.before.name}"))
+            continue
+        pictures.append(trimmed(picture))
+    if problems:
+        raise Problems(problems)
+    return before, pictures
+
+
+def _check_place(study: Study, mesh: Mesh, before: Picture) -> None:
+    """Refuse a mesh that lies beside the pictures, or for the most part."""
+    index, size = before.to_index(mesh.body), np.array(before.values.shape[::-1])
+    inside = ((index > -0.5) & (index < size - 0.5)).all(axis=1).mean()
+    if inside >= _LEAST and covers(mesh, before).any():
+        return
+    corners = before.to_points(np.stack([np.full(before.dim, -0.5), size - 0.5]))
+    where = [", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(p.min(axis=0), p.max(axis=0), strict=True))
+             for p in (mesh.body, corners)]  # fmt: skip
+    found = f"{100 * inside:.0f} % of the mesh in it (mesh {where[0]} mm; picture {where[1]} mm)"
+    raise InputError(study.before or "", "picture", found, "a picture that overlaps the body")
+
+
+def _corners(study: Study) -> np.ndarray:
+    box = study.chain.trim
+    assert not isinstance(box, str)
+    low, high = np.array(box)
+    index = np.indices((2,) * len(low)).reshape(len(low), -1).T
+    return np.where(index, high, low)
+
+
+def _words_of_trim(study: Study, before: Picture, part: Picture, crop: float) -> str:
+    trim = study.chain.trim
+    if trim == "off":
+        return f"trim: off, {_pixels(before)}"
+    if min(part.values.shape) < 2:
+        raise InputError(study.path, "pictures.trim", f"a box that leaves {_pixels(part)}", "a box in the pictures")
+    what = f"the body and {100 * crop:.0f} % of its extent around it" if trim == "body" else "the box"
+    return f"trim: to {what}, {_pixels(part)} of {'x'.join(map(str, before.values.shape[::-1]))}"
+
+
+def _pixels(picture: Picture) -> str:
+    size = " x ".join(map(str, picture.values.shape[::-1]))
+    return f"{size} pixels of {' x '.join(f'{s:.4g}' for s in picture.spacing)} mm"
+
+
+def _empty(picture: Picture, mesh: Mesh) -> np.ndarray:
+    """Pixels far from the body: outside its bounding box by more than a fifth of its size."""
+    low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+    margin = 0.2 * (high - low)
+    found = np.empty(picture.values.shape, dtype=bool)
+    plane = np.indices(picture.values.shape[1:])[::-1].reshape(picture.dim - 1, -1).T.astype(float)
+    for slab in range(len(found)):  # one slice at a time: the places of a volume would be many times its size
+        where = picture.to_points(np.column_stack([plane, np.full(len(plane), float(slab))]))
+        outside = ((where < low - margin) | (where > high + margin)).any(axis=1)
+        found[slab] = outside.reshape(found.shape[1:])
+    return found
