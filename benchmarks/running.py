@@ -1,6 +1,7 @@
 """Runs of one solver on one deck, each in a process of its own: its time, its peak memory and what it found.
 
-The time is that of `solve`, from the deck on disk to the displacements. The built-in solver loads its libraries in the
+The time is that of `solve`, from the deck on disk to the displacements: on the clock, and of the processor, which says
+more where other programs run beside it. The built-in solver loads its libraries in the
 first solve of a process: `first` has that, `seconds` is a second solve where the first was short.
 """
 
@@ -33,10 +34,11 @@ _SHORT = 5.0
 
 @dataclass(frozen=True)
 class Run:
-    """One run: seconds, those of the first solve in the process, peak memory in MB, and the outcome."""
+    """One run: seconds, those of the first solve and its processor time, peak memory in MB, and the outcome."""
 
     seconds: float
     first: float
+    cpu: float
     memory: float
     outcome: Outcome
 
@@ -50,7 +52,7 @@ def run_solver(name: str, deck: Path, threads: int, limit: float = 3600.0) -> Ru
     if found.returncode:
         raise RuntimeError(f"{name}: {deck}: {found.stderr.strip().splitlines()[-1]}")
     measured = json.loads(found.stdout.splitlines()[-1])
-    return Run(measured["seconds"], measured["first"], measured["memory"], Outcome.load(out))
+    return Run(measured["seconds"], measured["first"], measured["cpu"], measured["memory"], Outcome.load(out))
 
 
 def machine() -> str:
@@ -129,16 +131,17 @@ def _work() -> None:
     peak, done = [0.0], threading.Event()
     if args.name != "builtin":
         threading.Thread(target=_watch, args=(peak, done), daemon=True).start()
-    start = time.perf_counter()
+    start, busy = time.perf_counter(), sum(os.times()[:4])
     outcome = solver.solve(args.deck, args.deck.parent, args.threads)
     first = seconds = time.perf_counter() - start
+    busy = sum(os.times()[:4]) - busy
     done.set()
     if args.name == "builtin" and first < _SHORT:
         start = time.perf_counter()
         outcome = solver.solve(args.deck, args.deck.parent, args.threads)
         seconds = time.perf_counter() - start
     outcome.save(args.out)
-    print(json.dumps({"seconds": seconds, "first": first, "memory": peak[0] or _peak("self")}))
+    print(json.dumps({"seconds": seconds, "first": first, "cpu": busy, "memory": peak[0] or _peak("self")}))
 
 
 def difference(ours: Outcome, theirs: Outcome) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.deck.patch import ball, half_tube
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.expression import evaluate
@@ -47,8 +48,9 @@ def deck_context(
     -------
     dict
         ``title, mesh, dim, thickness, control, boundary, steps, increment, top, indenter, layers, effects, parts``,
-        ``values`` for templates with parameters of their own, and what parts of effects may call: ``areas(set)``,
-        ``aside(node)``, ``elements()``.
+        ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
+        ``aside(node)``, ``elements()``, ``node(set)`` and ``point(set)`` of a set of one node, ``ball(centre, radius,
+        count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
     effects = catalogue() if effects is None else effects
     present = [effect for effect in effects.values() if effect.present(values)]
@@ -76,6 +78,12 @@ def deck_context(
         "areas": lambda name: _areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
         "elements": lambda: _elements(mesh),
+        "node": lambda name: _only(mesh, name) + 1,
+        "point": lambda name: mesh.points[_only(mesh, name)].tolist(),
+        "ball": lambda centre, radius, count: ball(centre, radius, count, len(mesh.points) + 1),
+        "half_tube": lambda axis, radius, count: half_tube(
+            axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, len(mesh.points) + 1000001
+        ),
     }
 
 
@@ -208,6 +216,14 @@ def _areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, f
         share[:-1] += length / 2
         share[1:] += length / 2
     return [(int(node) + 1, float(part * thickness)) for node, part in zip(order, share, strict=True)]
+
+
+def _only(mesh: Mesh, name: str) -> int:
+    """The only node of a set."""
+    nodes = mesh.node_sets.get(name, np.zeros(0, dtype=int))
+    if len(nodes) != 1:
+        raise InputError("mesh", f"node set {name}", f"{len(nodes)} nodes", "one node")
+    return int(nodes[0])
 
 
 def _elements(mesh: Mesh) -> list[tuple[str, list[list[int]]]]:

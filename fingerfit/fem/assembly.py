@@ -132,8 +132,8 @@ class Body:
         self.points = Points(material, self.pressure is None and not kind.nodal)
         if initial is not None:
             self.points.initial = np.repeat(initial, len(xi), axis=0)
-        self._last: tuple[np.ndarray, Strain | None] | None = None
-        self._kept: Response | None = None
+        self._states: list[tuple[np.ndarray, Strain | None]] = []
+        self._responses: list[Response] = []
         self._lead: Lead | None = None
         self._settled: Lead | None = None
         self.history = None
@@ -145,7 +145,7 @@ class Body:
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
         """Get ready for a time increment of `dt` s; with `relaxed`, for an infinitely slow one."""
-        self._last = self._kept = None
+        self._states, self._responses = [], []
         self._lead = self._settled
         if self.history is not None:
             self.points.increment = self.history.begin(dt, relaxed)
@@ -163,10 +163,12 @@ class Body:
             self.history.commit(stress, dt, relaxed)
 
     def _strain(self, u: np.ndarray) -> Strain | None:
-        """Deformation; None where J <= 0. The last is kept: a line search and the next iteration ask for the same."""
-        if self._last is None or not np.array_equal(self._last[0], u):
-            self._last = u.copy(), self._deformation(u)
-        return self._last[1]
+        """Deformation; None where J <= 0. The last two are kept: a line search compares its start with a trial."""
+        found = next((state for state in self._states if np.array_equal(state[0], u)), None)
+        if found is None:
+            found = u.copy(), self._deformation(u)
+        self._states = [found, *(state for state in self._states if state is not found)][:2]
+        return found[1]
 
     def _deformation(self, u: np.ndarray) -> Strain | None:
         dim = self.dim
@@ -252,8 +254,9 @@ class Body:
         strain = self._strain(u)
         if strain is None:
             return None
-        if self._kept is not None and self._kept.strain is strain:
-            return self._kept
+        for kept in self._responses:
+            if kept.strain is strain:
+                return kept
         f, squared, directions = strain.f, strain.squared, strain.directions
         count, gauss = f.shape[:2]
         stretch = np.sqrt(squared).reshape(-1, 3)
@@ -285,8 +288,9 @@ class Body:
                 tau = (directed.stress.reshape(count, gauss, 6)[..., 3 + k] * self.weight)[..., None, None]
                 by_point += tau * (g[..., None, j] * fa[..., None, :, i] + g[..., None, i] * fa[..., None, :, j])
         force = by_point.sum(axis=1).reshape(count, -1)
-        self._kept = Response(strain, first, second, stress, weighted, volume, bulk, directed, g, fa, force)
-        return self._kept
+        kept = Response(strain, first, second, stress, weighted, volume, bulk, directed, g, fa, force)
+        self._responses = [kept, *self._responses][:1]
+        return kept
 
     def _stiffness(self, found: Response, led: bool) -> np.ndarray:
         """Tangent stiffnesses, shape (elements, dofs, dofs), N/mm."""
@@ -338,8 +342,7 @@ class Body:
 
     def _foretell(self, volume: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
         """Pressure that the last tangent foretold less the one that is there, shape (elements, points), MPa."""
-        assert self._last is not None
-        local = self._last[0][self.dofs]
+        local = self._states[0][0][self.dofs]
         lead, self._lead = self._lead, Lead(local, volume, slope)
         if lead is None:
             return None

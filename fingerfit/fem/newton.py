@@ -19,6 +19,12 @@ _BEND = 0.5
 """Share of the curvature that a prediction takes on: all of it goes too far where the body gives way suddenly."""
 _PATIENCE = 8
 """Iterations after which a body in contact must be nearer to equilibrium."""
+_HELD = 3
+"""Iterations at most in which a surface that is pushed keeps its predicted place."""
+_SETTLED = 0.1
+"""Error of the body below which such a surface is let go."""
+_HERTZ = 2.0 / 3.0
+"""Power of the force with which a round body goes deeper (Hertz)."""
 ITERATIONS = 20
 CUTS = 7
 
@@ -162,9 +168,12 @@ class Newton:
         if length == 0:
             return None
         ahead, slope = float(done @ load.away(last)) / length, self.state.q - before.q
+        if self.system.driven:
+            # contact opens and closes, no curve: a round body goes deeper with a power of the force
+            begun, now, then = (float(np.abs(part.force).max()) ** _HERTZ for part in (first, last, load))
+            return self.state.q + ((then - now) / (now - begun) if then > now > begun else ahead) * slope
         predicted = self.state.q + ahead * slope
-        # contact opens and closes: no curve
-        if self._earlier is None or self.system.driven:
+        if self._earlier is None:
             return predicted
         earlier, start = self._earlier
         back = float(done @ first.away(start)) / length
@@ -176,8 +185,11 @@ class Newton:
     def _equilibrium(self, load: Load) -> tuple[State | None, int]:
         system = self.system
         q = self._predict(load)
+        held = np.zeros(len(system.free), dtype=bool)
         if q is not None and system.driven:
-            q = self._nearest(q, load)
+            held[system.pushed] = True
+            if self._forces(system.expand(q, load.given)) is None:
+                q = self._nearest(q, load)
         elif q is not None and self._forces(system.expand(q, load.given)) is None:
             q = None
         if q is None:
@@ -192,9 +204,13 @@ class Newton:
             if evaluation is None:
                 return None, iteration
             internal = evaluation.internal
-            residual = system.reduce(internal - load.force)
+            residual = self._residual(internal, load, held)
             scale = max(evaluation.largest, np.abs(load.force).max(), self.floor)
             error = np.abs(residual).max() / scale if len(residual) else 0.0
+            if held.any() and (error < _SETTLED or iteration > _HELD):
+                held[:] = False
+                residual = self._residual(internal, load, held)
+                error = np.abs(residual).max() / scale
             first = first or error
             if system.slides and iteration > _PATIENCE and error > 0.1 * first:
                 return None, iteration
@@ -208,13 +224,13 @@ class Newton:
                 matrix = system.matrix(evaluation)
             # what is solved more exactly than Newton's method converges is of no use
             close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), 1e-2)
-            step = system.solve(matrix, -residual, close)
+            step = system.solve(matrix, -residual, close, np.flatnonzero(held))
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
             if step @ residual > 0 and error > 1e-4:
                 step = -step
-            moved = self._search(q, step, residual, load)
+            moved = self._search(q, step, residual, load, held)
             if moved is None:
                 return None, iteration
             q = moved
@@ -249,7 +265,15 @@ class Newton:
         evaluation = self.system.evaluate(u, tangent=False)
         return None if evaluation is None else evaluation.internal
 
-    def _search(self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load) -> np.ndarray | None:
+    def _residual(self, internal: np.ndarray, load: Load, held: np.ndarray) -> np.ndarray:
+        """Forces on the unknowns that are not in equilibrium, N; none on those that are held."""
+        residual = self.system.reduce(internal - load.force)
+        residual[held] = 0.0
+        return residual
+
+    def _search(
+        self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load, held: np.ndarray
+    ) -> np.ndarray | None:
         """Shorten a step until it lowers the residual or the potential energy."""
         system = self.system
         norm, slope = np.abs(residual).max(), float(step @ residual)
@@ -262,7 +286,7 @@ class Newton:
             internal = self._forces(u)
             if internal is None:
                 continue
-            if np.abs(system.reduce(internal - load.force)).max() < enough * norm:
+            if np.abs(self._residual(internal, load, held)).max() < enough * norm:
                 return trial
             if start is None:
                 start = self._potential(system.expand(q, load.given), load)

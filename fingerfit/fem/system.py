@@ -139,6 +139,9 @@ class System:
                 self.master[slave], self.factor[slave] = masters[0]
         self._resolved = resolved
         self.unknown = number[self.master]
+        pushed = [dof for term in terms for dof in getattr(term, "pushed", ())]
+        self.pushed = np.unique(self.unknown[pushed]) if pushed else np.empty(0, dtype=int)
+        self.pushed = self.pushed[self.pushed >= 0]
         self._map: tuple[Any, Any] | None = None
         self._angles = np.zeros(size)
         positions = None
@@ -329,15 +332,17 @@ class System:
             total += np.bincount(added.rows, weights=added.values * move[added.columns], minlength=self.size)
         return total
 
-    def solve(self, matrix: csc_matrix | np.ndarray, right: np.ndarray, close: float = CLOSE) -> np.ndarray | None:
-        """Solution of the unknowns, or None where the matrix is singular; large ones to a residual of `close`."""
+    def solve(
+        self, matrix: csc_matrix | np.ndarray, right: np.ndarray, close: float = CLOSE, held: np.ndarray | None = None
+    ) -> np.ndarray | None:
+        """Solution of the unknowns, see `fingerfit.fem.factor.LinearSolver.solve`; small systems by levels."""
         if self._levels is not None and isinstance(matrix, np.ndarray):
             found = self._levels.solve(matrix, right)
             if found is not None:
                 return found
             # a block may be singular where the whole is not
             matrix = self._sparse(matrix)
-        return self._linear.solve(matrix, right, close)
+        return self._linear.solve(matrix, right, close, held)
 
 
 def _resolve(

@@ -79,15 +79,16 @@ class CalculixSolver:
             result = folder / "deck.dat"
             text = result.read_text(errors="replace") if result.exists() else ""
         refused = re.search(r"\*ERROR(?! in|: increment size).*?(?:\n\s+.*)?", output)
-        found = _read_dat(text, len(read.steps))
+        found, silent = _read_dat(text, len(read.steps))
         if not found and not _diverged(output):
             reason = " ".join(refused.group(0).split()) if refused else f"exit code {code}, no results"
             raise SolverError(f"calculix: {deck}: {reason}")
-        return _outcome(found, read.mesh, len(read.steps))
+        return _outcome(found, read.mesh, len(read.steps) - silent)
 
 
 def _outcome(found: list[dict[str, np.ndarray]], mesh: Any, wanted: int) -> Outcome:
-    dim, nodes = mesh.dim, len(mesh.points)
+    # without what a deck adds to its mesh: rigid surfaces of elements
+    dim, nodes = mesh.dim, int(mesh.node_sets["ALL"].max()) + 1
     displacement = np.zeros((len(found), nodes, dim))
     reaction = np.zeros((len(found), dim))
     for step, tables in enumerate(found):
@@ -124,17 +125,22 @@ def _diverged(output: str) -> bool:
     return any(sign in output for sign in ("too many cutbacks", "increment size smaller", "best solution", "diverg"))
 
 
-def _read_dat(text: str, steps: int) -> list[dict[str, np.ndarray]]:
-    """Tables by set at the end of each step (total times 1, 2, ...) that was reached."""
+def _read_dat(text: str, steps: int) -> tuple[list[dict[str, np.ndarray]], int]:
+    """Tables by set at the end of each step (total times 1, 2, ...) that was reached; steps before the first such.
+
+    Force control begins with a step that only finds the contact; it prints nothing, and its end is no answer.
+    """
     tables: dict[float, dict[str, np.ndarray]] = {}
     heads = list(re.finditer(r"(?:displacements|forces) \(.*?\) for set (\S+) and time\s+(\S+)", text))
     for head, following in zip(heads, [*heads[1:], None], strict=False):
         body = text[head.end() : following.start() if following else len(text)]
         values = np.array(body.split(), dtype=float)
         tables.setdefault(round(float(head.group(2)), 6), {})[head.group(1)] = values.reshape(-1, 4)
+    complete = {time for time, sets in tables.items() if {"ALL", "BOTTOM"} <= set(sets)}
+    first = next((step for step in range(1, steps + 1) if float(step) in complete), 1)
     found = []
-    for step in range(1, steps + 1):
-        if not {"ALL", "BOTTOM"} <= set(tables.get(float(step), {})):
+    for step in range(first, steps + 1):
+        if float(step) not in complete:
             break
         found.append(tables[float(step)])
-    return found
+    return found, first - 1

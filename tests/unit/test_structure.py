@@ -16,7 +16,7 @@ ORDER = (
     ("effects",),
     ("fem",),
     ("study_file",),
-    ("deck", "meshing", "mesh_io"),
+    ("deck", "meshing", "mesh_io", "tetrahedra", "anatomy"),
     ("solvers",),
     ("imaging", "data", "slices"),
     ("score", "search", "uncertainty"),
