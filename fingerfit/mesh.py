@@ -36,12 +36,15 @@ class Mesh:
         At most one per element type is usual.
     node_sets, element_sets : mapping of str to ndarray of int
         Zero-based indices; names in upper case. Elements count through all blocks.
+    surfaces : mapping of str to ndarray of int, shape (faces, 2)
+        Element and face of it, both zero-based: face 0 is ABAQUS's S1.
     """
 
     points: np.ndarray
     blocks: tuple[Block, ...]
     node_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
     element_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    surfaces: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def dim(self) -> int:

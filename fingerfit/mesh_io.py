@@ -30,6 +30,9 @@ def format_mesh(mesh: Mesh) -> str:
             lines.append(f"*{keyword}, {keyword}={name}")
             members = sets[name] + 1
             lines += [", ".join(map(str, members[i : i + 12])) for i in range(0, len(members), 12)]
+    for name in sorted(mesh.surfaces):
+        lines.append(f"*SURFACE, NAME={name}")
+        lines += [f"{element + 1}, S{face + 1}" for element, face in mesh.surfaces[name].tolist()]
     return "\n".join(lines) + "\n"
 
 

@@ -81,7 +81,7 @@ def _named(mesh: Mesh, study: Study) -> Mesh:
     if mesh.dim == 2:
         x = mesh.points[nodes["BOTTOM"], 0]
         nodes.setdefault("MIDDLE", nodes["BOTTOM"][[np.abs(x - x.mean()).argmin()]])
-    return Mesh(mesh.points * study.length, mesh.blocks, nodes, chosen)
+    return Mesh(mesh.points * study.length, mesh.blocks, nodes, {**sets, **chosen}, mesh.surfaces)
 
 
 def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, crop: float) -> Data:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.deck.patch import ball, half_tube
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.expression import evaluate
@@ -47,8 +48,9 @@ def deck_context(
     -------
     dict
         ``title, mesh, dim, thickness, control, boundary, steps, increment, top, indenter, layers, effects, parts``,
-        ``values`` for templates with parameters of their own, and what parts of effects may call: ``areas(set)``,
-        ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``.
+        ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
+        ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``node(set)`` and ``point(set)`` of a set of one
+        node, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
     effects = catalogue() if effects is None else effects
     present = [effect for effect in effects.values() if effect.present(values)]
@@ -78,6 +80,12 @@ def deck_context(
         "elements": lambda: _elements(mesh),
         "lengths": lambda name: _lengths(mesh, mesh.node_sets[name]),
         "shares": lambda: _shares(mesh),
+        "node": lambda name: _only(mesh, name) + 1,
+        "point": lambda name: mesh.points[_only(mesh, name)].tolist(),
+        "ball": lambda centre, radius, count: ball(centre, radius, count, len(mesh.points) + 1),
+        "half_tube": lambda axis, radius, count: half_tube(
+            axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, len(mesh.points) + 1000001
+        ),
     }
 
 
@@ -235,6 +243,14 @@ def _shares(mesh: Mesh) -> list[tuple[float, list[int]]]:
             np.add.at(area, column, size / block.nodes.shape[1])
     sizes, which = np.unique(np.round(area, 6), return_inverse=True)
     return [(float(a), [int(n) + 1 for n in np.flatnonzero(which == k)]) for k, a in enumerate(sizes) if a > 0]
+
+
+def _only(mesh: Mesh, name: str) -> int:
+    """The only node of a set."""
+    nodes = mesh.node_sets.get(name, np.zeros(0, dtype=int))
+    if len(nodes) != 1:
+        raise InputError("mesh", f"node set {name}", f"{len(nodes)} nodes", "one node")
+    return int(nodes[0])
 
 
 def _elements(mesh: Mesh) -> list[tuple[str, list[list[int]]]]:

@@ -58,6 +58,7 @@ class Reading:
         self.pressures: list[dict[tuple[Key, int | None], tuple[float, str | None]]] = []
         self.steps: list[DeckStep] = []
         self.step: DeckStep | None = None
+        self.renewed: DeckStep | None = None
         self.finite: bool | None = None
 
     def key(self, label: int) -> Key:
@@ -121,6 +122,11 @@ class Reading:
             tuple(blocks),
             {n: np.array([self.index[i] for i in v if i in self.index], int) for n, v in self.nsets.items()},
             {n: np.array([numbers[i] for i in v if i in numbers], int) for n, v in self.elsets.items()},
+            {
+                n: np.array([(numbers[i], face) for i, face in v], int).reshape(-1, 2)
+                for n, v in self.faces.items()
+                if all(i in numbers and face is not None for i, face in v)
+            },
         )
         return mesh, numbers
 

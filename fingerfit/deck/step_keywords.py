@@ -91,8 +91,10 @@ def on_boundary(reading: Reading, card: Card) -> None:
     if card.options.get("TYPE", "DISPLACEMENT").upper() != "DISPLACEMENT":
         raise card.error(card.options["TYPE"], "DISPLACEMENT")
     step, curve = reading.step, _curve(reading, card)
-    if card.options.get("OP", "MOD").upper() == "NEW" and step is not None:
-        raise card.error("OP=NEW", "OP=MOD: what is prescribed stays so")
+    if card.options.get("OP", "MOD").upper() == "NEW" and step is not None and reading.renewed is not step:
+        # the first one in a step lets go what was held before, in the model too
+        step.displacement.clear()
+        reading.renewed = step
     target = step.displacement if step else reading.fixed
     for line, row in card.rows():
         if len(row) < 2:

@@ -174,7 +174,8 @@ class _Writer:
         yield f"{_text(step.increment * step.period)}, {_text(step.period)}, , {_text(step.largest * step.period)}"
         curves = {kind: {key: name for (k, key), name in step.curve.items() if k == kind} for kind in "UFP"}
         held = self._ends(before, "U", before.displacement)
-        yield from self._prescribed(_changed(step.displacement, held, curves["U"]), curves["U"])
+        operation, prescribed = _operation(step.displacement, held, curves["U"])
+        yield from self._grouped("BOUNDARY", operation, prescribed, curves["U"])
         operation, forces = _operation(step.force, self._ends(before, "F", before.force), curves["F"])
         yield from self._grouped("CLOAD", operation, forces, curves["F"])
         operation, pressures = _operation(step.pressure, self._ends(before, "P", before.pressure), curves["P"])

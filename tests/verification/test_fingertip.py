@@ -1,0 +1,124 @@
+"""The deck of the fingertip: both solvers, its parts, and that they can be exchanged."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerfit.anatomy.finger import finger_mesh
+from fingerfit.anatomy.fixtures import add_fixtures
+from fingerfit.anatomy.shape import Anatomy
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.reader import read_deck
+from fingerfit.deck.render import render_deck
+from fingerfit.deck.write import format_deck
+from fingerfit.mesh_io import format_mesh
+from fingerfit.solvers.builtin import BuiltinSolver
+from fingerfit.solvers.calculix import CalculixSolver
+from fingerfit.solvers.contract import CONVERGED
+from fingerfit.study import Body, Layer, Noise, Step, Study
+
+TEMPLATES = Path(__file__).resolve().parents[2] / "templates"
+MU = {"mu_epidermis": 0.138, "mu_subcutaneous": 0.00798}
+
+
+@pytest.fixture(scope="module")
+def finger():
+    return add_fixtures(finger_mesh(size=3.0, element="C3D4"), (Anatomy().pulp_centre, 0.0))
+
+
+def write(folder, mesh, control, loads, template="fingertip.inp.j2", values=MU, folders=(TEMPLATES,)):
+    steps = tuple(Step(n, **{control: load}) for n, load in enumerate(loads, 1))
+    body = Body((Layer("epidermis"), Layer("subcutaneous")))
+    study = Study(folder, "finger", control, steps, None, Noise(), body, "held", "slides")
+    (folder / "mesh.inp").write_text(format_mesh(mesh))
+    context = deck_context(study, mesh, "mesh.inp", values, {"alpha": 1.4, "poisson": 0.45})
+    (folder / "deck.inp").write_text(render_deck(template, context, folders))
+    return folder / "deck.inp"
+
+
+def solve(*args, **kwargs):
+    deck = write(*args, **kwargs)
+    outcome = BuiltinSolver().solve(deck, deck.parent)
+    assert outcome.status == CONVERGED
+    return outcome
+
+
+@pytest.fixture(scope="module")
+def pressed(finger, tmp_path_factory):
+    return solve(tmp_path_factory.mktemp("pressed"), finger, "displacement", [0.5, 1.0])
+
+
+def test_force_and_displacement_control_are_one_experiment(finger, pressed, tmp_path):
+    force = -pressed.reaction[:, 2]
+    assert 0 < force[0] < force[1]
+    driven = solve(tmp_path, finger, "force", force.tolist())
+    assert np.allclose(driven.indenter[:, 2], [-0.5, -1.0], atol=1e-4)
+    assert np.allclose(driven.displacement, pressed.displacement, atol=2e-4)
+
+
+def test_what_is_held_stays(finger, pressed):
+    assert not pressed.displacement[:, finger.node_sets["NAIL"]].any()
+    assert not pressed.displacement[:, finger.node_sets["END"], 0].any()
+    end = pressed.displacement[-1, finger.node_sets["END"], 1:]
+    assert np.abs(end).max() > 1e-3
+    # nobody leaves the tube by more than the contact's own softness
+    axis = finger.points[finger.node_sets["TUBE_TURN"][0]]
+    bottom = finger.points[finger.node_sets["TUBE"][0]]
+    moved = finger.points + pressed.displacement[-1]
+    dorsal = np.unique(finger.blocks[0].nodes[finger.surfaces["DORSAL"][:, 0]])
+    assert np.hypot(*(moved[dorsal] - axis)[:, 1:].T).max() < axis[2] - bottom[2] + 0.02
+
+
+def test_bone_moves_as_one_unless_it_is_fixed(finger, pressed, tmp_path):
+    bone = finger.node_sets["BONE"]
+    distal = np.unique(finger.blocks[0].nodes[finger.element_sets["DISTAL"]])
+    before, after = finger.points[distal], finger.points[distal] + pressed.displacement[-1, distal]
+    assert np.abs(after - before).max() > 0.02
+    turn, _, other = np.linalg.svd((before - before.mean(axis=0)).T @ (after - after.mean(axis=0)))
+    rigid = (before - before.mean(axis=0)) @ turn @ other + after.mean(axis=0)
+    assert np.abs(rigid - after).max() < 1e-3 * np.abs(after - before).max()
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "mine.inp.j2").write_text(
+        '{% extends "fingertip.inp.j2" %}{% block phalanx %}{% include "boundary/phalanx_fixed.inp.j2" %}{% endblock %}'
+    )
+    fixed = solve(tmp_path, finger, "displacement", [1.0], "mine.inp.j2", folders=(own, TEMPLATES))
+    assert not fixed.displacement[:, bone].any()
+    assert fixed.reaction[0, 2] < 1.01 * pressed.reaction[-1, 2]
+
+
+def test_friction_holds_the_skin(finger, pressed, tmp_path):
+    rubbed = solve(tmp_path, finger, "displacement", [0.5], values={**MU, "friction": 0.3})
+    palmar = np.unique(finger.blocks[0].nodes[finger.surfaces["PALMAR"][:, 0]])
+    under = palmar[np.hypot(*(finger.points[palmar, :2] - finger.points[finger.node_sets["TOP"][0], :2]).T) < 1.5]
+    aside = [np.abs(o.displacement[0, under, :2]).max() for o in (rubbed, pressed)]
+    assert aside[0] < 0.9 * aside[1]
+    assert rubbed.reaction[0, 2] < pressed.reaction[0, 2]
+    assert "*FRICTION" not in write(tmp_path, finger, "displacement", [1.0]).read_text()
+
+
+def test_calculix_agrees(finger, tmp_path, needs_ccx):
+    forces = [0.01, 0.02]
+    ours = solve(tmp_path, finger, "force", forces)
+    deck = write(tmp_path, finger, "force", forces, "fingertip_meshed.inp.j2", {**MU, "establish": 0.1})
+    theirs = CalculixSolver().solve(deck, tmp_path)
+    assert theirs.status == CONVERGED
+    assert theirs.displacement.shape == ours.displacement.shape
+    assert np.allclose(theirs.reaction[:, 2], [-0.01, -0.02], rtol=1e-3)
+    # the facets of their sphere, 0.22 mm, are up to 5 um within ours
+    assert np.allclose(theirs.indenter[:, 2], ours.indenter[:, 2], atol=0.005)
+    body = np.unique(finger.blocks[0].nodes)
+    assert np.allclose(theirs.displacement[:, body], ours.displacement[:, body], atol=0.005)
+    assert ours.indenter[-1, 2] < -0.1
+
+
+def test_letting_go_is_read_and_written(finger, tmp_path):
+    deck = read_deck(write(tmp_path, finger, "force", [0.01], "fingertip_meshed.inp.j2"))
+    indenter = int(finger.node_sets["INDENTER"][0])
+    first, second = (step.displacement for step in deck.steps)
+    assert (indenter, 2) in first and (indenter, 2) not in second
+    assert set(first) - set(second) == {(indenter, 2)}
+    (tmp_path / "again.inp").write_text(format_deck(deck))
+    again = read_deck(tmp_path / "again.inp")
+    assert [step.displacement for step in again.steps] == [step.displacement for step in deck.steps]
