@@ -49,8 +49,8 @@ def deck_context(
     dict
         ``title, mesh, dim, thickness, control, boundary, steps, increment, top, indenter, layers, effects, parts``,
         ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
-        ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``node(set)`` and ``point(set)`` of a set of one
-        node, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
+        ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``node(set)`` and ``point(set)`` of a
+        set of one node, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
     effects = catalogue() if effects is None else effects
     present = [effect for effect in effects.values() if effect.present(values)]
