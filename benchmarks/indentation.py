@@ -34,7 +34,8 @@ force control with a step in displacement control, because it does not find the 
 
 On facets the answer is not unique: a node may rest on either side of an edge between two. *Settled* is how far any
 node moves when the built-in solver starts from CalculiX's answer to each step instead of its own. What is left:
-CalculiX takes the areas of deformed faces for the contact, the built-in solver those of the reference state; and
+CalculiX takes the areas of deformed faces for the contact, the built-in solver those of the reference state, which can
+be enough for a node near an edge to change its facet; and
 CalculiX 2.20 gives the corners of six-node faces the area of the sphere's facet
 (docs/decisions/0010-meshed-rigid-surfaces.md).
 
