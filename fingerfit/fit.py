@@ -79,6 +79,11 @@ class Fit:
         """Hashes of the mesh files."""
         return {name: digest(path.read_bytes()) for name, path in self.mesh_files.items()}
 
+    @property
+    def exact(self) -> bool:
+        """Whether forces and points alone are fitted, by their likelihood: cheap, smooth, with a scale of its own."""
+        return self.settings.fit.score == "likelihood" and not len(self.data.picture_step)
+
     def predictor(self, mesh: str) -> Predictor:
         """Predictor of solutions on a mesh."""
         return Predictor(self.data, self.meshes[mesh])

@@ -22,8 +22,8 @@ def frame_of(data: Data) -> Picture:
 
 
 def chosen_slices(data: Data, mesh: Mesh) -> list[Slice]:
-    """The axial and the sagittal slice through the indenter."""
-    return slices_through(frame_of(data), mesh.points[mesh.node_sets["INDENTER"][0]])
+    """The axial and the sagittal slice through the middle of what the indenter pushes."""
+    return slices_through(frame_of(data), mesh.points[mesh.node_sets["TOP"]].mean(axis=0))
 
 
 def figure_slices(data: Data, synthesized: np.ndarray, cuts: list[Slice]) -> Figure:
