@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +25,10 @@ SEEN, SEEN_OF_FEW = 0.02, 0.002
 """Share of its signal that the constants cannot imitate, from which an effect is refitted; of few values, as of forces
 alone, all signals are alike, and refits, which decide, cost little."""
 FEW = 50
+LOUD = 1.5
+"""Error in units of the noise floor beyond which no model is adequate."""
 TRIED = 3
-"""Effects that are refitted."""
+"""Effects that are refitted at once."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,12 @@ def threshold(judge: Judge, looks: Sequence[Look], tests: int, columns: int = 1)
     return float(chdtri(columns, LEVEL / max(tests, 1))) * spread
 
 
-def to_refit(judge: Judge, looks: Sequence[Look], tests: int) -> list[Look]:
-    """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's."""
+def to_refit(judge: Judge, looks: Sequence[Look], tests: int, known: Collection[str] = ()) -> list[Look]:
+    """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's.
+
+    Where some are `known` and did not explain it, the next best: far from the truth predictions from slopes rank
+    roughly.
+    """
     found = [
         look
         for look in looks
@@ -90,6 +96,8 @@ def to_refit(judge: Judge, looks: Sequence[Look], tests: int) -> list[Look]:
         and look.finding.fall > threshold(judge, looks, tests, look.columns.shape[1])
         and look.finding.visible > (SEEN if judge.freedom > FEW else SEEN_OF_FEW)
     ]
+    if known:
+        return [look for look in found if look.suspect.effect.name not in known][:TRIED]
     return [look for look in found if look.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
 
 
@@ -152,6 +160,23 @@ def decide(judge: Judge, looks: Sequence[Look], refits: Mapping[str, Refit], tes
         return Verdict("indistinguishable", tuple(rivals), f"missing: {names}; these data cannot tell which", limit)
     text = f"missing: {_title(by_name[best])}; it explains {100 * min(share, 1.0):.0f} % of the misfit beyond the noise"
     return Verdict("missing", (best,), text, limit)
+
+
+def doubted(verdict: Verdict, error: float) -> Verdict:
+    """The verdict, but no *adequate* where the pictures still differ by much more than their noise.
+
+    Few and coarse patches can have no misfit while every pixel shows that the model is wrong.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    error : float
+        Of the fitted measurements in units of the noise floor.
+    """
+    if verdict.kind != "adequate" or not error > LOUD:
+        return verdict
+    text = f"something is missing: the measurements differ by {error:.2g} times their noise, but no effect explains it"
+    return Verdict("unexplained", (), text, verdict.threshold)
 
 
 def _rival(one: Refit, best: Refit) -> bool:
