@@ -37,7 +37,7 @@ def decks(tmp_path_factory):
         sys.path.remove(str(ROOT / "benchmarks"))
     assert 3 * write_finger(folder / "finger/deck.inp", "displacement", [0.5], "C3D4", (15, 15, 15), 0) > 12000
     blocks = [
-        write_block(folder / name, "displacement", [1.0, 2.0], "CPE8", cells=n) for name, n in (("small", 9), ("", 12))
+        write_block(folder / name, "displacement", [1.0, 2.0], "CPE8", cells=n) for name, n in (("small", 10), ("", 12))
     ]
     return [*blocks, folder / "finger/deck.inp"]
 
