@@ -26,16 +26,23 @@ BUSY = "import numpy as np\na = np.random.default_rng().normal(size=(400, 400))\
 
 @pytest.fixture(scope="module")
 def decks(tmp_path_factory):
-    """A block in the plane, and a sphere on a finger with more unknowns than BLAS adds up in one thread."""
+    """Two blocks in the plane, and a sphere on a finger with more unknowns than BLAS adds up in one thread.
+
+    The small block is solved by levels of nearly the largest width, the other one by SuperLU.
+    """
     folder = tmp_path_factory.mktemp("decks")
-    (folder / "finger").mkdir()
+    for name in ("small", "finger"):
+        (folder / name).mkdir()
     sys.path.insert(0, str(ROOT / "benchmarks"))
     try:
         from finger import write_finger
     finally:
         sys.path.remove(str(ROOT / "benchmarks"))
     assert 3 * write_finger(folder / "finger/deck.inp", "displacement", [0.5], "C3D4", (15, 15, 15), 0) > 12000
-    return [write_block(folder, "displacement", [1.0, 2.0], "CPE8", cells=12), folder / "finger/deck.inp"]
+    blocks = [
+        write_block(folder / name, "displacement", [1.0, 2.0], "CPE8", cells=n) for name, n in (("small", 10), ("", 12))
+    ]
+    return [*blocks, folder / "finger/deck.inp"]
 
 
 def solve(threads, decks):
@@ -48,7 +55,7 @@ def solve(threads, decks):
 @pytest.fixture(scope="module")
 def alone(decks):
     found = solve(1, decks)
-    assert [line.split()[0] for line in found.splitlines()] == ["converged"] * 2
+    assert [line.split()[0] for line in found.splitlines()] == ["converged"] * 3
     return found
 
 
