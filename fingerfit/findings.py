@@ -11,6 +11,7 @@ from fingerfit.diagnose import Examination, summary
 from fingerfit.effects.catalogue import as_text
 from fingerfit.examine import Examined, errors, fitted_pictures
 from fingerfit.files import read_json, write_json, write_npz
+from fingerfit.mesh import Mesh
 from fingerfit.plots import outline
 from fingerfit.verdict import confusions
 
@@ -42,13 +43,14 @@ def write_compare(examination: Examination, path: Path) -> None:
             "floor": examination.floor,
             "spacing": data.spacing,
             "origin": data.origin,
+            "direction": data.direction,
             "moves": residual.value[..., :dim],
             "moves_noise": spread[: residual.value.size].reshape(residual.value.shape)[..., :dim],
             "patch_centre": examination.patches.centre,
             "patch_count": np.array(examination.patches.count),
             "mesh_points": mesh.points,
             "mesh_moved": mesh.points + outcome.displacement[data.picture_step],
-            "mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks]),
+            "mesh_rings": _rings(mesh),
             "mesh_layer": layer,
             "layer_names": np.array(list(mesh.element_sets)),
             "step": data.step,
@@ -60,6 +62,13 @@ def write_compare(examination: Examination, path: Path) -> None:
             "displacement_noise": np.array(data.displacement_noise),
         },
     )
+
+
+def _rings(mesh: Mesh) -> np.ndarray:
+    """Outlines of the elements of a plane mesh; none in space."""
+    if mesh.dim == 3:
+        return np.zeros((0, 3), dtype=int)
+    return np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks])
 
 
 def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
