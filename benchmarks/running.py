@@ -34,17 +34,21 @@ _SHORT = 5.0
 
 @dataclass(frozen=True)
 class Run:
-    """One run: seconds, those of the first solve and its processor time, peak memory in MB, and the outcome."""
+    """One run: seconds, those of the first solve, processor times of both, peak memory in MB, and the outcome."""
 
     seconds: float
     first: float
+    busy: float
     cpu: float
     memory: float
     outcome: Outcome
 
 
 def run_solver(name: str, deck: Path, threads: int, limit: float = 3600.0) -> Run:
-    """Run `builtin`, `calculix` (the adapter) or `ccx` (any deck) in a new process."""
+    """Run a solver in a new process.
+
+    `builtin`, `calculix` (the adapter), `default` (the adapter, where CalculiX stops by itself) or `ccx` (any deck).
+    """
     out = deck.parent / f"{name}.npz"
     limits = {key: str(threads) for key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     command = [sys.executable, __file__, name, str(deck), str(out), str(threads), str(limit)]
@@ -52,7 +56,8 @@ def run_solver(name: str, deck: Path, threads: int, limit: float = 3600.0) -> Ru
     if found.returncode:
         raise RuntimeError(f"{name}: {deck}: {found.stderr.strip().splitlines()[-1]}")
     measured = json.loads(found.stdout.splitlines()[-1])
-    return Run(measured["seconds"], measured["first"], measured["cpu"], measured["memory"], Outcome.load(out))
+    times = [measured[key] for key in ("seconds", "first", "busy", "cpu", "memory")]
+    return Run(*times, Outcome.load(out))
 
 
 def machine() -> str:
@@ -116,7 +121,7 @@ class _Ccx:
 
 def _work() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("name", choices=("builtin", "calculix", "ccx"))
+    parser.add_argument("name", choices=("builtin", "calculix", "default", "ccx"))
     parser.add_argument("deck", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("threads", type=int)
@@ -125,23 +130,25 @@ def _work() -> None:
     solvers = {
         "builtin": BuiltinSolver(averaged=False),
         "calculix": CalculixSolver(args.limit),
+        "default": CalculixSolver(args.limit, residual=None),
         "ccx": _Ccx(args.limit),
     }
     solver = solvers[args.name]
     peak, done = [0.0], threading.Event()
     if args.name != "builtin":
         threading.Thread(target=_watch, args=(peak, done), daemon=True).start()
-    start, busy = time.perf_counter(), sum(os.times()[:4])
+    start, begun = time.perf_counter(), sum(os.times()[:4])
     outcome = solver.solve(args.deck, args.deck.parent, args.threads)
     first = seconds = time.perf_counter() - start
-    busy = sum(os.times()[:4]) - busy
+    cpu = busy = sum(os.times()[:4]) - begun
     done.set()
     if args.name == "builtin" and first < _SHORT:
-        start = time.perf_counter()
+        start, begun = time.perf_counter(), sum(os.times()[:4])
         outcome = solver.solve(args.deck, args.deck.parent, args.threads)
-        seconds = time.perf_counter() - start
+        seconds, busy = time.perf_counter() - start, sum(os.times()[:4]) - begun
     outcome.save(args.out)
-    print(json.dumps({"seconds": seconds, "first": first, "cpu": busy, "memory": peak[0] or _peak("self")}))
+    measured = {"seconds": seconds, "first": first, "busy": busy, "cpu": cpu, "memory": peak[0] or _peak("self")}
+    print(json.dumps(measured))
 
 
 def difference(ours: Outcome, theirs: Outcome) -> float:

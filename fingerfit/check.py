@@ -45,7 +45,7 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
         "",
         _table(study),
         "",
-        f"noise: force {data.force_noise:.3g} N, displacement {data.displacement_noise:.3g} mm,"
+        f"noise: force {np.max(data.force_noise):.3g} N, displacement {data.displacement_noise:.3g} mm,"
         f" points {data.points_noise:.3g} mm",
     ]
     if study.before is not None and len(data.measured):

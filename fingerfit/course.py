@@ -24,6 +24,7 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
         Processes that warp and score the guesses of the last batch.
     """
     if last is not None and last.stage in (SENSITIVITY, FINAL):
+        fit.predict_all(last.batch, threads)
         return refine_round(fit, last)
     parameters = fit.settings.parameters()
     if last is None and fit.settings.model.effects:

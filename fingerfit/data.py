@@ -24,7 +24,9 @@ class Data:
         Of the indenter, positive in compression, N and mm.
     control : str
         ``force`` or ``displacement``: what the simulation prescribes. The other one is data.
-    force_noise, displacement_noise, picture_noise, points_noise : float
+    force_noise : float or ndarray, shape (steps,)
+        Standard deviation of the forces, N.
+    displacement_noise, picture_noise, points_noise : float
         Standard deviations; that of the pictures holds before smoothing, in scaled intensity.
     before : ndarray, shape (ny, nx) or (nz, ny, nx)
         Smoothed and scaled picture before compression; empty when there are no pictures. Volumes are single precision.
@@ -44,6 +46,8 @@ class Data:
         Reference positions and measured displacements of material points, mm.
     points_step : ndarray of int, shape (points,)
         Index into `step` of each measured point.
+    force_gain : float
+        Standard deviation of a factor common to all measured forces.
     history : str
         What was done to the pictures, in words, one step a line.
     """
@@ -52,7 +56,7 @@ class Data:
     force: np.ndarray
     displacement: np.ndarray
     control: str
-    force_noise: float
+    force_noise: float | np.ndarray
     displacement_noise: float
     picture_noise: float
     points_noise: float
@@ -68,6 +72,7 @@ class Data:
     points: np.ndarray
     points_displacement: np.ndarray
     points_step: np.ndarray
+    force_gain: float = 0.0
     history: str = ""
 
     def save(self, path: Path) -> None:
@@ -90,9 +95,9 @@ class Data:
             raise StateError(f"{path}: is not prepared data: {error}") from error
 
     @property
-    def control_noise(self) -> float:
-        """Standard deviation of the prescribed quantity."""
-        return self.force_noise if self.control == "force" else self.displacement_noise
+    def control_noise(self) -> np.ndarray:
+        """Standard deviation of the prescribed quantity, shape (steps,)."""
+        return self._by_step(self.force_noise if self.control == "force" else self.displacement_noise)
 
     @property
     def controlled(self) -> np.ndarray:
@@ -100,8 +105,16 @@ class Data:
         return self.force if self.control == "force" else self.displacement
 
     @property
-    def conjugate(self) -> tuple[np.ndarray, float]:
-        """Measured quantity that the control leaves free, and its standard deviation."""
+    def conjugate(self) -> tuple[np.ndarray, np.ndarray]:
+        """Measured quantity that the control leaves free, and its standard deviation, shapes (steps,)."""
         if self.control == "force":
-            return self.displacement, self.displacement_noise
-        return self.force, self.force_noise
+            return self.displacement, self._by_step(self.displacement_noise)
+        return self.force, self._by_step(self.force_noise)
+
+    @property
+    def conjugate_gain(self) -> float:
+        """Standard deviation of a factor common to all values of that quantity."""
+        return 0.0 if self.control == "force" else self.force_gain
+
+    def _by_step(self, noise: float | np.ndarray) -> np.ndarray:
+        return np.broadcast_to(np.asarray(noise, float), self.step.shape)

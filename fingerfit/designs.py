@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerfit.diagnose import Examination, Look, Suspect
 from fingerfit.estimate import STEP, sensitivity_values
-from fingerfit.fit import SEARCH, Fit
+from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.judge import Judge
 from fingerfit.mesh import Mesh
 from fingerfit.rounds import Asked
@@ -51,15 +51,19 @@ class Design:
 MEASURED = Design("as measured")
 
 
-def designs(study: Study) -> list[Design]:
-    """What could be measured next."""
+def designs(study: Study, refined: bool = True) -> list[Design]:
+    """What could be measured next; `refined`: whether the error of the mesh is known."""
     found = [
-        Design("pictures with half the noise (four repetitions averaged)", pictures=0.5),
         Design("forces and displacements measured five times better", forces=0.2),
-        Design("a mesh of half the element size (this needs no measurement)", error=0.2**0.5),
         Design(f"the same test to {FURTHER:g} times the {study.control}", with_gain(study, FURTHER)),
-        Design("an indenter of half the width, to half the " + study.control, with_gain(study, 0.5), HALF),
     ]
+    if any(step.picture or step.points for step in study.steps):
+        kind = "pictures" if any(step.picture for step in study.steps) else "points"
+        found.append(Design(f"{kind} with half the noise (four repetitions averaged)", pictures=0.5))
+    if refined:
+        found.append(Design("a mesh of half the element size (this needs no measurement)", error=0.2**0.5))
+    if study.body.width is not None:
+        found.append(Design("an indenter of half the width, to half the " + study.control, with_gain(study, 0.5), HALF))
     times = [step.time for step in study.steps]
     if all(time is not None for time in times):
         slower = tuple(replace(step, time=LONGER * float(step.time or 0.0)) for step in study.steps)
@@ -92,7 +96,7 @@ def separation(
     fit = fit.with_mesh(HALF, half_indenter(fit.meshes[SEARCH]))
     base = _Shown(examination, fit, MEASURED).signal(first, second)
     found = []
-    for design in designs(fit.study):
+    for design in designs(fit.study, REFINED in fit.mesh_files):
         shown = _Shown(examination, fit, design)
         run += solve_missing(fit, shown.asked(first, second), threads)
         signal = shown.signal(first, second)

@@ -21,6 +21,7 @@ from fingerfit.refine import ANCHOR, finest, left_over
 from fingerfit.residual import Patches, Reader, Residual, flat, residual_of
 from fingerfit.rounds import Asked, Round
 from fingerfit.solvers.contract import CONVERGED
+from fingerfit.study import Study
 
 SMOOTH = 3.0
 """Length over which the error of a mesh is alike, mm."""
@@ -68,13 +69,15 @@ class Look:
 def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
     """Effects that make sense in this study and are not in the model, with their simulations at small sizes."""
     study, found = fit.study, []
-    timed = all(step.time is not None for step in study.steps)
+    there = what_is_there(study, fit.meshes[SEARCH].dim)
     for effect in fit.effects.values():
-        if effect.name in fit.settings.model.effects or (effect.needs == "time" and not timed):
+        if effect.name in fit.settings.model.effects or not there.issuperset(effect.needs):
             continue
         if effect.control and effect.control != study.control:
             continue
-        if fit.meshes[SEARCH].dim != 2 and effect.part:
+        if _is_fitted(effect, fit):
+            continue
+        if effect.name == "coarse_mesh" and REFINED not in fit.mesh_files:
             continue
         for place in effect.places():
             if "layer" in effect.scan and place[effect.key("layer")] > len(study.layer_names):
@@ -85,6 +88,36 @@ def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
                 asked.append(fit.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
             found.append(Suspect(effect, place, tuple(asked)))
     return found
+
+
+def _is_fitted(effect: Effect, fit: Fit) -> bool:
+    """Whether all that an effect changes are constants that the model fits in every layer."""
+    model = fit.settings.model.parameters
+    names = fit.study.layer_names
+    return (
+        set(effect.changes) <= {"alpha", "poisson"}
+        and bool(effect.changes)
+        and not effect.part
+        and all(
+            quantity in model or all(f"{quantity}_{name}" in model for name in names) for quantity in effect.changes
+        )
+    )
+
+
+def what_is_there(study: Study, dim: int) -> set[str]:
+    """Which of the needs of effects a study meets."""
+    pictured = any(step.picture for step in study.steps)
+    return {
+        name
+        for name, there in (
+            ("time", all(step.time is not None for step in study.steps)),
+            ("pictures", pictured),
+            ("displacements", pictured or any(step.points for step in study.steps)),
+            ("layers", study.body.width is not None),
+            ("plane", dim == 2),
+        )
+        if there
+    }
 
 
 class Examination:
@@ -157,6 +190,18 @@ class Examination:
             columns.append(control * self._control_noise[step] * only)
             columns.append(self.mesh_signal * only)
         return np.stack(columns, axis=1)[self.residual.kept]
+
+    def control_covariance(self) -> np.ndarray:
+        """What the noise of the prescribed quantity does, independent from step to step, shape (kept, kept)."""
+        columns = self.nuisance()[:, 0::2]
+        return columns @ columns.T
+
+    def step_of(self) -> np.ndarray:
+        """Index of the step that each value of the residual belongs to, shape (kept,)."""
+        whole = np.zeros(len(self.residual.kept), dtype=int)
+        for step in range(len(self.data.step)):
+            whole[self._at_step(step) > 0] = step
+        return whole[self.residual.kept]
 
     @cached_property
     def _control_noise(self) -> np.ndarray:

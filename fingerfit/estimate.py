@@ -115,6 +115,7 @@ class Replicates:
         conjugate, spread = data.conjugate
         drawn = np.where(np.isfinite(conjugate), base.conjugate, np.nan)
         drawn = drawn + self._gauss(drawn.shape, spread)
+        drawn = drawn + base.conjugate * self._gauss((1,), data.conjugate_gain)
         name = "displacement" if data.control == "force" else "force"
         repeated = replace(
             data,
@@ -124,8 +125,8 @@ class Replicates:
         )
         return lambda delta: score(self.kind, self.model.at(delta, offset), repeated, self.bins)
 
-    def _gauss(self, shape: tuple[int, ...], spread: float) -> np.ndarray:
-        return self.rng.normal(0.0, spread, shape) if spread > 0 else np.zeros(shape)
+    def _gauss(self, shape: tuple[int, ...], spread: float | np.ndarray) -> np.ndarray:
+        return self.rng.normal(0.0, spread, shape) if np.any(spread) else np.zeros(shape)
 
     def _picture_noise(self, shape: tuple[int, ...]) -> np.ndarray:
         return smooth(self._gauss(shape, self.data.picture_noise), self.data.smooth)

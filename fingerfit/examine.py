@@ -79,7 +79,7 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     looks = best_places(everywhere)
     refits: dict[str, Refit] = {}
     for candidate in to_refit(judge, looks, len(found)):
-        refit, more = _refit(fit, last, candidate, everything, threads)
+        refit, more = _refit(fit, last, candidate, everything, judge.misfit, threads)
         refits[candidate.suspect.effect.name] = refit
         run += more
     verdict = decide(judge, looks, refits, len(found))
@@ -94,7 +94,12 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
 
 
 def errors(examination: Examination) -> tuple[float, float | None]:
-    """Error of fitted and of held-out pictures in units of the noise floor; 1 is the noise."""
+    """Error of fitted and of held-out pictures in units of the noise floor; 1 is the noise.
+
+    Without pictures: of the steps' points and forces (or displacements), each in units of its noise.
+    """
+    if not len(examination.data.picture_step):
+        return _errors_by_step(examination)
     ratio = examination.residual.error / examination.floor
     fitted = fitted_pictures(examination.fit, examination.data)
     held = ratio[~fitted]
@@ -107,8 +112,31 @@ def fitted_pictures(fit: Fit, data: Data) -> np.ndarray:
     return np.array([wanted is None or int(data.step[step]) in wanted for step in data.picture_step], dtype=bool)
 
 
-def _refit(fit: Fit, last: Round, one: Look, everything: Data, threads: int) -> tuple[Refit, int]:
-    wider = widened(fit, last, one)
+def _errors_by_step(examination: Examination) -> tuple[float, float | None]:
+    residual, wanted = examination.residual, examination.fit.settings.fit.steps
+    steps = examination.step_of()
+    noise = residual.covariance + examination.control_covariance()
+    found = []
+    for held in (False, True):
+        chosen = np.array([wanted is not None and int(examination.data.step[n]) not in wanted for n in steps]) == held
+        own = np.linalg.cholesky(noise[np.ix_(chosen, chosen)])
+        found.append(_root_mean_square(np.linalg.solve(own, residual.vector[chosen])) if chosen.any() else None)
+    return float("nan") if found[0] is None else found[0], found[1]
+
+
+def _refit(fit: Fit, last: Round, one: Look, everything: Data, before: float, threads: int) -> tuple[Refit, int]:
+    """Refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
+
+    A prediction from slopes can be far too large, and a search that starts there finds another valley.
+    """
+    refit, run = _fitted(widened(fit, last, one), everything, threads)
+    if refit.misfit >= before:
+        other, more = _fitted(widened(fit, last, one, 0.1), everything, threads)
+        refit, run = min(refit, other, key=lambda each: each.misfit), run + more
+    return refit, run
+
+
+def _fitted(wider: Fit, everything: Data, threads: int) -> tuple[Refit, int]:
     end, run = run_fit(wider, threads)
     run += solve_missing(wider, [anchor_of(wider, end)], threads)
     examination = Examination(wider, end, everything)
@@ -117,9 +145,11 @@ def _refit(fit: Fit, last: Round, one: Look, everything: Data, threads: int) -> 
     return Refit(judge.misfit, judge.freedom, fitted, held_out, minimum(wider, end).values), run
 
 
-def widened(fit: Fit, last: Round, one: Look) -> Fit:
-    """Fit of the model with a tested effect more, from where `fit` ended."""
-    settings = extended(fit.settings, one.suspect.effect, one.suspect.place, one.size, minimum(fit, last).values)
+def widened(fit: Fit, last: Round, one: Look, share: float = 1.0) -> Fit:
+    """Fit of the model with a tested effect more, from where `fit` ended and a share of the predicted size."""
+    effect = one.suspect.effect
+    size = {p.name: p.null + share * (one.size[p.name] - p.null) for p in effect.parameters}
+    settings = extended(fit.settings, effect, one.suspect.place, size, minimum(fit, last).values)
     return Fit(settings, fit.data, fit.mesh_files, fit.sims)
 
 

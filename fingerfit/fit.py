@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fingerfit.beside import side_by_side
 from fingerfit.data import Data
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
@@ -78,6 +79,11 @@ class Fit:
         """Hashes of the mesh files."""
         return {name: digest(path.read_bytes()) for name, path in self.mesh_files.items()}
 
+    @property
+    def exact(self) -> bool:
+        """Whether forces and points alone are fitted, by their likelihood: cheap, smooth, with a scale of its own."""
+        return self.settings.fit.score == "likelihood" and not len(self.data.picture_step)
+
     def predictor(self, mesh: str) -> Predictor:
         """Predictor of solutions on a mesh."""
         return Predictor(self.data, self.meshes[mesh])
@@ -143,18 +149,34 @@ class Fit:
 
     def synthesis(self, asked: Asked) -> Synthesis:
         """What should have been measured by a guess that must have a solution, and its maps."""
-        made = self.predictor(self.mesh_of(asked)).predict(self.outcome(asked), self.seen(asked.values))
+        made = self._synthesis(asked)
         if made is None:
             raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
         return made
 
+    def _synthesis(self, asked: Asked) -> Synthesis | None:
+        return self.predictor(self.mesh_of(asked)).predict(self.outcome(asked), self.seen(asked.values))
+
     def prediction(self, asked: Asked) -> Prediction:
         """The same without the maps; kept."""
-        key = asked.sim + json.dumps(asked.values, sort_keys=True)
+        key = _key(asked)
         if key not in self._predictions:
             self._predictions[key] = self.synthesis(asked).prediction
         return self._predictions[key]
 
+    def predict_all(self, batch: Sequence[Asked], processes: int) -> None:
+        """Keep the predictions of all guesses that have a solution, made beside each other."""
+        new = list({_key(asked): asked for asked in batch if _key(asked) not in self._predictions}.values())
+        self.seen({})  # what is read here is not read again by each process
+        for asked, made in zip(new, side_by_side(self._synthesis, new, processes), strict=True):
+            if made is not None:
+                self._predictions[_key(asked)] = made.prediction
+
     def score(self, prediction: Prediction) -> float:
         """Score of a prediction."""
         return score(self.settings.fit.score, prediction, self.data, self.settings.fit.bins)
+
+
+def _key(asked: Asked) -> str:
+    """A simulation may be seen by several guesses whose effects are on the observation alone."""
+    return asked.sim + json.dumps(asked.values, sort_keys=True)

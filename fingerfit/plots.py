@@ -121,7 +121,7 @@ def figure_forces(data: Data, conjugate: np.ndarray) -> Figure:
         data.displacement,
         data.force,
         xerr=2 * data.displacement_noise or None,
-        yerr=2 * data.force_noise or None,
+        yerr=2 * data.force_noise if np.any(data.force_noise) else None,
         fmt="o",
         markersize=4,
         capsize=2,

@@ -92,7 +92,8 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     mesh : Mesh
         To see where the body is.
     steps : list of int or None
-        Steps whose pictures are compared; None for all that have one.
+        Steps whose pictures and points are compared, in a study without pictures also their forces or displacements;
+        None for all.
     sigma : float
         Gaussian, pixels.
     crop : float
@@ -106,10 +107,12 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     problems: list[FingerfitError] = []
     numbers = [step.number for step in study.steps]
     used = [i for i, s in enumerate(study.steps) if s.picture and (steps is None or s.number in steps)]
+    pictured = any(step.picture for step in study.steps)
     for number in steps or []:
-        if number not in numbers or not study.steps[numbers.index(number)].picture:
+        if number not in numbers or (pictured and not study.steps[numbers.index(number)].picture):
             found = f"step {number}, which has no picture" if number in numbers else f"step {number}"
-            problems.append(InputError("config.yaml", "fit.steps", found, "steps with a picture"))
+            problems.append(InputError("config.yaml", "fit.steps", found, "steps with a picture" if pictured else
+                                       f"steps of the study, {numbers[0]} to {numbers[-1]}"))  # fmt: skip
     prepared = None
     try:
         prepared = prepare_pictures(study, mesh, used, sigma, crop)
@@ -118,6 +121,8 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     except InputError as error:
         problems.append(error)
     points = _read_points(study, mesh, problems)
+    chosen = np.array([steps is None or number in steps for number in numbers], dtype=bool)
+    points = tuple(part[chosen[points[2]]] for part in points)
     if problems:
         raise Problems(problems)
     nothing = np.zeros((0,) * mesh.dim)
@@ -129,12 +134,14 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     def column(name: str) -> np.ndarray:
         return np.array([np.nan if getattr(s, name) is None else getattr(s, name) for s in study.steps])
 
+    measured_beside = {name: column(name) for name in ("force", "displacement")}
+    if not pictured:
+        measured_beside["displacement" if study.control == "force" else "force"][~chosen] = np.nan
     return Data(
         step=np.array(numbers),
-        force=column("force"),
-        displacement=column("displacement"),
+        **measured_beside,
         control=study.control,
-        force_noise=_noise(study, "force", column("force"), column("displacement")),
+        force_noise=_force_noise(study, _noise(study, "force", column("force"), column("displacement"))),
         displacement_noise=_noise(study, "displacement", column("displacement"), column("force")),
         picture_noise=prepared.noise,
         points_noise=float(study.noise.points or 0.0) if study.noise.points != ESTIMATED else 0.0,
@@ -150,6 +157,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         points=points[0],
         points_displacement=points[1],
         points_step=points[2],
+        force_gain=study.noise.force_gain,
         history=prepared.history,
     )
 
@@ -168,6 +176,13 @@ def _noise(study: Study, name: str, values: np.ndarray, against: np.ndarray) -> 
     basis = np.stack([x, x**2, x**3], axis=1)
     residual = values[known] - basis @ np.linalg.lstsq(basis, values[known], rcond=None)[0]
     return float(np.sqrt((residual**2).sum() / (known.sum() - 3)))
+
+
+def _force_noise(study: Study, common: float) -> float | np.ndarray:
+    """The same for all forces, or, where the table of steps has a column for it, step by step."""
+    if all(step.force_noise is None for step in study.steps):
+        return common
+    return np.array([common if step.force_noise is None else step.force_noise for step in study.steps])
 
 
 def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from fingerfit.estimate import Replicates
 from fingerfit.fit import REFINED, Fit
 from fingerfit.refine import mesh_error, minimum, on_search_mesh
 from fingerfit.rounds import Round
-from fingerfit.uncertainty import as_json, repeat, summarise
+from fingerfit.uncertainty import SURE, as_json, repeat, summarise
 
 
 def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
@@ -31,9 +31,10 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
     maps = fit.synthesis(best.base).maps
     size, values = len(parameters), best.values
     replicates = Replicates(best.model, fit.data, maps, settings.fit.score, settings.fit.bins, settings.fit.seed)
-    shifts, hessian = repeat(replicates.draw, size, settings.fit.replicates)
+    sure = SURE if fit.exact else np.inf
+    shifts, hessian = repeat(replicates.draw, size, settings.fit.replicates, sure)
     point = [values[p.name] for p in parameters]
-    found = summarise(shifts, hessian, parameters, point, mesh_error(fit, best, searched))
+    found = summarise(shifts, hessian, parameters, point, mesh_error(fit, best, searched), sure)
     names = [p.name for p in parameters]
     everything = {e["sim"] for e in last.history} | {a.sim for a in last.batch}
     return {

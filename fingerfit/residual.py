@@ -130,7 +130,7 @@ def residual_of(
     scale = np.concatenate([data.spacing, [1.0]])
     value = value * scale
     measured, spread = data.conjugate
-    conjugate = measured - prediction.conjugate if spread > 0 else np.full(len(data.step), np.nan)
+    conjugate = np.where(spread > 0, measured - prediction.conjugate, np.nan)
     vector = flat(value, conjugate)
     kept = np.isfinite(vector)
     noise, floor = _noise(data, maps, fits, owners, scale, seed)
@@ -141,7 +141,8 @@ def residual_of(
         if len(rows):
             covariance[np.ix_(rows, rows)] = noise[patch]
     last = np.arange(len(vector) - len(conjugate), len(vector))
-    covariance[last, last] = spread**2
+    shared = data.conjugate_gain * np.nan_to_num(measured)
+    covariance[np.ix_(last, last)] = np.diag(spread**2) + np.outer(shared, shared)
     error = [float(np.sqrt(np.mean((s - m)[o >= 0] ** 2))) for s, m, o in pairs]
     return Residual(value, conjugate, covariance[np.ix_(kept, kept)], kept, np.array(error), floor, fits)
 

@@ -22,6 +22,8 @@ class Step:
         Of the indenter, positive in compression; mm and N.
     picture, points : Path or None
         Picture at the step; table of measured displacements of points.
+    force_noise : float or None
+        Standard deviation of this force, N, where it is not that of the study.
     """
 
     number: int
@@ -30,6 +32,7 @@ class Step:
     force: float | None = None
     picture: Path | None = None
     points: Path | None = None
+    force_noise: float | None = None
 
 
 @dataclass(frozen=True)
@@ -71,12 +74,16 @@ class Body:
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations: N, mm and intensity; None: not known; ``estimated``: from the data."""
+    """Standard deviations: N, mm and intensity; None: not known; ``estimated``: from the data.
+
+    `force_gain` is that of a factor common to the forces of all steps, such as the stiffness of a specimen.
+    """
 
     force: float | str | None = None
     displacement: float | str | None = None
     points: float | str | None = None
     picture: float | str | None = None
+    force_gain: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from fingerfit.keys import Keys, read_yaml
 from fingerfit.study import ESTIMATED, Body, Chain, Layer, Noise, Step, Study
 from fingerfit.units import factor
 
-COLUMNS = ("step", "time", "displacement", "force", "picture", "points")
+COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
 
 
 def study_path(path: Path) -> Path:
@@ -95,7 +95,7 @@ def _side(boundary: Keys, key: str, kinds: tuple[str, ...], nodes: str) -> tuple
 
 
 def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
-    noise.known("force", "displacement", "points")
+    noise.known("force", "displacement", "points", "force_gain")
     if noise.data.get("points") == ESTIMATED:
         noise.wrong("points", ESTIMATED, "a number: the noise of points cannot be estimated")
 
@@ -110,6 +110,7 @@ def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
         spread(noise, "displacement", sizes["length"]),
         spread(noise, "points", sizes["length"]),
         spread(pictures, "noise", 1.0) if pictures.data else None,
+        (noise.number("force_gain", above=0.0) or 0.0) if "force_gain" in noise.data else 0.0,
     )
 
 
@@ -239,7 +240,8 @@ def _step(
     file: Path, row: int, cells: Mapping[str, str], sizes: Mapping[str, float], problems: list[FingerfitError]
 ) -> Step | None:
     values: dict[str, float | None] = {}
-    for column, kind in (("time", "time"), ("displacement", "length"), ("force", "force")):
+    kinds = (("time", "time"), ("displacement", "length"), ("force", "force"), ("force_noise", "force"))
+    for column, kind in kinds:
         text = cells.get(column, "")
         values[column] = None
         if not text:
@@ -253,6 +255,8 @@ def _step(
             problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
         elif column != "time" and value < 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "0 or more: compression is positive"))
+        elif column == "force_noise" and value == 0:
+            problems.append(InputError(file, f"row {row}, {column}", text, "a standard deviation above 0"))
         else:
             values[column] = value * sizes[kind]
     if not cells["step"].isdecimal() or len(cells["step"]) > 9:
@@ -271,6 +275,7 @@ def _step(
         values["force"],
         files["picture"],
         files["points"],
+        values["force_noise"],
     )
 
 
@@ -298,6 +303,9 @@ def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
         problems.append(InputError(file, "body.mesh", study.body.mesh.name, "a file that exists"))
     conjugate = "displacement" if study.control == "force" else "force"
     measured = [step for step in study.steps if getattr(step, conjugate) is not None]
+    if study.noise.force_gain and study.control == "force":
+        problems.append(InputError(file, "noise.force_gain", f"{study.noise.force_gain:g} with control: force",
+                                   "no such key: it is for measured forces, not for prescribed ones"))  # fmt: skip
     if not pictures and not measured and not any(step.points for step in study.steps):
         problems.append(InputError(file, "steps", "nothing measured beside the control",
                                    f"pictures, points or {conjugate}"))  # fmt: skip

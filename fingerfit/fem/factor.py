@@ -136,17 +136,17 @@ def conjugate_gradients(
     solution = np.zeros_like(right)
     residual = right.copy()
     better = precondition(residual)
-    way, size = better, float(residual @ better)
+    way, size = better, inner(residual, better)
     first = size
     for count in range(1, _GRADIENTS + 1):
         along = matrix @ way
-        curvature = float(way @ along)
+        curvature = inner(way, along)
         if not (size > 0 and curvature > 0):
             return None
         solution += size / curvature * way
         residual -= size / curvature * along
         better = precondition(residual)
-        before, size = size, float(residual @ better)
+        before, size = size, inner(residual, better)
         if not size > close**2 * first:
             return solution if np.isfinite(solution).all() else None
         # at this rate it would take too long
@@ -156,6 +156,11 @@ def conjugate_gradients(
     return None
 
 
+def inner(a: np.ndarray, b: np.ndarray) -> float:
+    """Scalar product that does not depend on the number of threads, as that of BLAS does."""
+    return float(np.einsum("i,i->", a, b))
+
+
 def _holding(apply: Apply, held: np.ndarray, size: int) -> Apply:
     """Solution of the equations that are left when some unknowns are zero, by that of all."""
     if not len(held):
@@ -163,8 +168,8 @@ def _holding(apply: Apply, held: np.ndarray, size: int) -> Apply:
     forces = np.zeros((len(held), size))
     forces[np.arange(len(held)), held] = 1.0
     moves = np.stack([apply(force) for force in forces])
-    inner = np.linalg.inv(moves[:, held])
-    return lambda right: (found := apply(right)) - (inner.T @ found[held]) @ moves
+    back = np.linalg.inv(moves[:, held]).T
+    return lambda right: (found := apply(right)) - (back @ found[held]) @ moves
 
 
 _SYMMETRIC: dict[str, Any] = {"diag_pivot_thresh": 0.001, "options": {"SymmetricMode": True}}
@@ -239,6 +244,8 @@ class _Pardiso:
         library = next(Path(sys.prefix, "lib").glob("libmkl_rt.so.*"), None)
         # threads that wait for work would take the processor from others
         os.environ.setdefault("KMP_BLOCKTIME", "0")
+        # the same digits with any number of threads, for a twentieth of the time
+        os.environ.setdefault("MKL_CBWR", "AUTO")
         if library is not None:
             os.environ.setdefault("PYPARDISO_MKL_RT", str(library))
         try:

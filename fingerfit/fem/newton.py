@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fem.factor import CLOSE, LARGE
+from fingerfit.fem.factor import CLOSE, LARGE, inner
 from fingerfit.fem.system import System
 
 TOLERANCE = 1e-8
@@ -164,10 +164,10 @@ class Newton:
             return None
         (before, first), last = self._before, self.load
         done = last.away(first)
-        length = float(done @ done)
+        length = inner(done, done)
         if length == 0:
             return None
-        ahead, slope = float(done @ load.away(last)) / length, self.state.q - before.q
+        ahead, slope = inner(done, load.away(last)) / length, self.state.q - before.q
         if self.system.driven:
             # contact opens and closes, no curve: a round body goes deeper with a power of the force
             begun, now, then = (float(np.abs(part.force).max()) ** _HERTZ for part in (first, last, load))
@@ -176,7 +176,7 @@ class Newton:
         if self._earlier is None:
             return predicted
         earlier, start = self._earlier
-        back = float(done @ first.away(start)) / length
+        back = inner(done, first.away(start)) / length
         if not 0.2 < back < 5.0 or not 0.0 < ahead < 2.0:
             return predicted
         bend = (slope - (before.q - earlier.q) / back) / (1 + back)
@@ -186,8 +186,8 @@ class Newton:
         system = self.system
         q = self._predict(load)
         held = np.zeros(len(system.free), dtype=bool)
+        held[system.pushed] = True
         if q is not None and system.driven:
-            held[system.pushed] = True
             if self._forces(system.expand(q, load.given)) is None:
                 q = self._nearest(q, load)
         elif q is not None and self._forces(system.expand(q, load.given)) is None:
@@ -228,7 +228,7 @@ class Newton:
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
-            if step @ residual > 0 and error > 1e-4:
+            if inner(step, residual) > 0 and error > 1e-4:
                 step = -step
             moved = self._search(q, step, residual, load, held)
             if moved is None:
@@ -276,7 +276,7 @@ class Newton:
     ) -> np.ndarray | None:
         """Shorten a step until it lowers the residual or the potential energy."""
         system = self.system
-        norm, slope = np.abs(residual).max(), float(step @ residual)
+        norm, slope = np.abs(residual).max(), inner(step, residual)
         start: float | None = None
         # where contact opens and closes, residuals say little
         enough = 0.3 if system.slides else 1.0
@@ -295,7 +295,7 @@ class Newton:
         return None
 
     def _potential(self, u: np.ndarray, load: Load) -> float:
-        return self.system.energy(u) - float(load.force @ u)
+        return self.system.energy(u) - inner(load.force, u)
 
 
 def _line(start: Load, target: Load) -> Callable[[float], Load]:

@@ -24,6 +24,8 @@ from fingerfit.plots import COLOURS
 
 FOLDER = Path(__file__).resolve().parents[2] / "templates" / "report"
 SHOWN_ROWS = 8
+SEEN = 0.001
+"""Share of an effect's signal that the constants must leave, for it to be told from them."""
 
 
 def write_page(study: Path, out: Path) -> None:
@@ -82,6 +84,7 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
         "files": inputs.files,
         "versions": _versions(),
         "shown_rows": SHOWN_ROWS,
+        "pictured": any(m["pictures"] for m in models),
         "data": {
             "uris": panels.uris,
             "panels": panels.keys,
@@ -149,7 +152,7 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
         "achieved": achieved,
         "share": share,
         "bar": 0 if share is None else round(100 * min(1.0, max(0.0, share))),
-        "visible": bool(entry.get("visible", True)),
+        "visible": float(entry.get("visible", 1.0)) >= SEEN,
         "error": (refit or {}).get("error") or {},
         "refit": refit is not None,
         "drawn": entry.get("effect") in model.patterns,

@@ -217,8 +217,8 @@ def force_figure(compare: Compare) -> Figure | None:
         _model_line(upper, compare)
     if known.any():
         upper.errorbar(
-            compare.displacement[known], compare.force[known], xerr=2 * compare.displacement_noise or None,
-            yerr=2 * compare.force_noise or None, fmt="o", markersize=4.5, capsize=2, color=COLOURS[5],
+            compare.displacement[known], compare.force[known], xerr=_bars(compare.displacement_noise, known),
+            yerr=_bars(compare.force_noise, known), fmt="o", markersize=4.5, capsize=2, color=COLOURS[5],
             label="measured (bars: twice the noise)",
         )  # fmt: skip
     upper.set(xlabel="indentation in mm", ylabel="force in N")
@@ -228,14 +228,18 @@ def force_figure(compare: Compare) -> Figure | None:
     if not shown.any():
         figure.delaxes(lower)
         return figure
-    if noise > 0:
-        lower.axhspan(-2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0)
+    if noise.any():
+        lower.fill_between(compare.step, -2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0)
     lower.axhline(0, color="#555555", linewidth=0.8)
     lower.plot(compare.step[shown], left[shown], "o", markersize=4.5, color=COLOURS[5])
     lower.set(xlabel="step", ylabel=f"{name} left over\nin {unit}")
     lower.set_xticks(compare.step if len(compare.step) <= 12 else compare.step[:: len(compare.step) // 8])
     lower.margins(y=0.25)
     return figure
+
+
+def _bars(noise: np.ndarray, known: np.ndarray) -> np.ndarray | None:
+    return 2 * noise[known] if noise.any() else None
 
 
 def _model_line(axes: Any, compare: Compare) -> None:
@@ -245,13 +249,14 @@ def _model_line(axes: Any, compare: Compare) -> None:
     fine = np.isfinite(x) & np.isfinite(y)
     x, y = x[fine], y[fine]
     slope = np.gradient(y, x) if len(x) > 1 and (np.diff(x) > 0).all() else np.zeros(len(x))
-    band = 2 * np.hypot(compare.force_noise, slope * compare.displacement_noise)
+    noise = (np.concatenate([n[:1], n[order]])[fine] for n in (compare.force_noise, compare.displacement_noise))
+    band = 2 * np.hypot(next(noise), slope * next(noise))
     if band.any():
         axes.fill_between(x, y - band, y + band, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)")
     axes.plot(x, y, "-", color=COLOURS[4], label="model")
 
 
-def _left_over(compare: Compare) -> tuple[np.ndarray, str, str, float]:
+def _left_over(compare: Compare) -> tuple[np.ndarray, str, str, np.ndarray]:
     """What is left of the quantity that was not prescribed, its unit, name and noise."""
     nothing = np.full(len(compare.step), np.nan)
 

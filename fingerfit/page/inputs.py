@@ -50,7 +50,7 @@ class Compare:
     step : ndarray of int, shape (steps,)
     force, displacement, force_model, displacement_model : ndarray, shape (steps,)
         N and mm; NaN where unknown.
-    force_noise, displacement_noise : float
+    force_noise, displacement_noise : ndarray, shape (steps,)
         Standard deviations, N and mm.
     """
 
@@ -76,8 +76,8 @@ class Compare:
     displacement: np.ndarray = field(default_factory=lambda: _empty(0))
     force_model: np.ndarray = field(default_factory=lambda: _empty(0))
     displacement_model: np.ndarray = field(default_factory=lambda: _empty(0))
-    force_noise: float = 0.0
-    displacement_noise: float = 0.0
+    force_noise: np.ndarray = field(default_factory=lambda: _empty(0))
+    displacement_noise: np.ndarray = field(default_factory=lambda: _empty(0))
 
     @property
     def pictures(self) -> int:
@@ -133,7 +133,11 @@ def read_compare(path: Path) -> Compare:
     """
     data = read_npz(path)
     known: dict[str, Any] = {name: data[name] for name in Compare.__dataclass_fields__ if name in data}
-    known.update({name: float(known[name]) for name in ("force_noise", "displacement_noise") if name in known})
+    for name in ("force_noise", "displacement_noise"):  # one for all steps, or one for each
+        known[name] = np.broadcast_to(known.get(name, 0.0), np.shape(known.get("step", ()))).astype(float)
+    for name in ("measured", "synthesized"):  # without pictures there is nothing to show, in any dimension
+        if name in known and not known[name].size:
+            known[name] = _empty(0, 1, 1)
     found = Compare(**known)
     if found.measured.ndim != 3 or found.measured.shape != found.synthesized.shape:
         raise StateError(

@@ -30,6 +30,7 @@ ORDER = (
     ("course", "judge", "extend"),
     ("diagnose",),
     ("verdict", "simulate"),
+    ("designs",),
     ("examine",),
     ("report", "plots", "volumes", "fields", "check", "recipes", "layout", "testing", "page"),
     ("findings", "climb", "export"),
