@@ -19,7 +19,8 @@ from fingerfit.page.figures import (
 )
 from fingerfit.page.inputs import Compare, Model
 from fingerfit.page.regions import patch_size
-from fingerfit.page.views import View, views_of
+from fingerfit.page.views import View, cuts_of, views_of
+from fingerfit.slices import Slice
 
 PATTERNS = 4
 """Effects of a model whose patterns are drawn."""
@@ -49,7 +50,7 @@ class Panels:
         self.meshes: dict[str, Any] = {}
         self.frames: list[Frame] = []
         self.maps: list[dict[str, Any]] = []
-        self.views: list[tuple[str, str]] = []
+        self.cuts: list[Slice] = []
         self._map_frames: list[Frame] = []
         self._known: dict[str, int] = {}
         self._owners: dict[str, np.ndarray] = {}
@@ -92,15 +93,14 @@ class Panels:
 
     def view_data(self) -> list[dict[str, str]]:
         """Names of the slices; none of plane pictures."""
-        return [{"group": group, "title": title} for group, title in self.views]
+        return [{"group": cut.name, "title": cut.title} for cut in self.cuts]
 
     def _draw(self, model: Model, compare: Compare) -> None:
         name = model.name
-        slices = views_of(compare)
-        if compare.volumes:
-            self.views = self.views or [(view.group, view.title) for view in slices]
-            slices = slices[: len(self.views)]
-        for number, view in enumerate(slices or [None]):
+        # the same slices for all models
+        self.cuts = self.cuts or cuts_of(compare)
+        views: list[View | None] = [*views_of(compare, self.cuts)] if compare.volumes else [None]
+        for number, view in enumerate(views):
             flat = compare if view is None else view.compare
             after = "" if view is None else f"@{number}"
             self._draw_pictures(name, flat, number, after)

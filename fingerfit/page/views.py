@@ -42,22 +42,29 @@ class View:
     lines: list[list[tuple[int, list[Any]]]]
 
 
-def views_of(compare: Compare) -> list[View]:
+def cuts_of(compare: Compare) -> list[Slice]:
     """Slices through the body, axial ones first; none where pictures are plane."""
     if not compare.volumes:
         return []
-    frame = Picture(compare.measured[0], compare.spacing, compare.origin, compare.direction)
+    frame = _frame(compare)
     index = np.array([[0.0] * 3, [n - 1.0 for n in frame.values.shape[::-1]]])
     if len(compare.mesh_faces):
-        # nodes of rigid tools may lie far away
-        used = np.unique(compare.mesh_faces)
-        index = frame.to_index(np.concatenate([compare.mesh_points[used], *compare.mesh_moved[:, used]]))
+        # nodes of rigid tools, which no face has, may lie far away
+        index = frame.to_index(compare.mesh_points[np.unique(compare.mesh_faces)])
     found = []
     for main, count in COUNTS.items():
         axis = int(np.argmax(np.abs(frame.direction[main])))
-        for cut in spread_slices(frame, axis, index[:, axis].min(), index[:, axis].max(), count):
-            found.append(_view(compare, frame, cut))
+        found += spread_slices(frame, axis, index[:, axis].min(), index[:, axis].max(), count)
     return found
+
+
+def views_of(compare: Compare, cuts: list[Slice]) -> list[View]:
+    """What is seen in slices."""
+    return [_view(compare, _frame(compare), cut) for cut in cuts]
+
+
+def _frame(compare: Compare) -> Picture:
+    return Picture(compare.measured[0], compare.spacing, compare.origin, compare.direction)
 
 
 def _view(compare: Compare, frame: Picture, cut: Slice) -> View:
