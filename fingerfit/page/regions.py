@@ -125,7 +125,8 @@ def _place(compare: Compare, picture: int, layer: str, own: np.ndarray, height: 
     where = f"{'in the' if side == 'middle' else 'on the'} {side}, {heading(move[worst][[0, -1]])}"
     size = float(np.sqrt(np.mean(length**2)))
     patches = [int(n) for n in own]
-    return Place(picture, layer, height - half, height + half, patches, ratio, size, float(length[worst]), where)
+    low, high = (round(height + side, 9) + 0.0 for side in (-half, half))  # no 2e-16 where the body begins
+    return Place(picture, layer, low, high, patches, ratio, size, float(length[worst]), where)
 
 
 def heading(move: np.ndarray) -> str:
