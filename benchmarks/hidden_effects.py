@@ -45,7 +45,7 @@ CLEAR: dict[str, dict[str, Any]] = {
     "split_layer": {"split_layer": {"contrast": 0.6, "layer": 2}},
     "gradient": {"gradient": {"slope": 0.8}},
     "base_slip": {"base_slip": {"compliance": 15}},
-    "indenter_slip": {"indenter_slip": {"compliance": 8}},
+    "indenter_slip": {"indenter_slip": {"compliance": 3}},
     "fibres": {"fibres": {"stiffness": 0.002}},
     "relaxation": {"relaxation": {"share": 0.4, "time": 60}},
     "preload": {"preload": {"force": 6}},

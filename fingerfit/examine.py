@@ -24,7 +24,7 @@ from fingerfit.judge import Judge
 from fingerfit.refine import finest, minimum
 from fingerfit.rounds import Round
 from fingerfit.simulate import run_fit, solve_missing
-from fingerfit.verdict import Refit, Verdict, decide, to_refit
+from fingerfit.verdict import Refit, Verdict, decide, doubted, to_refit
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
         refit, more = _refit(fit, last, candidate, everything, judge.misfit, threads)
         refits[candidate.suspect.effect.name] = refit
         run += more
-    verdict = decide(judge, looks, refits, len(found))
+    verdict = doubted(decide(judge, looks, refits, len(found)), errors(examination)[0])
     measurements: list[tuple[str, float]] = []
     if verdict.kind == "indistinguishable":
         blamed = {one.suspect.effect.name: one for one in looks}

@@ -25,6 +25,8 @@ SEEN, SEEN_OF_FEW = 0.02, 0.002
 """Share of its signal that the constants cannot imitate, from which an effect is refitted; of few values, as of forces
 alone, all signals are alike, and refits, which decide, cost little."""
 FEW = 50
+LOUD = 1.5
+"""Error in units of the noise floor beyond which no model is adequate."""
 TRIED = 3
 """Effects that are refitted."""
 
@@ -152,6 +154,23 @@ def decide(judge: Judge, looks: Sequence[Look], refits: Mapping[str, Refit], tes
         return Verdict("indistinguishable", tuple(rivals), f"missing: {names}; these data cannot tell which", limit)
     text = f"missing: {_title(by_name[best])}; it explains {100 * min(share, 1.0):.0f} % of the misfit beyond the noise"
     return Verdict("missing", (best,), text, limit)
+
+
+def doubted(verdict: Verdict, error: float) -> Verdict:
+    """The verdict, but no *adequate* where the pictures still differ by much more than their noise.
+
+    Few and coarse patches can have no misfit while every pixel shows that the model is wrong.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    error : float
+        Of the fitted measurements in units of the noise floor.
+    """
+    if verdict.kind != "adequate" or not error > LOUD:
+        return verdict
+    text = f"something is missing: the measurements differ by {error:.2g} times their noise, but no effect explains it"
+    return Verdict("unexplained", (), text, verdict.threshold)
 
 
 def _rival(one: Refit, best: Refit) -> bool:
