@@ -19,6 +19,7 @@ ORDER = (
     ("deck", "meshing", "mesh_io", "tetrahedra", "anatomy"),
     ("solvers",),
     ("imaging", "data"),
+    ("morph",),
     ("score", "search", "uncertainty"),
     ("predict", "estimate", "rounds"),
     ("settings", "pictured"),
