@@ -18,7 +18,12 @@ ORDER = (
     ("study_file",),
     ("deck", "meshing", "mesh_io", "tetrahedra", "anatomy"),
     ("solvers",),
+<<<<<<< HEAD
     ("imaging", "data", "slices"),
+=======
+    ("imaging", "data"),
+    ("morph",),
+>>>>>>> 3f5aaa49d729f49df64d11963c4330f088de143d
     ("score", "search", "uncertainty"),
     ("truth",),
     ("predict", "estimate", "rounds", "scan"),
@@ -32,8 +37,8 @@ ORDER = (
     ("verdict", "simulate"),
     ("designs",),
     ("examine",),
-    ("report", "plots", "volumes", "check", "recipes", "layout", "testing", "page"),
-    ("findings", "climb"),
+    ("report", "plots", "volumes", "fields", "check", "recipes", "layout", "testing", "page"),
+    ("findings", "climb", "export"),
     ("commands",),
     ("cli",),
     ("__main__",),
