@@ -140,7 +140,9 @@ def _promises(fit: Fit, found: Minimum) -> bool:
 
 def minimum(fit: Fit, last: Round) -> Minimum:
     """Minimum of the score on the finest mesh that has a solution."""
-    return _minimum(fit, last, finest(fit, last))
+    # after moves that went wrong the next ones are short
+    trust = last.best.get("trust", TRUST) if last.best and last.stage == SENSITIVITY else TRUST
+    return _minimum(fit, last, finest(fit, last), trust)
 
 
 def finest(fit: Fit, last: Round) -> Asked:
@@ -180,13 +182,12 @@ def left_over(fit: Fit) -> float:
     return 1.0 / max(ratio**ORDER - 1.0, 0.1)
 
 
-def _minimum(fit: Fit, last: Round, base: Asked) -> Minimum:
+def _minimum(fit: Fit, last: Round, base: Asked, trust: float = TRUST) -> Minimum:
     parameters = fit.settings.parameters()
     model = _linear_model(fit, last, base)
     at = coordinates(parameters, base.values)
     low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
     high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
-    trust = last.best.get("trust", TRUST) if last.best else TRUST
     low, high = np.maximum(low, -trust), np.minimum(high, trust)
     if fit.exact:
         delta = _least_squares(fit, model, low, high)
