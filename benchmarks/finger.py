@@ -1,7 +1,7 @@
 """A finger-like body of tetrahedra with bone and epidermis, and decks that press a rigid sphere into it.
 
-The built-in solver gets the sphere as an analytical surface, CalculiX as a rigid patch of bricks: the same body, the
-same pressure over overclosure, nodes of the body against the surface.
+The sphere is a rigid patch of bricks, or for the built-in solver an analytical surface: the same body, the same
+pressure over overclosure, nodes of the body against the surface.
 """
 
 from __future__ import annotations
@@ -109,16 +109,24 @@ def _sphere(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_finger(
-    path: Path, control: str, values: list[float], element: str, cells: tuple[int, int, int], meshed: int
+    path: Path,
+    control: str,
+    values: list[float],
+    element: str,
+    cells: tuple[int, int, int],
+    meshed: int,
+    driven: bool = False,
 ) -> int:
     """Write a deck; returns the number of nodes of the body.
 
     Parameters
     ----------
     control : str
-        ``displacement`` (mm) or ``force`` (N); CalculiX's first step is in mm in both, with `values[0]`.
+        ``displacement`` (mm) or ``force`` (N).
     meshed : int
-        Bricks along each side of the rigid patch of the sphere, for CalculiX; 0 for an analytical surface.
+        Bricks along each side of the rigid patch of the sphere; 0 for an analytical surface.
+    driven : bool
+        Whether the first step is in mm also in force control, as CalculiX needs it.
     """
     points, nodes, groups, sets = finger(cells, element)
     count, elements = len(points), len(nodes)
@@ -161,10 +169,10 @@ def write_finger(
     lines += ["*BOUNDARY", *held]
     for number, value in enumerate(values):
         lines += ["*STEP, NLGEOM, INC=1000", "*STATIC", "1., 1., 1e-4, 1."]
-        if control == "displacement" or (meshed and number == 0):
+        if control == "displacement" or (driven and number == 0):
             lines += ["*BOUNDARY", f"{reference}, 2, 2, {-value!r}"]
         else:
-            if meshed and number == 1:
+            if driven and number == 1:
                 lines += ["*BOUNDARY, OP=NEW", *held]
             lines += ["*CLOAD", f"{reference}, 2, {-value!r}"]
         if number == 0:

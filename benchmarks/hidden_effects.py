@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from fitting import fit_of
 
 from fingerfit.diagnose import Examination
 from fingerfit.errors import FingerfitError, SolverError
@@ -28,7 +27,8 @@ from fingerfit.files import write_json, write_text
 from fingerfit.fit import Fit
 from fingerfit.refine import minimum
 from fingerfit.rounds import Round
-from fingerfit.simulate import run_fit
+from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, run_fit
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -45,10 +45,10 @@ CLEAR: dict[str, dict[str, Any]] = {
     "split_layer": {"split_layer": {"contrast": 0.6, "layer": 2}},
     "gradient": {"gradient": {"slope": 0.8}},
     "base_slip": {"base_slip": {"compliance": 15}},
-    "indenter_slip": {"indenter_slip": {"compliance": 8}},
-    "fibres": {"fibres": {"stiffness": 0.002}},
+    "indenter_slip": {"indenter_slip": {"compliance": 3}},
+    "fibres": {"fibres": {"stiffness": 0.0004}},
     "relaxation": {"relaxation": {"share": 0.4, "time": 60}},
-    "preload": {"preload": {"force": 6}},
+    "preload": {"preload": {"force": 2}},
     "onset": {"onset": {"offset": 0.06}},
     "force_offset": {"force_offset": {"offset": 3.0}},
     "misregistration": {"misregistration": {"x": 0.08, "y": 0.05}},
@@ -126,7 +126,7 @@ def run_case(hidden: dict[str, Any], seed: int, threads: int, highest: int = 3) 
         write_study(truth, solved, folder / "study", seed)
         made = time.perf_counter()
         config = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
-        fit, everything = fit_of({**config, "study": str(folder / "study")}, folder / "model")
+        fit, everything = begin(load_settings({**config, "study": str(folder / "study")}), folder / "model")
         last = run_fit(fit, threads)[0]
         rungs = []
         while True:

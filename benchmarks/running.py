@@ -1,6 +1,7 @@
 """Runs of one solver on one deck, each in a process of its own: its time, its peak memory and what it found.
 
-The time is that of `solve`, from the deck on disk to the displacements. The built-in solver loads its libraries in the
+The time is that of `solve`, from the deck on disk to the displacements: on the clock, and of the processor, which says
+more where other programs run beside it. The built-in solver loads its libraries in the
 first solve of a process: `first` has that, `seconds` is a second solve where the first was short.
 """
 
@@ -33,16 +34,21 @@ _SHORT = 5.0
 
 @dataclass(frozen=True)
 class Run:
-    """One run: seconds, those of the first solve in the process, peak memory in MB, and the outcome."""
+    """One run: seconds, those of the first solve, processor times of both, peak memory in MB, and the outcome."""
 
     seconds: float
     first: float
+    busy: float
+    cpu: float
     memory: float
     outcome: Outcome
 
 
 def run_solver(name: str, deck: Path, threads: int, limit: float = 3600.0) -> Run:
-    """Run `builtin`, `calculix` (the adapter) or `ccx` (any deck) in a new process."""
+    """Run a solver in a new process.
+
+    `builtin`, `calculix` (the adapter), `default` (the adapter, where CalculiX stops by itself) or `ccx` (any deck).
+    """
     out = deck.parent / f"{name}.npz"
     limits = {key: str(threads) for key in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     command = [sys.executable, __file__, name, str(deck), str(out), str(threads), str(limit)]
@@ -50,7 +56,8 @@ def run_solver(name: str, deck: Path, threads: int, limit: float = 3600.0) -> Ru
     if found.returncode:
         raise RuntimeError(f"{name}: {deck}: {found.stderr.strip().splitlines()[-1]}")
     measured = json.loads(found.stdout.splitlines()[-1])
-    return Run(measured["seconds"], measured["first"], measured["memory"], Outcome.load(out))
+    times = [measured[key] for key in ("seconds", "first", "busy", "cpu", "memory")]
+    return Run(*times, Outcome.load(out))
 
 
 def machine() -> str:
@@ -102,7 +109,7 @@ class _Ccx:
         count = str(threads)
         environment = {"OMP_NUM_THREADS": count, "CCX_NPROC_EQUATION_SOLVER": count}
         run(["ccx", "-i", deck.stem], workdir, self.limit, environment)
-        tables = _read_dat(
+        tables, _ = _read_dat(
             (workdir / f"{deck.stem}.dat").read_text(encoding="utf-8"),
             deck.read_text(encoding="utf-8").count("*END STEP"),
         )
@@ -114,7 +121,7 @@ class _Ccx:
 
 def _work() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("name", choices=("builtin", "calculix", "ccx"))
+    parser.add_argument("name", choices=("builtin", "calculix", "default", "ccx"))
     parser.add_argument("deck", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("threads", type=int)
@@ -123,22 +130,25 @@ def _work() -> None:
     solvers = {
         "builtin": BuiltinSolver(averaged=False),
         "calculix": CalculixSolver(args.limit),
+        "default": CalculixSolver(args.limit, residual=None),
         "ccx": _Ccx(args.limit),
     }
     solver = solvers[args.name]
     peak, done = [0.0], threading.Event()
     if args.name != "builtin":
         threading.Thread(target=_watch, args=(peak, done), daemon=True).start()
-    start = time.perf_counter()
+    start, begun = time.perf_counter(), sum(os.times()[:4])
     outcome = solver.solve(args.deck, args.deck.parent, args.threads)
     first = seconds = time.perf_counter() - start
+    cpu = busy = sum(os.times()[:4]) - begun
     done.set()
     if args.name == "builtin" and first < _SHORT:
-        start = time.perf_counter()
+        start, begun = time.perf_counter(), sum(os.times()[:4])
         outcome = solver.solve(args.deck, args.deck.parent, args.threads)
-        seconds = time.perf_counter() - start
+        seconds, busy = time.perf_counter() - start, sum(os.times()[:4]) - begun
     outcome.save(args.out)
-    print(json.dumps({"seconds": seconds, "first": first, "memory": peak[0] or _peak("self")}))
+    measured = {"seconds": seconds, "first": first, "busy": busy, "cpu": cpu, "memory": peak[0] or _peak("self")}
+    print(json.dumps(measured))
 
 
 def difference(ours: Outcome, theirs: Outcome) -> float:

@@ -39,12 +39,13 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
     lines = [
         f"{study_path(path)}: {study.title}",
         f"control: {study.control}; base {study.base}, indenter {study.indenter}",
-        f"body: layers {', '.join(study.layer_names)} (from the indenter down), thickness {study.thickness:g} mm",
+        f"body: layers {', '.join(study.layer_names)} (from the indenter down)"
+        + (f", thickness {study.thickness:g} mm" if mesh.dim == 2 else ""),
         f"mesh: {len(mesh.points)} nodes, {mesh.element_count} {mesh.blocks[0].element}",
         "",
         _table(study),
         "",
-        f"noise: force {data.force_noise:.3g} N, displacement {data.displacement_noise:.3g} mm,"
+        f"noise: force {np.max(data.force_noise):.3g} N, displacement {data.displacement_noise:.3g} mm,"
         f" points {data.points_noise:.3g} mm",
     ]
     if study.before is not None and len(data.measured):
@@ -57,10 +58,12 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
         )
         lines += ["prepared, in this order:", *(f"  {line}" for line in data.history.splitlines())]
     lines.append(_identifiable(study, bool(len(data.measured)), settings.fit.score))
-    if picture is not None and len(data.measured) and mesh.dim == 2:
+    if picture is not None and len(data.measured):
         from fingerfit.plots import extent, figure_overlay, save
+        from fingerfit.volumes import figure_place, frame_of
 
-        save(figure_overlay(mesh, data.before, extent(data)), picture)
+        plane = mesh.dim == 2
+        save(figure_overlay(mesh, data.before, extent(data)) if plane else figure_place(mesh, frame_of(data)), picture)
         lines.append(f"mesh over picture: {picture}")
     return "\n".join(lines)
 

@@ -33,6 +33,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("tests", type=Path, nargs="+", help="the authors' CSV files, one for each test")
     sub.add_argument("--out", type=Path, required=True, help="folder of the study")
 
+    sub = command("skin", "make a study of skin stretched between two pads (docs/skin.md)")
+    sub.add_argument("folder", type=Path, help="the authors' files")
+    sub.add_argument("--out", type=Path, required=True, help="folder of the study")
+
     for name, text in (("add", "add an effect to the model"), ("drop", "take an effect out of the model")):
         sub = command(name, text)
         sub.add_argument("effect", help="name, as `fingerfit effects` lists them")
@@ -41,6 +45,10 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("discover", "fit, diagnose, add what is missing, and again, until nothing is missing")
     sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
     sub.add_argument("--cores", type=int, default=2)
+
+    sub = command("export", "write fields (VTU), pictures (NIfTI) and tables (CSV) of a diagnosed model")
+    sub.add_argument("model", type=Path, help="results/STUDY/MODEL")
+    sub.add_argument("--out", type=Path, help="folder (MODEL/export)")
 
     sub = command("effects", "list the effects that are known")
     sub.add_argument("study", type=Path, nargs="?", help="folder of a study with effects of its own")

@@ -86,7 +86,9 @@ def _found(settings: Settings, name: str) -> dict[str, float]:
         return {}
     for entry in read_json(path)["ranking"]:
         if entry["effect"] == name:
-            return {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"]}.items()}
+            fitted = (entry.get("refit") or {}).get("parameters", {})
+            own = {key.split(".")[1]: value for key, value in fitted.items() if key.split(".")[0] == name}
+            return {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"], **own}.items()}
     return {}
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fingerfit.fit import Fit
+    from fingerfit.settings import Settings
 
 
 def show_deck(args: argparse.Namespace) -> None:
@@ -51,16 +52,21 @@ def prepare(args: argparse.Namespace) -> None:
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     write_text(args.mesh, format_mesh(mesh))
     if args.refined:
-        write_text(args.refined, format_mesh(make_mesh(study, settings.model.refined)))
+        write_text(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))
     data.save(args.out)
 
 
-def _fit(args: argparse.Namespace) -> Fit:
+def _fit(args: argparse.Namespace, settings: Settings | None = None) -> Fit:
+    from fingerfit.choices import read_checked
     from fingerfit.data import Data
     from fingerfit.fit import Fit
-    from fingerfit.settings import load_settings
 
-    settings = load_settings(args.settings)
+    if settings is None and args.settings.suffix == ".json":
+        settings = read_checked(args.settings)  # as the workflow wrote them
+    elif settings is None:
+        from fingerfit.settings import load_settings
+
+        settings = load_settings(args.settings)
     files = {"search": args.mesh} | ({"refined": args.refined} if args.refined else {})
     return Fit(settings, Data.load(args.data), files, args.sims)
 
@@ -111,8 +117,9 @@ def diagnose(args: argparse.Namespace) -> None:
     from fingerfit.findings import rung_of, write_compare, write_diagnosis
     from fingerfit.prepare import prepare
     from fingerfit.rounds import Round
+    from fingerfit.settings import load_settings
 
-    fit, last = _fit(args), Round.load(args.last)
+    fit, last = _fit(args, load_settings(args.settings)), Round.load(args.last)
     smooth, crop = fit.settings.fit.smooth, fit.settings.fit.crop
     everything = prepare(fit.study, fit.meshes["search"], None, smooth, crop)
     found = examine(fit, last, everything, args.threads)
@@ -124,6 +131,14 @@ def diagnose(args: argparse.Namespace) -> None:
     write_json(args.out.parent / "rung.json", rung_of(found, estimate, known))
     write_diagnosis(found, args.out)
     print(f"{fit.settings.model.full_name}: {found.verdict.sentence}", flush=True)
+
+
+def export(args: argparse.Namespace) -> None:
+    """Write the results of a model for other programs."""
+    from fingerfit.export import export
+
+    out = args.out or args.model / "export"
+    print(f"{len(export(args.model, out))} files in {out}")
 
 
 def add(args: argparse.Namespace) -> None:
@@ -197,3 +212,11 @@ def ecoflex(args: argparse.Namespace) -> None:
     from fingerfit.recipes.ecoflex import make_study
 
     make_study(args.tests, args.out)
+
+
+def skin(args: argparse.Namespace) -> None:
+    """Make a study of skin stretched between two pads."""
+    from fingerfit.recipes.skin import make_study
+
+    make_study(args.folder, args.out)
+    print(f"{args.out}: the thickness of the skin is not known, so that only modulus times thickness is identified")

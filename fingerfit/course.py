@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
-import multiprocessing
 from typing import Any
 
+from fingerfit.beside import side_by_side
 from fingerfit.fit import FINAL, SEARCH, SENSITIVITY, Fit
 from fingerfit.predict import Predictor
 from fingerfit.refine import around_best, refine_round
@@ -25,6 +24,7 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
         Processes that warp and score the guesses of the last batch.
     """
     if last is not None and last.stage in (SENSITIVITY, FINAL):
+        fit.predict_all(last.batch, threads)
         return refine_round(fit, last)
     parameters = fit.settings.parameters()
     if last is None and fit.settings.model.effects:
@@ -65,12 +65,9 @@ def _meshes(fit: Fit) -> dict[str, str]:
 
 
 def _evaluate_all(fit: Fit, batch: list[Asked], threads: int) -> list[dict[str, Any]]:
-    evaluate = functools.partial(_evaluate, fit, predictor=fit.predictor(SEARCH))
-    if threads < 2 or len(batch) < 2:
-        return [evaluate(asked) for asked in batch]
-    # forked, so that nothing is read or imported twice
-    with multiprocessing.get_context("fork").Pool(min(threads, len(batch))) as pool:
-        return pool.map(evaluate, batch)
+    predictor = fit.predictor(SEARCH)
+    fit.seen({})  # what is read here is not read again by each process
+    return side_by_side(lambda asked: _evaluate(fit, asked, predictor), batch, threads)
 
 
 def _evaluate(fit: Fit, asked: Asked, predictor: Predictor) -> dict[str, Any]:

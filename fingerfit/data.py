@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,9 @@ class Data:
         Of the indenter, positive in compression, N and mm.
     control : str
         ``force`` or ``displacement``: what the simulation prescribes. The other one is data.
-    force_noise, displacement_noise, picture_noise, points_noise : float
+    force_noise : float or ndarray, shape (steps,)
+        Standard deviation of the forces, N.
+    displacement_noise, picture_noise, points_noise : float
         Standard deviations; that of the pictures holds before smoothing, in scaled intensity.
     before : ndarray, shape (ny, nx) or (nz, ny, nx)
         Smoothed and scaled picture before compression; empty when there are no pictures. Volumes are single precision.
@@ -44,6 +46,12 @@ class Data:
         Reference positions and measured displacements of material points, mm.
     points_step : ndarray of int, shape (points,)
         Index into `step` of each measured point.
+    points_covariance : ndarray, shape (steps, steps)
+        Of the error of a point at two steps, mm^2; `points_noise` is the root of its mean on the diagonal.
+    frame_noise : float
+        Standard deviation of a shift common to all points of a step, mm.
+    force_gain : float
+        Standard deviation of a factor common to all measured forces.
     history : str
         What was done to the pictures, in words, one step a line.
     """
@@ -52,7 +60,7 @@ class Data:
     force: np.ndarray
     displacement: np.ndarray
     control: str
-    force_noise: float
+    force_noise: float | np.ndarray
     displacement_noise: float
     picture_noise: float
     points_noise: float
@@ -68,12 +76,14 @@ class Data:
     points: np.ndarray
     points_displacement: np.ndarray
     points_step: np.ndarray
+    points_covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    frame_noise: float = 0.0
+    force_gain: float = 0.0
     history: str = ""
 
     def save(self, path: Path) -> None:
-        """Write to .npz, whole or not at all; volumes, whose noise does not compress, as they are."""
-        arrays = {name: np.asarray(value) for name, value in self.__dict__.items()}
-        write_npz(path, arrays, compressed=self.before.ndim < 3)
+        """Write to .npz, whole or not at all; not compressed, because every round reads it and noise stays as large."""
+        write_npz(path, {name: np.asarray(value) for name, value in self.__dict__.items()}, compressed=False)
 
     @classmethod
     def load(cls, path: Path) -> Data:
@@ -91,9 +101,9 @@ class Data:
             raise StateError(f"{path}: is not prepared data: {error}") from error
 
     @property
-    def control_noise(self) -> float:
-        """Standard deviation of the prescribed quantity."""
-        return self.force_noise if self.control == "force" else self.displacement_noise
+    def control_noise(self) -> np.ndarray:
+        """Standard deviation of the prescribed quantity, shape (steps,)."""
+        return self._by_step(self.force_noise if self.control == "force" else self.displacement_noise)
 
     @property
     def controlled(self) -> np.ndarray:
@@ -101,8 +111,28 @@ class Data:
         return self.force if self.control == "force" else self.displacement
 
     @property
-    def conjugate(self) -> tuple[np.ndarray, float]:
-        """Measured quantity that the control leaves free, and its standard deviation."""
+    def conjugate(self) -> tuple[np.ndarray, np.ndarray]:
+        """Measured quantity that the control leaves free, and its standard deviation, shapes (steps,)."""
         if self.control == "force":
-            return self.displacement, self.displacement_noise
-        return self.force, self.force_noise
+            return self.displacement, self._by_step(self.displacement_noise)
+        return self.force, self._by_step(self.force_noise)
+
+    @property
+    def between_steps(self) -> np.ndarray:
+        """Covariance of a point's error at two steps, shape (steps, steps), mm^2."""
+        if self.points_covariance.size:
+            return self.points_covariance
+        return self.points_noise**2 * np.eye(len(self.step))
+
+    @property
+    def entry_step(self) -> np.ndarray:
+        """Index of the step of each field of displacements: of pictures, then of points."""
+        return np.concatenate([self.picture_step, np.unique(self.points_step)]).astype(int)
+
+    @property
+    def conjugate_gain(self) -> float:
+        """Standard deviation of a factor common to all values of that quantity."""
+        return 0.0 if self.control == "force" else self.force_gain
+
+    def _by_step(self, noise: float | np.ndarray) -> np.ndarray:
+        return np.broadcast_to(np.asarray(noise, float), self.step.shape)

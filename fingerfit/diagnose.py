@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,11 +21,18 @@ from fingerfit.refine import ANCHOR, finest, left_over
 from fingerfit.residual import Patches, Reader, Residual, flat, residual_of
 from fingerfit.rounds import Asked, Round
 from fingerfit.solvers.contract import CONVERGED
+from fingerfit.study import Study
 
 SMOOTH = 3.0
 """Length over which the error of a mesh is alike, mm."""
+ACROSS_POINTS = 6
+"""Patches over the width of the region where points were measured."""
 ALIKE = 0.9
 """Correlation of that error between steps."""
+
+
+Slope = Callable[[str], np.ndarray]
+"""From the name of a constant, or ``control``, to the slope of displacements and conjugate quantity."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +71,15 @@ class Look:
 def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
     """Effects that make sense in this study and are not in the model, with their simulations at small sizes."""
     study, found = fit.study, []
-    timed = all(step.time is not None for step in study.steps)
+    there = what_is_there(study, fit.meshes[SEARCH].dim)
     for effect in fit.effects.values():
-        if effect.name in fit.settings.model.effects or (effect.needs == "time" and not timed):
+        if effect.name in fit.settings.model.effects or not there.issuperset(effect.needs):
             continue
         if effect.control and effect.control != study.control:
             continue
-        if fit.meshes[SEARCH].dim != 2 and effect.part:
+        if _is_fitted(effect, fit):
+            continue
+        if effect.name == "coarse_mesh" and REFINED not in fit.mesh_files:
             continue
         for place in effect.places():
             if "layer" in effect.scan and place[effect.key("layer")] > len(study.layer_names):
@@ -81,6 +90,36 @@ def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
                 asked.append(fit.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
             found.append(Suspect(effect, place, tuple(asked)))
     return found
+
+
+def _is_fitted(effect: Effect, fit: Fit) -> bool:
+    """Whether all that an effect changes are constants that the model fits in every layer."""
+    model = fit.settings.model.parameters
+    names = fit.study.layer_names
+    return (
+        set(effect.changes) <= {"alpha", "poisson"}
+        and bool(effect.changes)
+        and not effect.part
+        and all(
+            quantity in model or all(f"{quantity}_{name}" in model for name in names) for quantity in effect.changes
+        )
+    )
+
+
+def what_is_there(study: Study, dim: int) -> set[str]:
+    """Which of the needs of effects a study meets."""
+    pictured = any(step.picture for step in study.steps)
+    return {
+        name
+        for name, there in (
+            ("time", all(step.time is not None for step in study.steps)),
+            ("pictures", pictured),
+            ("displacements", pictured or any(step.points for step in study.steps)),
+            ("layers", study.body.width is not None),
+            ("plane", dim == 2),
+        )
+        if there
+    }
 
 
 class Examination:
@@ -98,7 +137,12 @@ class Examination:
     def __init__(self, fit: Fit, last: Round, everything: Data) -> None:
         self.fit, self.last, self.data = fit, last, everything
         spacing = everything.spacing if len(everything.picture_step) else None
-        self.patches = Patches.over(fit.meshes[SEARCH], spacing=spacing)
+        if spacing is None and len(everything.points):
+            edge = 1e-6 * np.ptp(everything.points, axis=0)
+            box = np.concatenate([everything.points - edge, everything.points + edge])
+            self.patches = Patches.around(box, ACROSS_POINTS)
+        else:
+            self.patches = Patches.over(fit.meshes[SEARCH], spacing=spacing)
         self.base = finest(fit, last)
         self.anchor = anchor_of(fit, last)
         self.mesh = fit.mesh_of(self.base)
@@ -118,18 +162,18 @@ class Examination:
             self._read[asked.sim] = self._readers[self.fit.mesh_of(asked)].read(outcome) if solved else None
         return self._read[asked.sim]
 
-    def own(self) -> np.ndarray:
-        """Slopes of the model's own constants, shape (kept, parameters)."""
+    def own(self, slope: Slope | None = None) -> np.ndarray:
+        """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""
         columns = []
         for parameter in self.fit.settings.parameters():
             effect, _, short = parameter.name.partition(".")
             if effect in self.fit.effects and self.fit.effects[effect].acts == OBSERVATION:
                 columns.append(self._observed(self.fit.effects[effect], self.base.values, short))
             else:
-                columns.append(self._slope(parameter.name))
+                columns.append((slope or self.slope)(parameter.name))
         return np.stack(columns, axis=1)[self.residual.kept]
 
-    def _slope(self, name: str) -> np.ndarray:
+    def slope(self, name: str) -> np.ndarray:
         """Slope by a constant, where the last round took it; none where it has no solution."""
         by_role = {asked.role: asked for asked in self.last.batch}
         sides = [self.read(by_role[sign + name]) if sign + name in by_role else None for sign in "+-"]
@@ -141,15 +185,30 @@ class Examination:
             return np.zeros(len(self.residual.kept))
         return (ahead - behind) / width
 
-    def nuisance(self) -> np.ndarray:
-        """Signals of unknown size with standard deviation 1, shape (kept, nuisances)."""
+    def nuisance(self, slope: Slope | None = None) -> np.ndarray:
+        """Signals of unknown size with standard deviation 1, shape (kept, 2 steps).
+
+        Of each step that of the noise of the prescribed quantity, then that of the mesh.
+        """
         data, columns = self.data, []
-        control = self._slope("control")
+        control = (slope or self.slope)("control")
         for step in range(len(data.step)):
             only = self._at_step(step)
             columns.append(control * self._control_noise[step] * only)
             columns.append(self.mesh_signal * only)
         return np.stack(columns, axis=1)[self.residual.kept]
+
+    def control_covariance(self) -> np.ndarray:
+        """What the noise of the prescribed quantity does, independent from step to step, shape (kept, kept)."""
+        columns = self.nuisance()[:, 0::2]
+        return columns @ columns.T
+
+    def step_of(self) -> np.ndarray:
+        """Index of the step that each value of the residual belongs to, shape (kept,)."""
+        whole = np.zeros(len(self.residual.kept), dtype=int)
+        for step in range(len(self.data.step)):
+            whole[self._at_step(step) > 0] = step
+        return whole[self.residual.kept]
 
     @cached_property
     def _control_noise(self) -> np.ndarray:
@@ -204,20 +263,23 @@ class Examination:
 
     def _at_step(self, step: int) -> np.ndarray:
         value: np.ndarray = np.zeros(self.residual.value.shape)
-        value[self.data.picture_step == step] = 1.0
+        value[self.data.entry_step == step] = 1.0
         conjugate = np.zeros(len(self.data.step))
         conjugate[step] = 1.0
         return flat(value, conjugate)
 
-    def columns(self, suspect: Suspect) -> np.ndarray | None:
-        """Slopes of a suspect, shape (kept, its parameters); None where a simulation has no solution."""
+    def columns(self, suspect: Suspect, without: Asked | None = None) -> np.ndarray | None:
+        """Slopes of a suspect, shape (kept, its parameters); None where a simulation has no solution.
+
+        `without` is the simulation of the model without it, the anchor when left out.
+        """
         effect, columns = suspect.effect, []
         if effect.name == "coarse_mesh":
             return self.mesh_signal[:, None][self.residual.kept]
         if effect.acts == OBSERVATION:
             columns = [self._observed(effect, suspect.place, p.name) for p in effect.parameters]
         else:
-            null = self.read(self.anchor)
+            null = self.read(without or self.anchor)
             for parameter, asked in zip(effect.parameters, suspect.asked, strict=True):
                 found = self.read(asked)
                 if found is None or null is None:
@@ -245,6 +307,8 @@ class Examination:
             change = (after.intensity(picture, k, x, y) - before.intensity(picture, k, x, y)).ravel()[way.pixel]
             size = np.maximum(np.bincount(way.patch, minlength=value.shape[1]), 1)
             value[n][:, dim] = np.bincount(way.patch, change, minlength=value.shape[1]) / size
+        for n, step in enumerate(data.entry_step[len(data.picture_step) :], len(data.picture_step)):
+            value[n][:, :dim] = after.shift(int(step) + 1) - before.shift(int(step) + 1)
         conjugate = self.prediction.conjugate
         name = "displacement" if data.control == "force" else "force"
         changed = after.conjugate(conjugate, name) - before.conjugate(conjugate, name)
@@ -256,24 +320,55 @@ def anchor_of(fit: Fit, last: Round) -> Asked:
     return fit.ask(finest(fit, last).values, ANCHOR)
 
 
-def look(examination: Examination, found: Sequence[Suspect]) -> tuple[Judge, list[Look]]:
-    """Test all suspects; the best place of each effect only, by predicted fall."""
-    kept = examination.residual
-    covariance = kept.covariance + examination.mesh_covariance()
-    judge = Judge(kept.vector, covariance, examination.own(), examination.nuisance())
-    best: dict[str, Look] = {}
+def judge_of(examination: Examination) -> Judge:
+    """Judge of what a model leaves."""
+    residual = examination.residual
+    covariance = residual.covariance + examination.mesh_covariance()
+    return Judge(residual.vector, covariance, examination.own(), examination.nuisance())
+
+
+def try_suspects(examination: Examination, judge: Judge, found: Sequence[Suspect]) -> list[Look]:
+    """Test all suspects that have a solution."""
+    looks = []
     for suspect in found:
         columns = examination.columns(suspect)
-        if columns is None:
-            continue
-        parameters = suspect.effect.parameters
-        low = np.array([p.lower - p.null for p in parameters])
-        high = np.array([p.upper - p.null for p in parameters])
-        tested = Look(suspect, judge.test(columns, low, high), columns)
-        name = suspect.effect.name
-        if name not in best or tested.finding.fall > best[name].finding.fall:
-            best[name] = tested
-    return judge, sorted(best.values(), key=lambda one: -one.finding.fall)
+        if columns is not None:
+            parameters = suspect.effect.parameters
+            low = np.array([p.lower - p.null for p in parameters])
+            high = np.array([p.upper - p.null for p in parameters])
+            looks.append(Look(suspect, judge.test(columns, low, high), columns))
+    return looks
+
+
+def best_places(looks: Sequence[Look]) -> list[Look]:
+    """The best place of each effect only, by predicted fall."""
+    best: dict[str, Look] = {}
+    for one in looks:
+        name = one.suspect.effect.name
+        if name not in best or one.finding.fall > best[name].finding.fall:
+            best[name] = one
+    return sorted(best.values(), key=lambda one: -one.finding.fall)
+
+
+def stiffness_map(examination: Examination, looks: Sequence[Look]) -> np.ndarray:
+    """Which place wants to be stiffer or softer, from the effects that were tried all over the body.
+
+    Returns
+    -------
+    ndarray, shape (places, dim + 2)
+        Position in mm; predicted change of log mu there; the evidence for it in standard deviations, negative where
+        the place wants to be softer.
+    """
+    points = examination.fit.meshes[SEARCH].points
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    rows = []
+    for one in looks:
+        effect, place = one.suspect.effect, one.suspect.place
+        if set(effect.scan) == {"across", "along"} and "field" in effect.changes:
+            share = np.array([place[effect.key("across")], *[0.5] * (len(low) - 2), place[effect.key("along")]])
+            change = float(one.finding.size[0])
+            rows.append([*(low + share * size), change, np.sign(change) * np.sqrt(one.finding.fall)])
+    return np.array(rows).reshape(-1, len(low) + 2)
 
 
 def alike(judge: Judge, a: Look, b: Look) -> float:

@@ -29,6 +29,10 @@ class InputError(FingerfitError):
         self.where, self.field, self.found, self.expected = str(where), field, found, expected
         super().__init__(f"{where}: {field}: found {_one_line(found)}; expected {expected}")
 
+    def __reduce__(self) -> tuple[type, tuple[str, str, str, str]]:
+        # else another process could not pass it on
+        return type(self), (self.where, self.field, _one_line(self.found), self.expected)
+
 
 class Problems(FingerfitError):
     """Several input errors at once, one line each."""
@@ -36,6 +40,9 @@ class Problems(FingerfitError):
     def __init__(self, problems: Sequence[FingerfitError]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(str(p) for p in problems))
+
+    def __reduce__(self) -> tuple[type, tuple[tuple[FingerfitError, ...]]]:
+        return type(self), (self.problems,)
 
 
 class SolverError(FingerfitError):

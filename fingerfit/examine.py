@@ -7,14 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerfit.data import Data
-from fingerfit.diagnose import Examination, Look, anchor_of, look, suspects
+from fingerfit.designs import separation
+from fingerfit.diagnose import (
+    Examination,
+    Look,
+    anchor_of,
+    best_places,
+    judge_of,
+    stiffness_map,
+    suspects,
+    try_suspects,
+)
 from fingerfit.extend import extended
 from fingerfit.fit import Fit
 from fingerfit.judge import Judge
 from fingerfit.refine import finest, minimum
 from fingerfit.rounds import Round
 from fingerfit.simulate import run_fit, solve_missing
-from fingerfit.verdict import Refit, Verdict, decide, to_refit
+from fingerfit.verdict import Refit, Verdict, decide, doubted, to_refit
+
+BATCHES = 2
+"""How often the next best effects are refitted, as long as none explains what is left."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,8 @@ class Examined:
         Simulations that were not known before.
     measurements : list of (str, float)
         Changes of the measurement and by how much each would separate the first two effects better.
+    stiffness : ndarray, shape (places, dim + 2)
+        As from `stiffness_map`.
     """
 
     examination: Examination
@@ -43,6 +58,7 @@ class Examined:
     verdict: Verdict
     run: int
     measurements: list[tuple[str, float]]
+    stiffness: np.ndarray
 
 
 def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examined:
@@ -61,19 +77,35 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     found = suspects(fit, finest(fit, last).values)
     run = solve_missing(fit, [anchor_of(fit, last), *(asked for suspect in found for asked in suspect.asked)], threads)
     examination = Examination(fit, last, everything)
-    judge, looks = look(examination, found)
+    judge = judge_of(examination)
+    everywhere = try_suspects(examination, judge, found)
+    looks = best_places(everywhere)
     refits: dict[str, Refit] = {}
-    for candidate in to_refit(judge, looks, len(found)):
-        refit, more = _refit(fit, last, candidate, everything, threads)
-        refits[candidate.suspect.effect.name] = refit
+    for _ in range(BATCHES):
+        for candidate in to_refit(judge, looks, len(found), refits):
+            refit, more = _refit(fit, last, candidate, everything, judge.misfit, threads)
+            refits[candidate.suspect.effect.name] = refit
+            run += more
+        verdict = doubted(decide(judge, looks, refits, len(found)), errors(examination)[0])
+        if verdict.kind != "unexplained":
+            break
+    measurements: list[tuple[str, float]] = []
+    if verdict.kind == "indistinguishable":
+        blamed = {one.suspect.effect.name: one for one in looks}
+        first, second = (blamed[name] for name in verdict.effects[:2])
+        measurements, more = separation(examination, first, second, threads)
         run += more
-    verdict = decide(judge, looks, refits, len(found))
-    measurements = separating(examination, looks) if verdict.kind == "indistinguishable" else []
-    return Examined(examination, judge, looks, refits, verdict, run, measurements)
+    stiffness = stiffness_map(examination, everywhere)
+    return Examined(examination, judge, looks, refits, verdict, run, measurements, stiffness)
 
 
 def errors(examination: Examination) -> tuple[float, float | None]:
-    """Error of fitted and of held-out pictures in units of the noise floor; 1 is the noise."""
+    """Error of fitted and of held-out pictures in units of the noise floor; 1 is the noise.
+
+    Without pictures: of the steps' points and forces (or displacements), each in units of its noise.
+    """
+    if not len(examination.data.picture_step):
+        return _errors_by_step(examination)
     ratio = examination.residual.error / examination.floor
     fitted = fitted_pictures(examination.fit, examination.data)
     held = ratio[~fitted]
@@ -82,53 +114,54 @@ def errors(examination: Examination) -> tuple[float, float | None]:
 
 def fitted_pictures(fit: Fit, data: Data) -> np.ndarray:
     """Which pictures the fit used, bool."""
+    return fitted_steps(fit, data)[: len(data.picture_step)]
+
+
+def fitted_steps(fit: Fit, data: Data) -> np.ndarray:
+    """Which fields of displacements, of pictures and of points, are of steps that the fit used, bool."""
     wanted = fit.settings.fit.steps
-    return np.array([wanted is None or int(data.step[step]) in wanted for step in data.picture_step], dtype=bool)
+    return np.array([wanted is None or int(data.step[step]) in wanted for step in data.entry_step], dtype=bool)
 
 
-def _refit(fit: Fit, last: Round, one: Look, everything: Data, threads: int) -> tuple[Refit, int]:
-    wider = widened(fit, last, one)
+def _errors_by_step(examination: Examination) -> tuple[float, float | None]:
+    residual, wanted = examination.residual, examination.fit.settings.fit.steps
+    steps = examination.step_of()
+    noise = residual.covariance + examination.control_covariance()
+    found = []
+    for held in (False, True):
+        chosen = np.array([wanted is not None and int(examination.data.step[n]) not in wanted for n in steps]) == held
+        own = np.linalg.cholesky(noise[np.ix_(chosen, chosen)])
+        found.append(_root_mean_square(np.linalg.solve(own, residual.vector[chosen])) if chosen.any() else None)
+    return float("nan") if found[0] is None else found[0], found[1]
+
+
+def _refit(fit: Fit, last: Round, one: Look, everything: Data, before: float, threads: int) -> tuple[Refit, int]:
+    """Refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
+
+    A prediction from slopes can be far too large, and a search that starts there finds another valley.
+    """
+    refit, run = _fitted(widened(fit, last, one), everything, threads)
+    if refit.misfit >= before:
+        other, more = _fitted(widened(fit, last, one, 0.1), everything, threads)
+        refit, run = min(refit, other, key=lambda each: each.misfit), run + more
+    return refit, run
+
+
+def _fitted(wider: Fit, everything: Data, threads: int) -> tuple[Refit, int]:
     end, run = run_fit(wider, threads)
     run += solve_missing(wider, [anchor_of(wider, end)], threads)
     examination = Examination(wider, end, everything)
-    judge = look(examination, [])[0]
+    judge = judge_of(examination)
     fitted, held_out = errors(examination)
     return Refit(judge.misfit, judge.freedom, fitted, held_out, minimum(wider, end).values), run
 
 
-def widened(fit: Fit, last: Round, one: Look) -> Fit:
-    """Fit of the model with a tested effect more, from where `fit` ended."""
-    settings = extended(fit.settings, one.suspect.effect, one.suspect.place, one.size, minimum(fit, last).values)
+def widened(fit: Fit, last: Round, one: Look, share: float = 1.0) -> Fit:
+    """Fit of the model with a tested effect more, from where `fit` ended and a share of the predicted size."""
+    effect = one.suspect.effect
+    size = {p.name: p.null + share * (one.size[p.name] - p.null) for p in effect.parameters}
+    settings = extended(fit.settings, effect, one.suspect.place, size, minimum(fit, last).values)
     return Fit(settings, fit.data, fit.mesh_files, fit.sims)
-
-
-def separating(examination: Examination, looks: list[Look]) -> list[tuple[str, float]]:
-    """What would separate the first two effects: changes of the measurement and their gain, the best first.
-
-    The gain is how much larger the signal of the first effect becomes, in units of the noise and after all that the
-    second and the model's own constants can imitate is taken away.
-    """
-    residual = examination.residual
-    noise, mesh = residual.covariance, examination.mesh_covariance()
-    nuisance, own = examination.nuisance(), examination.own()
-    pictures = np.flatnonzero(residual.kept) < residual.value.size
-    finer = np.where(pictures[:, None] & pictures[None], 0.25, 1.0)
-    sharper = np.where(pictures[:, None] & pictures[None], 1.0, 0.04)
-    without_force = nuisance.copy()
-    without_force[:, 0::2] *= 0.2
-    designs = {
-        "as measured": (noise, mesh, nuisance),
-        "pictures with half the noise (four repetitions averaged)": (noise * finer, mesh, nuisance),
-        "forces and displacements measured five times better": (noise * sharper, mesh, without_force),
-        "a mesh of half the element size": (noise, mesh * 0.2, nuisance),
-    }
-    first, second = looks[0], looks[1]
-    signal = {}
-    for title, (covariance, error, unknown) in designs.items():
-        judge = Judge(residual.vector, covariance + error, np.concatenate([own, second.columns], axis=1), unknown)
-        signal[title] = float((judge.signature(first.columns @ first.finding.size[:, None]) ** 2).sum())
-    base = max(signal.pop("as measured"), 1e-300)
-    return sorted(((title, value / base) for title, value in signal.items()), key=lambda pair: -pair[1])
 
 
 def _root_mean_square(values: np.ndarray) -> float:

@@ -4,169 +4,35 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
-from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.expression import evaluate
 from fingerfit.effects.observe import Observation
-from fingerfit.errors import FingerfitError, InputError, Problems, SolverError
+from fingerfit.errors import InputError, SolverError
 from fingerfit.files import write_text
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture, write_picture
-from fingerfit.imaging.warp import backward_map, sample, spline_coefficients
-from fingerfit.keys import Keys, read_yaml
 from fingerfit.mesh import Mesh
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import layered_block
-from fingerfit.predict import positions, since_first_picture
+from fingerfit.mesh_io import format_mesh, read_mesh
+from fingerfit.predict import since_first_picture
+from fingerfit.prepare import make_mesh
+from fingerfit.scan import take_pictures
+from fingerfit.settings import MeshSettings
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.solvers.registry import get_solver
-from fingerfit.study import Body, Layer, Noise, Step, Study
+from fingerfit.study import Noise, Step, Study
+from fingerfit.truth import Truth, read_truth
 
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 FULL_SCALE = 4000.0
 """Stored intensity of 1."""
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What an experiment is made of.
-
-    Parameters
-    ----------
-    layers : tuple of dict
-        ``name, height`` (mm), ``mu`` (MPa), ``intensity`` (0..1), from the indenter down.
-    width, thickness : float
-        mm.
-    material : dict
-        ``alpha`` and ``poisson``.
-    mesh : dict
-        ``element, across, per_layer, grading``.
-    solver : str
-    displacement : tuple of float
-        Of the indenter at the steps, mm.
-    picture : dict
-        ``pixels`` of a side, ``side`` in mm, ``texture`` (relative spread), ``correlation`` (mm), ``noise`` (0..1),
-        ``pictured``: steps with a picture.
-    force_noise : float
-        Standard deviation as a share of the largest force.
-    displacement_noise : float
-        mm.
-    seed : int
-        Of texture and noise.
-    time : tuple of float
-        At the end of each step, s; needed by effects that depend on it.
-    effects : dict
-        Hidden effects and their numbers.
-    own : Path, optional
-        A folder whose ``effects/`` has effects that are not in the catalogue.
-    """
-
-    title: str
-    layers: tuple[dict[str, Any], ...]
-    width: float
-    thickness: float
-    material: dict[str, float]
-    mesh: dict[str, Any]
-    solver: str
-    displacement: tuple[float, ...]
-    picture: dict[str, Any]
-    force_noise: float
-    displacement_noise: float
-    seed: int
-    time: tuple[float, ...] = ()
-    effects: dict[str, dict[str, float]] = field(default_factory=dict)
-    own: Path | None = None
-
-    @property
-    def known(self) -> dict[str, Effect]:
-        """The catalogue and the experiment's own effects."""
-        return catalogue(self.own)
-
-    @property
-    def values(self) -> dict[str, float]:
-        """Constants and the numbers of hidden effects, as a guess names them."""
-        own = {f"mu_{layer['name']}": layer["mu"] for layer in self.layers}
-        return own | {f"{name}.{key}": v for name, numbers in self.effects.items() for key, v in numbers.items()}
-
-
-def read_truth(path: Path) -> Truth:
-    """Read the description of an experiment.
-
-    Raises
-    ------
-    Problems
-        With one line for everything that is wrong.
-    """
-    problems: list[FingerfitError] = []
-    keys = Keys(path, read_yaml(path), "", problems)
-    if problems:
-        raise Problems(problems)
-    keys.known(
-        "title", "body", "material", "mesh", "solver", "displacement", "picture", "noise", "seed", "time", "effects",
-        "own",
-    )  # fmt: skip
-    body, noise = keys.mapping("body"), keys.mapping("noise")
-    body.known("width", "thickness", "layers")
-    noise.known("force", "displacement")
-    layers = []
-    for number, entry in enumerate(body.items("layers")):
-        layer = Keys(path, entry, f"body.layers.{number}.", problems)
-        layer.known("name", "height", "mu", "intensity")
-        values = {name: layer.number(name, above=0.0) for name in ("height", "mu", "intensity")}
-        layers.append({"name": layer.text("name"), **values})
-    tables = {}
-    for name, wanted in (
-        ("material", ("alpha", "poisson")),
-        ("mesh", ("element", "across", "per_layer", "grading")),
-        ("picture", ("pixels", "side", "texture", "correlation", "noise", "pictured")),
-    ):
-        table = keys.mapping(name)
-        table.known(*wanted)
-        for key in wanted:
-            if key not in table.data:
-                table.wrong(key, "nothing", "a value")
-        tables[name] = table.data
-    displacement = tuple(keys.items("displacement"))
-    truth = (body.number("width", above=0.0), body.number("thickness", above=0.0))
-    spread = (noise.number("force"), noise.number("displacement"))
-    solver, title, seed = keys.text("solver"), keys.text("title"), keys.number("seed")
-    own = path.parent / (keys.text("own") or "") if "own" in keys.data else None
-    effects, known = keys.mapping("effects", {}), catalogue(own)
-    effects.known(*known)
-    hidden = {}
-    for name in effects.data:
-        inner = effects.mapping(name)
-        if name in known:
-            inner.known(*known[name].own({}))
-        hidden[name] = {key: inner.number(key) or 0.0 for key in inner.data}
-    time = tuple(keys.items("time")) if "time" in keys.data else ()
-    if problems:
-        raise Problems(problems)
-    return Truth(
-        title or "",
-        tuple(layers),
-        truth[0] or 0.0,
-        truth[1] or 0.0,
-        tables["material"],
-        tables["mesh"],
-        solver or "",
-        displacement,
-        tables["picture"],
-        spread[0] or 0.0,
-        spread[1] or 0.0,
-        int(seed or 0),
-        time,
-        hidden,
-        own,
-    )
 
 
 @dataclass(frozen=True)
@@ -177,7 +43,7 @@ class Solved:
     ----------
     force : ndarray, shape (steps,)
         N, positive in compression.
-    pictures : ndarray, shape (1 + steps, ny, nx)
+    pictures : ndarray, shape (1 + steps, ny, nx) or (1 + steps, nz, ny, nx)
         Intensities 0..1; the first is before compression.
     frame : Picture
         Pixel grid.
@@ -198,35 +64,45 @@ def solve(truth: Truth, folder: Path, threads: int = 2) -> Solved:
     ------
     SolverError
         When the body has no solution for these displacements.
+    InputError
+        When the mesh lacks a set.
     """
-    mesh = layered_block(
-        truth.width,
-        [(layer["name"], layer["height"]) for layer in truth.layers],
-        truth.mesh["across"],
-        truth.mesh["per_layer"],
-        truth.mesh["element"],
-        truth.mesh["grading"],
-    )
-    write_text(folder / "mesh.inp", format_mesh(mesh))
-    layers = tuple(Layer(layer["name"], layer["height"]) for layer in truth.layers)
     times = truth.time or (None,) * len(truth.displacement)
     steps = tuple(Step(n, t, d) for n, (t, d) in enumerate(zip(times, truth.displacement, strict=True), 1))
+    base, indenter = truth.boundary
     study = Study(
-        folder, truth.title, "displacement", steps, None, Noise(), Body(layers, thickness=truth.thickness),
-        "held", "glued",
+        truth.folder, truth.title, "displacement", steps, None, Noise(), truth.body, base, indenter
     )  # fmt: skip
+    mesh = make_mesh(study, _mesh_settings(truth))
+    if truth.mesh_file is not None:
+        # those that are no layers have a part in the deck and in the pictures too
+        every = {name.upper(): members for name, members in read_mesh(truth.mesh_file).element_sets.items()}
+        mesh = replace(mesh, element_sets={**every, **mesh.element_sets})
+    for name in truth.tissues:
+        if name not in mesh.element_sets:
+            raise InputError(truth.mesh_file or "", f"element set {name}", "nothing", "a set that tissues name")
+    write_text(folder / "mesh.inp", format_mesh(mesh))
     outcome = _run(truth, study, mesh, folder, threads)
-    force = -outcome.reaction[:, 1]
+    force = -outcome.reaction[:, -1]
     if any(effect.control == "force" and "before" in effect.changes for effect in _present(truth)):
         # what the load before the first picture does is seen when the same forces are prescribed
         loaded = tuple(replace(step, force=float(f)) for step, f in zip(steps, force, strict=True))
         outcome = _run(truth, replace(study, control="force", steps=loaded), mesh, folder, threads)
         outcome = since_first_picture(outcome, len(steps))
-    moved = -outcome.indenter[:, 1]
+    moved = -outcome.indenter[:, -1]
     seen = Observation.of(_present(truth), truth.values, mesh.points, len(steps))
     if seen is not None:
         moved = seen.conjugate(moved, "displacement")
-    return Solved(_as_measured(truth, force), *_pictures(truth, mesh, outcome, seen), moved)
+    return Solved(_as_measured(truth, force), *take_pictures(truth, mesh, outcome, seen), moved)
+
+
+def _mesh_settings(truth: Truth) -> MeshSettings | None:
+    try:
+        return MeshSettings(**truth.mesh) if truth.mesh else None
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(map(str, ("mesh", *first["loc"])))
+        raise InputError(truth.folder, field, first["input"], first["msg"].replace("Input should be ", "")) from error
 
 
 def _present(truth: Truth) -> list[Effect]:
@@ -235,8 +111,8 @@ def _present(truth: Truth) -> list[Effect]:
 
 def _run(truth: Truth, study: Study, mesh: Mesh, folder: Path, threads: int) -> Outcome:
     context = deck_context(study, mesh, "mesh.inp", truth.values, truth.material, truth.known)
-    folders = [*([truth.own] if truth.own else []), TEMPLATES]
-    write_text(folder / "deck.inp", render_deck("block.inp.j2", context, folders))
+    folders = [*([truth.own] if truth.own else []), truth.folder, TEMPLATES]
+    write_text(folder / "deck.inp", render_deck(truth.template, context, folders))
     outcome = get_solver(truth.solver).solve(folder / "deck.inp", folder, threads)
     if outcome.status != CONVERGED:
         raise SolverError(f"experiment: {truth.solver}: {outcome.message}")
@@ -253,46 +129,17 @@ def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
     return force
 
 
-def _pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation | None) -> tuple[np.ndarray, Picture]:
-    pixels, side, fine = truth.picture["pixels"], truth.picture["side"], 4
-    height = sum(layer["height"] for layer in truth.layers)
-    corner = np.array([truth.width - side, height - side]) / 2
-    spacing = np.full(2, side / pixels)
-    frame = Picture(np.zeros((pixels, pixels)), spacing, corner + spacing / 2, np.eye(2))
-    dense = Picture(np.zeros((pixels * fine, pixels * fine)), spacing / fine, corner + spacing / fine / 2, np.eye(2))
-    texture = _texture(truth, side, dense)
-    intensity = np.zeros(mesh.element_count)
-    for layer in truth.layers:
-        intensity[mesh.element_sets[layer["name"].upper()]] = layer["intensity"]
-    pictures = []
-    x, y = positions(frame)
-    for k, u in enumerate([np.zeros(mesh.points.shape), *outcome.displacement]):
-        shift = np.zeros(2) if seen is None or k == 0 else seen.shift(k)
-        way = backward_map(mesh, u + shift, dense)
-        full = np.zeros(dense.values.size)
-        full[way.pixel] = intensity[way.element] * (1 + sample(texture, way.index))
-        picture = full.reshape(pixels, fine, pixels, fine).mean(axis=(1, 3))
-        pictures.append(picture if seen is None or k == 0 else seen.intensity(picture, k, x, y))
-    return np.array(pictures), frame
-
-
-def _texture(truth: Truth, side: float, dense: Picture) -> np.ndarray:
-    """Spline coefficients of a random field that is fixed to the material."""
-    from scipy.ndimage import gaussian_filter
-
-    field = np.random.default_rng([truth.seed, 1]).normal(size=dense.values.shape)
-    field = gaussian_filter(field, truth.picture["correlation"] / dense.spacing[0] / 2, mode="wrap")
-    return spline_coefficients(field / field.std() * truth.picture["texture"])
-
-
 def add_noise(truth: Truth, solved: Solved, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measured forces (N), displacements (mm) and pictures (stored intensity) with noise of a seed."""
     rng = np.random.default_rng([seed, 2])
     force = solved.force + rng.normal(0.0, truth.force_noise * solved.force.max(), solved.force.shape)
     moved = solved.displacement
     moved = moved + rng.normal(0.0, truth.displacement_noise, moved.shape)
-    pictures = [add_rician(p, truth.picture["noise"], rng) for p in solved.pictures]
-    return force, moved, np.rint(np.clip(np.array(pictures), 0, 16) * FULL_SCALE)
+    pictures = np.empty(solved.pictures.shape, np.uint16)
+    for picture, stored in zip(solved.pictures, pictures, strict=True):
+        noisy = add_rician(picture, truth.picture["noise"], rng)
+        stored[...] = np.rint(np.clip(noisy, 0, 16) * FULL_SCALE)
+    return force, moved, pictures
 
 
 def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None) -> None:
@@ -323,11 +170,11 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
             name = f"pictures/step_{number}.nii.gz" if number in pictured else ""
             rows.append(f"{number},{d:.4f},{f:.4f},{name}" + (f",{truth.time[number - 1]:g}" if timed else ""))
         write_text(temporary / "steps.csv", "\n".join(rows) + "\n")
-        write_text(temporary / "study.yaml", _study_text(truth, solved))
+        write_text(temporary / "study.yaml", _study_text(truth, solved, temporary))
         sealed = {
             "constants": {f"mu_{layer['name']}": layer["mu"] for layer in truth.layers} | truth.material,
             "unit": "MPa",
-            "mesh": truth.mesh,
+            "mesh": truth.mesh or (truth.mesh_file.name if truth.mesh_file else ""),
             "solver": get_solver(truth.solver).identity(),
             "force": [round(float(f), 6) for f in solved.force],
             "effects": truth.effects,
@@ -341,7 +188,10 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def _study_text(truth: Truth, solved: Solved) -> str:
+def _study_text(truth: Truth, solved: Solved, folder: Path) -> str:
+    """Text of study.yaml; a mesh that it names is copied beside it."""
+    if truth.dim == 3:
+        return _study_in_space(truth, solved, folder)
     layers = "".join(f"    - {{name: {lay['name']}, height: {lay['height']:g}}}\n" for lay in truth.layers)
     return (
         f"title: {truth.title}\n"
@@ -358,6 +208,32 @@ def _study_text(truth: Truth, solved: Solved) -> str:
         f"  layers:\n{layers}"
         "boundary: {base: held, indenter: glued}\n"
     )
+
+
+def _study_in_space(truth: Truth, solved: Solved, folder: Path) -> str:
+    import yaml
+
+    given = truth.written
+    layers = [{"name": layer["name"], "height": layer.get("height")} for layer in truth.layers]
+    body = dict(given.get("body") or {"brick": list(truth.brick or ()), "layers": layers})
+    if "mesh" in body:
+        mesh = truth.folder / str(body["mesh"])
+        if not mesh.is_file():
+            raise InputError(truth.folder, "study.body.mesh", body["mesh"], "a file that exists")
+        body["mesh"] = mesh.name
+        shutil.copyfile(mesh, folder / mesh.name)
+    spread = {"force": truth.force_noise * solved.force.max(), "displacement": truth.displacement_noise}
+    data = {
+        "title": truth.title,
+        "units": {"length": "mm", "force": "N", "time": "s"},
+        "control": given.get("control", "force"),
+        "steps": "steps.csv",
+        "pictures": {"before": "pictures/before.nii.gz", "noise": "estimated", **(given.get("pictures") or {})},
+        "noise": {name: float(f"{value:.3g}") for name, value in spread.items() if value > 0},
+        "body": body,
+        "boundary": given.get("boundary") or dict(zip(("base", "indenter"), truth.boundary, strict=True)),
+    }
+    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
 
 
 def run_experiment(description: Path, out: Path) -> None:

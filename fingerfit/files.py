@@ -51,9 +51,9 @@ def write_json(path: Path, data: object) -> None:
 
 
 def write_npz(path: Path, arrays: Mapping[str, np.ndarray], compressed: bool = True) -> None:
-    """Write arrays atomically as .npz without pickles."""
-    save = np.savez_compressed if compressed else np.savez
-    write_atomic(path, lambda handle: save(handle, allow_pickle=False, **arrays))
+    """Write arrays atomically as an .npz without pickles."""
+    write = np.savez_compressed if compressed else np.savez
+    write_atomic(path, lambda handle: write(handle, allow_pickle=False, **arrays))
 
 
 def read_json(path: Path) -> Any:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from fingerfit.beside import side_by_side
 from fingerfit.data import Data
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
@@ -16,17 +17,19 @@ from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.observe import Observation
 from fingerfit.errors import StateError
-from fingerfit.files import digest
+from fingerfit.files import digest, write_text
 from fingerfit.mesh import Mesh
-from fingerfit.mesh_io import read_mesh
+from fingerfit.mesh_io import format_mesh, read_mesh
 from fingerfit.predict import Predictor, Synthesis, since_first_picture
 from fingerfit.rounds import Asked, simulation_name
 from fingerfit.score import Prediction, score
-from fingerfit.settings import Settings
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Study
 from fingerfit.study_file import load_study, with_gain
+
+if TYPE_CHECKING:
+    from fingerfit.settings import Settings
 
 TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 SEARCH, REFINED = "search", "refined"
@@ -76,15 +79,39 @@ class Fit:
         """Hashes of the mesh files."""
         return {name: digest(path.read_bytes()) for name, path in self.mesh_files.items()}
 
+    @property
+    def exact(self) -> bool:
+        """Whether forces and points alone are fitted, by their likelihood: cheap, smooth, with a scale of its own."""
+        return self.settings.fit.score == "likelihood" and not len(self.data.picture_step)
+
     def predictor(self, mesh: str) -> Predictor:
         """Predictor of solutions on a mesh."""
         return Predictor(self.data, self.meshes[mesh])
 
-    def ask(self, values: Mapping[str, float], role: str = SEARCH, gain: float = 1.0) -> Asked:
-        """Deck and name of the simulation of a guess; `gain` multiplies the prescribed quantity."""
-        mesh = REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH
+    def ask(
+        self,
+        values: Mapping[str, float],
+        role: str = SEARCH,
+        gain: float = 1.0,
+        study: Study | None = None,
+        mesh: str | None = None,
+    ) -> Asked:
+        """Deck and name of the simulation of a guess.
+
+        Parameters
+        ----------
+        values : mapping
+        role : str
+        gain : float
+            Multiplies the prescribed quantity.
+        study : Study, optional
+            Another one than was measured.
+        mesh : str, optional
+            Another one than the role has.
+        """
+        mesh = mesh or (REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH)
         context = deck_context(
-            with_gain(self.study, gain),
+            with_gain(study or self.study, gain),
             self.meshes[mesh],
             f"../../meshes/{self.mesh_names[mesh]}.inp",
             {**self.settings.fixed(), **values},
@@ -94,6 +121,13 @@ class Fit:
         folders = [Path(self.settings.study), TEMPLATES]
         deck = render_deck(self.settings.model.template, context, folders)
         return Asked(dict(values), simulation_name(deck, self.solver), self.mesh_names[mesh], deck, role)
+
+    def with_mesh(self, name: str, mesh: Mesh) -> Fit:
+        """The fit with one mesh more."""
+        text = format_mesh(mesh)
+        path = self.sims.parent / "meshes" / f"{digest(text)}.inp"
+        write_text(path, text)
+        return Fit(self.settings, self.data, {**self.mesh_files, name: path}, self.sims)
 
     @cached_property
     def effects(self) -> dict[str, Effect]:
@@ -115,18 +149,34 @@ class Fit:
 
     def synthesis(self, asked: Asked) -> Synthesis:
         """What should have been measured by a guess that must have a solution, and its maps."""
-        made = self.predictor(self.mesh_of(asked)).predict(self.outcome(asked), self.seen(asked.values))
+        made = self._synthesis(asked)
         if made is None:
             raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
         return made
 
+    def _synthesis(self, asked: Asked) -> Synthesis | None:
+        return self.predictor(self.mesh_of(asked)).predict(self.outcome(asked), self.seen(asked.values))
+
     def prediction(self, asked: Asked) -> Prediction:
         """The same without the maps; kept."""
-        key = asked.sim + json.dumps(asked.values, sort_keys=True)
+        key = _key(asked)
         if key not in self._predictions:
             self._predictions[key] = self.synthesis(asked).prediction
         return self._predictions[key]
 
+    def predict_all(self, batch: Sequence[Asked], processes: int) -> None:
+        """Keep the predictions of all guesses that have a solution, made beside each other."""
+        new = list({_key(asked): asked for asked in batch if _key(asked) not in self._predictions}.values())
+        self.seen({})  # what is read here is not read again by each process
+        for asked, made in zip(new, side_by_side(self._synthesis, new, processes), strict=True):
+            if made is not None:
+                self._predictions[_key(asked)] = made.prediction
+
     def score(self, prediction: Prediction) -> float:
         """Score of a prediction."""
         return score(self.settings.fit.score, prediction, self.data, self.settings.fit.bins)
+
+
+def _key(asked: Asked) -> str:
+    """A simulation may be seen by several guesses whose effects are on the observation alone."""
+    return asked.sim + json.dumps(asked.values, sort_keys=True)

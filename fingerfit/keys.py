@@ -16,18 +16,23 @@ _NEEDED = object()
 
 
 @functools.cache
-def _loader() -> Any:
-    """PyYAML's safe loader that refuses a key given twice and takes 1e-3 for a number, as YAML 1.2 does."""
+def _loader(quick: bool) -> Any:
+    """PyYAML's safe loader that refuses a key given twice and takes 1e-3 for a number, as YAML 1.2 does.
+
+    The quick one is libyaml's, where PyYAML has it; its messages are worse.
+    """
     import yaml
 
-    class Loader(yaml.SafeLoader):
+    base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader) if quick else yaml.SafeLoader
+
+    class Loader(base):
         def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
             seen = set()
             for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
                 if key.value in seen:
                     raise yaml.constructor.ConstructorError(None, None, f"key {key.value} twice", key.start_mark)
                 seen.add(key.value)
-            return super().construct_mapping(node, deep)
+            return super().construct_mapping(node, deep)  # type: ignore[no-any-return]
 
     number = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
     Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
@@ -45,7 +50,11 @@ def read_yaml(path: Path) -> Any:
     import yaml
 
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), _loader())
+        text = path.read_text(encoding="utf-8")
+        try:
+            return yaml.load(text, _loader(quick=True))
+        except yaml.YAMLError:
+            return yaml.load(text, _loader(quick=False))
     except OSError as error:
         raise InputError(path, "file", error.strerror, "a readable YAML file") from error
     except UnicodeDecodeError as error:

@@ -20,6 +20,7 @@ TEMPLATES = PACKAGE.parent / "templates"
 
 # What a change of which must run a stage again. Solvers are not here: their identity names the simulations.
 _READ = (
+    "beside.py",
     "data.py",
     "files.py",
     "keys.py",
@@ -39,6 +40,7 @@ _FIT = (
     "effects",
     "fit.py",
     "refine.py",
+    "choices.py",
     "course.py",
     "guess.py",
     "predict.py",
@@ -49,8 +51,9 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "prepare": (*_READ, *_MESH, "pictured.py", "prepare.py"),
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
-    "plot": (*_FIT, "plots.py"),
+    "plot": (*_FIT, "plots.py", "slices.py", "volumes.py"),
     "ladder": ("findings.py", "page"),
+    "export": (*_READ, *_MESH, "export.py", "fields.py", "slices.py", "deck", "fem", "solvers/model.py"),
     "diagnose": (
         *_FIT,
         "diagnose.py",
@@ -164,6 +167,11 @@ def figures(settings: Settings) -> list[str]:
     pictured = any(step.picture for step in load_study(Path(settings.study)).steps)
     searched = not settings.model.effects  # a model with effects starts at an estimate
     return ["force", *["search"][:searched], *["deformed_mesh", "pictures"][: 2 * pictured]]
+
+
+def has_refined(settings: Settings) -> bool:
+    """Whether there is a finer mesh: in the settings, or beside the mesh of the study."""
+    return settings.model.refined is not None or load_study(Path(settings.study)).body.refined is not None
 
 
 def write_settings(settings: Settings, path: Path) -> str:

@@ -52,6 +52,14 @@ class Mesh:
         return self.points.shape[1]
 
     @property
+    def body(self) -> np.ndarray:
+        """Points that elements have, shape (nodes, dim): without those of rigid tools."""
+        used = np.zeros(len(self.points), dtype=bool)
+        for block in self.blocks:
+            used[block.nodes] = True
+        return self.points[used]
+
+    @property
     def element_count(self) -> int:
         """Number of elements of all blocks."""
         return sum(len(block.nodes) for block in self.blocks)

@@ -76,7 +76,13 @@ def layered_block(
     return Mesh(mesh.points, mesh.blocks, mesh.node_sets, sets)
 
 
-def brick(size: Sequence[float], elements: Sequence[int], name: str = "body", element: str = "C3D8") -> Mesh:
+def brick(
+    size: Sequence[float],
+    elements: Sequence[int],
+    name: str = "body",
+    element: str = "C3D8",
+    layers: Sequence[tuple[str, float]] | None = None,
+) -> Mesh:
     """Brick with a corner at the origin; the indenter pushes along -z.
 
     Parameters
@@ -84,19 +90,31 @@ def brick(size: Sequence[float], elements: Sequence[int], name: str = "body", el
     size : (float, float, float)
         mm.
     elements : (int, int, int)
-        Along each axis.
+        Along each axis; with layers, the last one over each of them.
     name : str
         Of its only layer.
     element : str
         Any solid one; tetrahedra come from bricks cut in six.
+    layers : sequence of (name, height in mm), optional
+        From the indenter, on top, down; their heights are those of `size` in place of its last number.
 
     Returns
     -------
     Mesh
-        Node sets BOTTOM, TOP, INDENTER (one node of TOP), X0 and Y0 (planes of symmetry).
+        Node sets BOTTOM, TOP, INDENTER (one node of TOP), X0 and Y0 (planes of symmetry); an element set for
+        each layer.
     """
-    mesh = _grid([s * graded(n, 1.0) for s, n in zip(size, elements, strict=True)], element)
-    return Mesh(mesh.points, mesh.blocks, mesh.node_sets, {name.upper(): np.arange(mesh.element_count)})
+    upward = list(reversed(layers or [(name, size[2])]))
+    x, y = (s * graded(n, 1.0) for s, n in zip(size[:2], elements[:2], strict=True))
+    base, z = 0.0, [0.0]
+    for _, height in upward:
+        z += list(base + height * graded(elements[2], 1.0)[1:])
+        base += height
+    mesh = _grid([x, y, np.array(z)], element)
+    sheets = elements[2] * len(upward)
+    layer = np.repeat(np.arange(sheets), mesh.element_count // sheets) // elements[2]
+    sets = {part.upper(): np.flatnonzero(layer == number) for number, (part, _) in enumerate(upward)}
+    return Mesh(mesh.points, mesh.blocks, mesh.node_sets, sets)
 
 
 def _grid(axes: list[np.ndarray], element: str) -> Mesh:

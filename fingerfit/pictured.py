@@ -78,7 +78,7 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     def trimmed(picture: Picture) -> Picture:
         if chain.trim == "off":
             return picture
-        return picture.crop(mesh.points, crop) if chain.trim == "body" else picture.crop(_corners(study), 0.0)
+        return picture.crop(mesh.body, crop) if chain.trim == "body" else picture.crop(_corners(study), 0.0)
 
     found = _read(study, mesh, used, trimmed)
     if found is None:
@@ -165,13 +165,13 @@ def _read(
 
 def _check_place(study: Study, mesh: Mesh, before: Picture) -> None:
     """Refuse a mesh that lies beside the pictures, or for the most part."""
-    index, size = before.to_index(mesh.points), np.array(before.values.shape[::-1])
+    index, size = before.to_index(mesh.body), np.array(before.values.shape[::-1])
     inside = ((index > -0.5) & (index < size - 0.5)).all(axis=1).mean()
     if inside >= _LEAST and covers(mesh, before).any():
         return
     corners = before.to_points(np.stack([np.full(before.dim, -0.5), size - 0.5]))
     where = [", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(p.min(axis=0), p.max(axis=0), strict=True))
-             for p in (mesh.points, corners)]  # fmt: skip
+             for p in (mesh.body, corners)]  # fmt: skip
     found = f"{100 * inside:.0f} % of the mesh in it (mesh {where[0]} mm; picture {where[1]} mm)"
     raise InputError(study.before or "", "picture", found, "a picture that overlaps the body")
 
@@ -201,7 +201,7 @@ def _pixels(picture: Picture) -> str:
 
 def _empty(picture: Picture, mesh: Mesh) -> np.ndarray:
     """Pixels far from the body: outside its bounding box by more than a fifth of its size."""
-    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
     margin = 0.2 * (high - low)
     found = np.empty(picture.values.shape, dtype=bool)
     plane = np.indices(picture.values.shape[1:])[::-1].reshape(picture.dim - 1, -1).T.astype(float)

@@ -121,7 +121,7 @@ def figure_forces(data: Data, conjugate: np.ndarray) -> Figure:
         data.displacement,
         data.force,
         xerr=2 * data.displacement_noise or None,
-        yerr=2 * data.force_noise or None,
+        yerr=2 * data.force_noise if np.any(data.force_noise) else None,
         fmt="o",
         markersize=4,
         capsize=2,
@@ -181,3 +181,9 @@ def plot_fit(fit: Fit, last: Round, folder: Path) -> None:
         steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
         save(figure_deformed(mesh, outcome, steps), folder / "deformed_mesh.png")
         save(figure_pictures(data, prediction.pictures), folder / "pictures.png")
+    if mesh.dim == 3 and len(data.measured):
+        from fingerfit.volumes import chosen_slices, figure_sections, figure_slices
+
+        steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
+        save(figure_sections(data, mesh, outcome, steps), folder / "deformed_mesh.png")
+        save(figure_slices(data, prediction.pictures, chosen_slices(data, mesh)), folder / "pictures.png")

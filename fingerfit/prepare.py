@@ -7,6 +7,7 @@ import numpy as np
 from fingerfit.data import Data
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.points import estimate_covariance
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import read_mesh
 from fingerfit.meshing import brick, layered_block
@@ -15,8 +16,8 @@ from fingerfit.settings import MeshSettings
 from fingerfit.study import ESTIMATED, Study
 
 
-def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
-    """The mesh of a study.
+def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) -> Mesh:
+    """The mesh of a study; of a study that brings its meshes, the finer one if wanted.
 
     Raises
     ------
@@ -25,7 +26,9 @@ def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
     """
     body = study.body
     if body.brick is not None and settings is not None:
-        mesh = brick(body.brick, (settings.across, settings.across, settings.per_layer), body.layers[0].name)
+        cells = (settings.across, settings.across, settings.per_layer)
+        heights = [(layer.name, layer.height or body.brick[2]) for layer in body.layers]
+        mesh = brick(body.brick, cells, element=settings.element, layers=heights)
     elif body.width is not None and settings is not None:
         layers = [(layer.name, layer.height or 0.0) for layer in body.layers]
         mesh = layered_block(
@@ -38,7 +41,9 @@ def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
             body.origin,
         )
     elif body.mesh is not None:
-        mesh = _named(read_mesh(body.mesh), study)
+        mesh = _named(read_mesh(body.refined if finer and body.refined else body.mesh), study)
+        if mesh.dim == 2 and not body.thickness:
+            raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
     else:
         raise InputError(study.path, "body", "no shape", "layers with width and height, brick or mesh")
     return mesh
@@ -88,7 +93,8 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     mesh : Mesh
         To see where the body is.
     steps : list of int or None
-        Steps whose pictures are compared; None for all that have one.
+        Steps whose pictures and points are compared, in a study without pictures also their forces or displacements;
+        None for all.
     sigma : float
         Gaussian, pixels.
     crop : float
@@ -102,10 +108,12 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     problems: list[FingerfitError] = []
     numbers = [step.number for step in study.steps]
     used = [i for i, s in enumerate(study.steps) if s.picture and (steps is None or s.number in steps)]
+    pictured = any(step.picture for step in study.steps)
     for number in steps or []:
-        if number not in numbers or not study.steps[numbers.index(number)].picture:
+        if number not in numbers or (pictured and not study.steps[numbers.index(number)].picture):
             found = f"step {number}, which has no picture" if number in numbers else f"step {number}"
-            problems.append(InputError("config.yaml", "fit.steps", found, "steps with a picture"))
+            problems.append(InputError("config.yaml", "fit.steps", found, "steps with a picture" if pictured else
+                                       f"steps of the study, {numbers[0]} to {numbers[-1]}"))  # fmt: skip
     prepared = None
     try:
         prepared = prepare_pictures(study, mesh, used, sigma, crop)
@@ -114,6 +122,9 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     except InputError as error:
         problems.append(error)
     points = _read_points(study, mesh, problems)
+    spread = _points_covariance(study, points, problems)
+    chosen = np.array([steps is None or number in steps for number in numbers], dtype=bool)
+    points = tuple(part[chosen[points[2]]] for part in points)
     if problems:
         raise Problems(problems)
     nothing = np.zeros((0,) * mesh.dim)
@@ -125,15 +136,19 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     def column(name: str) -> np.ndarray:
         return np.array([np.nan if getattr(s, name) is None else getattr(s, name) for s in study.steps])
 
+    measured_beside = {name: column(name) for name in ("force", "displacement")}
+    if not pictured:
+        measured_beside["displacement" if study.control == "force" else "force"][~chosen] = np.nan
     return Data(
         step=np.array(numbers),
-        force=column("force"),
-        displacement=column("displacement"),
+        **measured_beside,
         control=study.control,
-        force_noise=_noise(study, "force", column("force"), column("displacement")),
+        force_noise=_force_noise(study, _noise(study, "force", column("force"), column("displacement"))),
         displacement_noise=_noise(study, "displacement", column("displacement"), column("force")),
         picture_noise=prepared.noise,
-        points_noise=float(study.noise.points or 0.0) if study.noise.points != ESTIMATED else 0.0,
+        points_noise=float(np.sqrt(spread.diagonal()[np.unique(points[2])].mean())) if len(points[2]) else 0.0,
+        points_covariance=spread,
+        frame_noise=study.noise.frame,
         before=prepared.before.values,
         coefficients=prepared.coefficients,
         measured=prepared.measured,
@@ -146,6 +161,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         points=points[0],
         points_displacement=points[1],
         points_step=points[2],
+        force_gain=study.noise.force_gain,
         history=prepared.history,
     )
 
@@ -164,6 +180,28 @@ def _noise(study: Study, name: str, values: np.ndarray, against: np.ndarray) -> 
     basis = np.stack([x, x**2, x**3], axis=1)
     residual = values[known] - basis @ np.linalg.lstsq(basis, values[known], rcond=None)[0]
     return float(np.sqrt((residual**2).sum() / (known.sum() - 3)))
+
+
+def _force_noise(study: Study, common: float) -> float | np.ndarray:
+    """The same for all forces, or, where the table of steps has a column for it, step by step."""
+    if all(step.force_noise is None for step in study.steps):
+        return common
+    return np.array([common if step.force_noise is None else step.force_noise for step in study.steps])
+
+
+def _points_covariance(
+    study: Study, points: tuple[np.ndarray, np.ndarray, np.ndarray], problems: list[FingerfitError]
+) -> np.ndarray:
+    """Covariance of a point's error at two steps, mm^2: as given and independent, or estimated from all points."""
+    count = len(study.steps)
+    if study.noise.points != ESTIMATED:
+        return float(study.noise.points or 0.0) ** 2 * np.eye(count)
+    try:
+        return estimate_covariance(*points, count) if len(points[2]) else np.zeros((count, count))
+    except ValueError as error:
+        expected = "a number, or at least 9 points, the same at all steps"
+        problems.append(InputError(study.path, "noise.points", f"estimated, from {error}", expected))
+        return np.zeros((count, count))
 
 
 def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -17,7 +17,7 @@ from fingerfit.errors import StateError
 from fingerfit.estimate import STEP, LinearModel, coordinates, moved, sensitivity_values
 from fingerfit.fit import FINAL, REFINED, SEARCH, SENSITIVITY, Fit
 from fingerfit.rounds import Asked, Round
-from fingerfit.score import Prediction
+from fingerfit.score import Prediction, deviations
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.uncertainty import minimise
 
@@ -25,8 +25,12 @@ ANCHOR = "anchor"
 """Role of a guess that is solved on the search mesh to be compared with the finest one."""
 FAR = 0.12
 """A longer move needs new slopes."""
-AGAIN = 3
-"""How often slopes are taken at most."""
+AGAIN, AGAIN_ADDED = 3, 15
+"""How often slopes are taken at most: after a search, and in a model with effects, which has none."""
+FALL = 0.5
+"""Predicted fall of a likelihood from which new slopes are taken where no pictures make them costly."""
+TRUST = 0.3
+"""Longest move by one set of slopes."""
 CLOSE = 0.05
 """A longer move, in the logarithm, is checked by another solution."""
 SOLUTIONS = 4
@@ -48,12 +52,15 @@ class Minimum:
     model : LinearModel
     move : float
         Longest move from the base to the minimum, in the logarithm or as a share of the distance of the bounds.
+    fall : float
+        Fall of the score that it promises.
     """
 
     values: dict[str, float]
     base: Asked
     model: LinearModel
     move: float
+    fall: float
 
 
 def around_best(fit: Fit, base: Mapping[str, Any], best: Mapping[str, float], reason: str, slopes: int = 1) -> Round:
@@ -69,15 +76,14 @@ def around_best(fit: Fit, base: Mapping[str, Any], best: Mapping[str, float], re
 def refine_round(fit: Fit, last: Round) -> Round:
     """The round after slopes or a finest solution are known: solve at the minimum of the linear model."""
     found = minimum(fit, last)
-    if found.move > FAR and last.slopes < AGAIN:
-        base: dict[str, Any] = {
-            "number": last.number + 1,
-            "solver": last.solver,
-            "meshes": last.meshes,
-            "history": last.history,
-            "best": {"values": found.values, "score": None},
-        }
-        return around_best(fit, base, found.values, last.reason or "", last.slopes + 1)
+    again = AGAIN if last.history else AGAIN_ADDED
+    if last.slopes < again:
+        back, trust = _half_way_back(fit, last, found)
+        if back is not None:
+            return _slopes_again(fit, last, back, {"before": (last.best or {})["before"], "trust": trust})
+        if found.move > FAR or _promises(fit, found):
+            before = {"values": dict(found.base.values), "score": fit.score(found.model.base), "fall": found.fall}
+            return _slopes_again(fit, last, found.values, {"before": before, "trust": trust})
     asked = fit.ask(found.values, FINAL)
     solutions = sum(a.role == FINAL for a in last.batch)
     lost = solutions > 1 and _diverged(fit, last.batch[-1])
@@ -95,6 +101,41 @@ def refine_round(fit: Fit, last: Round) -> Round:
         reason=last.reason,
         slopes=last.slopes,
     )
+
+
+def _slopes_again(fit: Fit, last: Round, values: dict[str, float], memory: dict[str, Any]) -> Round:
+    """The round that asks for slopes elsewhere; it remembers where the move began and how far moves are trusted."""
+    base: dict[str, Any] = {
+        "number": last.number + 1,
+        "solver": last.solver,
+        "meshes": last.meshes,
+        "history": last.history,
+        "best": {"values": values, "score": None, **memory},
+    }
+    return around_best(fit, base, values, last.reason or "", last.slopes + 1)
+
+
+def _half_way_back(fit: Fit, last: Round, found: Minimum) -> tuple[dict[str, float] | None, float]:
+    """Half of a move that raised the score, or None where it did not; and how far the next one is trusted.
+
+    By the share of the promised fall that came true (Levenberg and Marquardt's method with a trust region: More 1978).
+    """
+    best = last.best or {}
+    before, trust = best.get("before"), best.get("trust", TRUST)
+    if last.stage != SENSITIVITY or before is None or not before["fall"] > 0:
+        return None, trust
+    true = (before["score"] - fit.score(found.model.base)) / before["fall"]
+    trust = 0.4 * trust if true < 0.25 else min(2 * trust, TRUST) if true > 0.75 else trust
+    if true > 0.01:
+        return None, trust
+    parameters = fit.settings.parameters()
+    way = coordinates(parameters, found.base.values) - coordinates(parameters, before["values"])
+    return moved(parameters, before["values"], 0.4 * way), trust
+
+
+def _promises(fit: Fit, found: Minimum) -> bool:
+    """Whether forces and points alone, cheap and exact, still see a move that is short."""
+    return fit.exact and found.fall > FALL
 
 
 def minimum(fit: Fit, last: Round) -> Minimum:
@@ -145,8 +186,24 @@ def _minimum(fit: Fit, last: Round, base: Asked) -> Minimum:
     at = coordinates(parameters, base.values)
     low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
     high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
-    delta = minimise(lambda d: fit.score(model.at(d)), len(parameters), low=low, high=high)
-    return Minimum(moved(parameters, base.values, delta), base, model, float(np.abs(delta).max(initial=0.0)))
+    trust = last.best.get("trust", TRUST) if last.best else TRUST
+    low, high = np.maximum(low, -trust), np.minimum(high, trust)
+    if fit.exact:
+        delta = _least_squares(fit, model, low, high)
+    else:
+        delta = minimise(lambda d: fit.score(model.at(d)), len(parameters), low=low, high=high)
+    fall = fit.score(model.base) - fit.score(model.at(delta))
+    return Minimum(moved(parameters, base.values, delta), base, model, float(np.abs(delta).max(initial=0.0)), fall)
+
+
+def _least_squares(fit: Fit, model: LinearModel, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Minimum of the likelihood of forces and points alone, between bounds: linear least squares."""
+    from scipy.optimize import lsq_linear
+
+    left = deviations(model.base, fit.data)
+    columns = [deviations(model.base + slope, fit.data) - left for slope in model.slopes]
+    # bounds that coincide, as at a corner of the space, are kept a little apart
+    return np.asarray(lsq_linear(np.stack(columns, axis=1), -left, (low - 1e-9, high + 1e-9)).x)
 
 
 def _linear_model(fit: Fit, last: Round, base: Asked) -> LinearModel:

@@ -11,7 +11,7 @@ from fingerfit.estimate import Replicates
 from fingerfit.fit import REFINED, Fit
 from fingerfit.refine import mesh_error, minimum, on_search_mesh
 from fingerfit.rounds import Round
-from fingerfit.uncertainty import as_json, repeat, summarise
+from fingerfit.uncertainty import SURE, as_json, repeat, summarise
 
 
 def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
@@ -31,9 +31,10 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
     maps = fit.synthesis(best.base).maps
     size, values = len(parameters), best.values
     replicates = Replicates(best.model, fit.data, maps, settings.fit.score, settings.fit.bins, settings.fit.seed)
-    shifts, hessian = repeat(replicates.draw, size, settings.fit.replicates)
+    sure = SURE if fit.exact else np.inf
+    shifts, hessian = repeat(replicates.draw, size, settings.fit.replicates, sure)
     point = [values[p.name] for p in parameters]
-    found = summarise(shifts, hessian, parameters, point, mesh_error(fit, best, searched))
+    found = summarise(shifts, hessian, parameters, point, mesh_error(fit, best, searched), sure)
     names = [p.name for p in parameters]
     everything = {e["sim"] for e in last.history} | {a.sim for a in last.batch}
     return {
@@ -45,7 +46,7 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
             "names": names,
             "matrix": np.round(found.correlation, 4).tolist(),
         },
-        "remarks": [*found.remarks, *_mesh_remarks(fit, mesh)],
+        "remarks": [*found.remarks, *_mesh_remarks(fit, mesh), *_thickness_remarks(fit)],
         "score": {
             "kind": settings.fit.score,
             "search": last.best["score"],
@@ -70,6 +71,12 @@ def _mesh_remarks(fit: Fit, mesh: str) -> list[str]:
     if REFINED in fit.mesh_files and mesh != REFINED:
         return ["the finer mesh has no solution at the best guess: the estimate is that of the search mesh"]
     return []
+
+
+def _thickness_remarks(fit: Fit) -> list[str]:
+    if fit.study.body.thick:
+        return []
+    return ["the thickness is not known: moduli are those of 1 mm; only modulus times thickness (N/mm) is identified"]
 
 
 def table_of(found: dict[str, Any]) -> str:

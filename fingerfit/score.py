@@ -63,6 +63,7 @@ def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
 def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
     """Chi-square of each kind of data; kinds without data or without known noise are left out.
 
+    A factor common to all forces (`Data.force_gain`) is left out: it goes into the constants, and their errors know it.
     Smoothing makes the noise of neighbouring pixels alike: a Gaussian of s pixels leaves 1 / (4 pi s^2) of
     the variance and of the independent values (in two dimensions, for s above half a pixel). Both pictures of
     a comparison are noisy.
@@ -73,11 +74,24 @@ def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
         shrink = max(1.0, (4.0 * np.pi * data.smooth**2) ** (dim / 2))
         variance = 2.0 * data.picture_noise**2 / shrink
         total["pictures"] = float(np.sum((prediction.pictures - data.measured) ** 2) / variance / shrink)
-    measured, noise = data.conjugate
-    known = np.isfinite(measured)
-    if known.any() and noise > 0:
-        total["conjugate"] = float(np.sum(((prediction.conjugate - measured)[known] / noise) ** 2))
-    if data.points.size and data.points_noise > 0:
-        residual = (prediction.points - data.points_displacement) / data.points_noise
-        total["points"] = float(np.sum(residual**2))
+    conjugate, points = _deviations(prediction, data)
+    if conjugate.size:
+        total["conjugate"] = float(np.sum(conjugate**2))
+    if points.size:
+        total["points"] = float(np.sum(points**2))
     return total
+
+
+def deviations(prediction: Prediction, data: Data) -> np.ndarray:
+    """Conjugate quantity and points less what was measured, in units of the noise, where both are known."""
+    return np.concatenate(_deviations(prediction, data))
+
+
+def _deviations(prediction: Prediction, data: Data) -> tuple[np.ndarray, np.ndarray]:
+    measured, noise = data.conjugate
+    known = np.isfinite(measured) & (noise > 0)
+    points = np.zeros(0)
+    if data.points.size and data.points_noise > 0:
+        noise_of = np.sqrt(data.between_steps.diagonal())[data.points_step]
+        points = ((prediction.points - data.points_displacement) / noise_of[:, None]).ravel()
+    return (prediction.conjugate - measured)[known] / noise[known], points

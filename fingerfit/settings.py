@@ -10,14 +10,10 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
-from fingerfit.effects.catalogue import catalogue, chosen
-from fingerfit.effects.contract import Effect
+from fingerfit.choices import CONFIG, Choices, Model
 from fingerfit.errors import FingerfitError, InputError, Problems
-from fingerfit.guess import Parameter
 from fingerfit.keys import read_yaml, unknown_key
-from fingerfit.search import Plan, Stage
 
-CONFIG = "config.yaml"
 MATERIAL = ("mu", "alpha", "poisson")
 PLAIN = r"^[\w./+@~:,=-]+$"
 """Paths and names that need no quotes in a shell and are no patterns to Snakemake."""
@@ -74,7 +70,7 @@ class ParameterSettings(_Strict):
     log: bool = Field(default=True, description="Search in the logarithm.")
 
 
-class ModelSettings(_Strict):
+class ModelSettings(Model, _Strict):
     """The model of the body."""
 
     name: str = Field(default="base", pattern=r"^[\w+-]+$", description="Folder of its results.")
@@ -100,11 +96,6 @@ class ModelSettings(_Strict):
         default_factory=dict,
         description="Effects that were added, in order; numbers of an effect where they differ from its own.",
     )
-
-    @property
-    def full_name(self) -> str:
-        """Name with the effects: that of its folder."""
-        return "+".join([self.name, *self.effects])
 
 
 class StageSettings(_Strict):
@@ -152,7 +143,7 @@ class FitSettings(_Strict):
     stages: list[StageSettings] = Field(min_length=1, description="Stages of the search, in order.")
 
 
-class Settings(_Strict):
+class Settings(Choices, _Strict):
     """config.yaml."""
 
     study: str = Field(pattern=PLAIN, description="Folder of the study.")
@@ -160,54 +151,6 @@ class Settings(_Strict):
     solver: str = Field(default="builtin", description="builtin, calculix, abaqus, or another one that is installed.")
     model: ModelSettings = Field(description="The model of the body.")
     fit: FitSettings = Field(description="How the model is fitted.")
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters in the order of the file, then those of the effects."""
-        own = tuple(
-            Parameter(name, p.unit, p.lower, p.upper, p.start, p.log) for name, p in self.model.parameters.items()
-        )
-        added = []
-        for effect in self.effects():
-            given = self.model.effects[effect.name]
-            for p in effect.parameters:
-                start = given.get(p.name, p.null)
-                added.append(Parameter(effect.key(p.name), p.unit, p.lower, p.upper, start, log=False))
-            for name, (lower, upper) in effect.refine.items():
-                start = min(max(given.get(name, effect.scan[name][0]), lower), upper)
-                added.append(Parameter(effect.key(name), "1", lower, upper, start, log=False))
-        return own + tuple(added)
-
-    def effects(self) -> tuple[Effect, ...]:
-        """Effects of the model, in order.
-
-        Raises
-        ------
-        InputError
-            For an effect or a number of it that is not known, with the nearest one that is.
-        """
-        if not self.model.effects:
-            return ()
-        found = chosen(list(self.model.effects), catalogue(Path(self.study)), CONFIG)
-        for effect in found:
-            known = list(effect.own({}))
-            for key in self.model.effects[effect.name]:
-                if key not in known:
-                    raise unknown_key(CONFIG, f"model.effects.{effect.name}.", key, known)
-        return found
-
-    def fixed(self) -> dict[str, float]:
-        """Numbers of effects that are not fitted: places and the like."""
-        return {
-            effect.key(name): self.model.effects[effect.name].get(name, values[0])
-            for effect in self.effects()
-            for name, values in effect.scan.items()
-            if name not in effect.refine
-        }
-
-    def plan(self) -> Plan:
-        """How to search."""
-        stages = tuple(Stage(**stage.model_dump()) for stage in self.fit.stages)
-        return Plan(stages, self.fit.batch, self.fit.max_evaluations)
 
 
 def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) -> Settings:

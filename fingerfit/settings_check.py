@@ -67,19 +67,24 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
 
 def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
     fit, pictured = settings.fit, [step.number for step in study.steps if step.picture]
-    missing = [number for number in fit.steps or [] if number not in pictured]
+    usable = pictured or [step.number for step in study.steps]
+    kind = "steps with a picture" if pictured else "steps of the study"
     problems: list[FingerfitError] = [
-        InputError(where, "fit.steps", f"step {number}", f"steps with a picture: {pictured or 'there are none'}")
-        for number in missing
+        InputError(where, "fit.steps", f"step {number}", f"{kind}: {usable}")
+        for number in fit.steps or []
+        if number not in usable
     ]
     if problems:
         return problems
-    pictured = pictured if fit.steps is None else fit.steps
+    pictured = fit.steps if pictured and fit.steps is not None else pictured
     conjugate = "displacement" if study.control == "force" else "force"
     measured = any(getattr(step, conjugate) is not None for step in study.steps)
     if fit.score != "likelihood" and not pictured:
         return [InputError(where, "fit.score", fit.score, "likelihood, since no pictures are compared")]
     pointed = study.noise.points is not None and any(step.points for step in study.steps)
-    if fit.score == "likelihood" and not (pictured or pointed or (measured and getattr(study.noise, conjugate))):
+    noisy = getattr(study.noise, conjugate) or (
+        conjugate == "force" and any(step.force_noise is not None for step in study.steps)
+    )
+    if fit.score == "likelihood" and not (pictured or pointed or (measured and noisy)):
         return [InputError(study.path, f"noise.{conjugate}", "nothing", "a number, which the likelihood needs")]
     return []

@@ -8,9 +8,36 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fingerfit.course import next_round
-from fingerfit.fit import Fit
+from fingerfit.data import Data
+from fingerfit.files import write_text
+from fingerfit.fit import REFINED, SEARCH, Fit
+from fingerfit.mesh_io import format_mesh
+from fingerfit.prepare import make_mesh, prepare
 from fingerfit.rounds import Asked, Round, write_folders
+from fingerfit.settings import Settings
 from fingerfit.solvers.registry import get_solver
+from fingerfit.study_file import load_study
+
+
+def begin(settings: Settings, folder: Path) -> tuple[Fit, Data]:
+    """A fit outside the workflow, its meshes and simulations in `folder`; also the data with all pictures.
+
+    Raises
+    ------
+    Problems
+        With one line for everything that is wrong with the study.
+    """
+    study = load_study(Path(settings.study))
+    wanted = {SEARCH: settings.model.mesh, REFINED: settings.model.refined}
+    meshes = {name: make_mesh(study, mesh) for name, mesh in wanted.items() if mesh}
+    files = {name: folder / f"{name}.inp" for name in meshes}
+    for name, mesh in meshes.items():
+        write_text(files[name], format_mesh(mesh))
+    fitted, everything = (
+        prepare(study, meshes[SEARCH], steps, settings.fit.smooth, settings.fit.crop)
+        for steps in (settings.fit.steps, None)
+    )
+    return Fit(settings, fitted, files, folder / "sims"), everything
 
 
 def solve_missing(fit: Fit, asked: Sequence[Asked], threads: int) -> int:

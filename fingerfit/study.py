@@ -22,6 +22,8 @@ class Step:
         Of the indenter, positive in compression; mm and N.
     picture, points : Path or None
         Picture at the step; table of measured displacements of points.
+    force_noise : float or None
+        Standard deviation of this force, N, where it is not that of the study.
     """
 
     number: int
@@ -30,6 +32,7 @@ class Step:
     force: float | None = None
     picture: Path | None = None
     points: Path | None = None
+    force_noise: float | None = None
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,13 @@ class Body:
     origin : tuple of float
         Lower left corner of a block, mm.
     thickness : float
-        Out of plane, mm.
+        Out of plane, mm; 0 where a mesh comes without it.
     brick : tuple of float or None
         Lengths of the sides, mm.
-    mesh : Path or None
-        Mesh file.
+    mesh, refined : Path or None
+        Mesh file, and that of a finer mesh of the same body.
+    thick : bool
+        Whether the thickness is known; when it is not, `thickness` is 1 mm.
     """
 
     layers: tuple[Layer, ...]
@@ -67,16 +72,24 @@ class Body:
     thickness: float = 1.0
     brick: tuple[float, float, float] | None = None
     mesh: Path | None = None
+    refined: Path | None = None
+    thick: bool = True
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations: N, mm and intensity; None: not known; ``estimated``: from the data."""
+    """Standard deviations: N, mm and intensity; None: not known; ``estimated``: from the data.
+
+    `force_gain` is that of a factor common to the forces of all steps, such as the stiffness of a specimen, `frame`
+    that of a shift common to all points of a step, such as that of the camera.
+    """
 
     force: float | str | None = None
     displacement: float | str | None = None
     points: float | str | None = None
     picture: float | str | None = None
+    force_gain: float = 0.0
+    frame: float = 0.0
 
 
 @dataclass(frozen=True)

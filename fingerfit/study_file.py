@@ -13,7 +13,11 @@ from fingerfit.keys import Keys, read_yaml
 from fingerfit.study import ESTIMATED, Body, Chain, Layer, Noise, Step, Study
 from fingerfit.units import factor
 
-COLUMNS = ("step", "time", "displacement", "force", "picture", "points")
+COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
+
+
+UNKNOWN = "unknown"
+"""A thickness that is not known."""
 
 
 def study_path(path: Path) -> Path:
@@ -95,9 +99,7 @@ def _side(boundary: Keys, key: str, kinds: tuple[str, ...], nodes: str) -> tuple
 
 
 def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
-    noise.known("force", "displacement", "points")
-    if noise.data.get("points") == ESTIMATED:
-        noise.wrong("points", ESTIMATED, "a number: the noise of points cannot be estimated")
+    noise.known("force", "displacement", "points", "force_gain", "frame")
 
     def spread(keys: Keys, name: str, size: float) -> float | str | None:
         if keys.data.get(name) in (None, ESTIMATED):
@@ -110,6 +112,8 @@ def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
         spread(noise, "displacement", sizes["length"]),
         spread(noise, "points", sizes["length"]),
         spread(pictures, "noise", 1.0) if pictures.data else None,
+        (noise.number("force_gain", above=0.0) or 0.0) if "force_gain" in noise.data else 0.0,
+        (noise.number("frame", above=0.0) or 0.0) * sizes["length"] if "frame" in noise.data else 0.0,
     )
 
 
@@ -156,7 +160,7 @@ def _box(value: object, length: float) -> tuple[tuple[float, ...], tuple[float, 
 
 
 def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
-    body.known("layers", "width", "thickness", "origin", "brick", "mesh")
+    body.known("layers", "width", "thickness", "origin", "brick", "mesh", "refined")
     size, layers, names = sizes["length"], [], set()
     mesh, brick = body.text("mesh", None), body.numbers("brick", 3, None)
     for number, entry in enumerate(body.items("layers")):
@@ -168,29 +172,44 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
         if not name.isidentifier():
             layer.wrong("name", name, "letters, digits and _")
         names.add(name)
-        block = mesh is None and brick is None
-        height = layer.number("height", above=0.0) if block else None
+        height = None
+        if brick is not None and len(body.data["layers"]) == 1:
+            height = layer.number("height", None, above=0.0)
+        elif mesh is None:
+            height = layer.number("height", above=0.0)
         layers.append(Layer(name, height * size if height else None, layer.text("elements", name.upper())))
     if body.data.get("layers") == []:
         body.wrong("layers", "none", "at least one layer")
     if (mesh is not None) + (brick is not None) + ("width" in body.data) > 1:
         found = " and ".join(key for key in ("width", "brick", "mesh") if key in body.data)
         body.problems.append(InputError(file, "body", found, "one of width (with layers), brick, mesh"))
-    if brick is not None and len(layers) > 1:
-        body.wrong("layers", f"{len(layers)} layers", "one layer in a brick")
+    heights = [layer.height for layer in layers if layer.height is not None]
+    if brick is not None and len(heights) == len(layers) and not math.isclose(sum(heights), brick[2] * size):
+        body.wrong("layers", f"heights of {sum(heights) / size:g} in all", f"{brick[2]:g}, the height of the brick")
     if brick is not None and min(brick) <= 0:
         body.wrong("brick", list(brick), "3 lengths above 0")
         brick = None
     width = body.number("width", above=0.0) if mesh is None and brick is None else None
     origin = body.numbers("origin", 2, (0.0, 0.0)) or (0.0, 0.0)
-    thickness = body.number("thickness", above=0.0) if brick is None else 1.0
+    thickness: float | None = 1.0
+    thick, refined = body.data.get("thickness") != UNKNOWN, body.text("refined", None)
+    if refined and mesh is None:
+        body.wrong("refined", refined, "no such key: it is for a body with a mesh")
+    if not thick and mesh is not None:
+        thickness = 1.0 / size  # 1 mm
+    elif mesh is not None:  # which says later whether it is plane
+        thickness = body.number("thickness", 0.0, above=0.0) if "thickness" in body.data else 0.0
+    elif brick is None:
+        thickness = body.number("thickness", above=0.0)
     return Body(
         tuple(layers),
         width * size if width else None,
         (origin[0] * size, origin[1] * size),
-        (thickness or 1.0) * size,
+        (thickness or 0.0) * size,
         (brick[0] * size, brick[1] * size, brick[2] * size) if brick else None,
         file.parent / mesh if mesh else None,
+        file.parent / refined if refined else None,
+        thick,
     )
 
 
@@ -231,7 +250,8 @@ def _step(
     file: Path, row: int, cells: Mapping[str, str], sizes: Mapping[str, float], problems: list[FingerfitError]
 ) -> Step | None:
     values: dict[str, float | None] = {}
-    for column, kind in (("time", "time"), ("displacement", "length"), ("force", "force")):
+    kinds = (("time", "time"), ("displacement", "length"), ("force", "force"), ("force_noise", "force"))
+    for column, kind in kinds:
         text = cells.get(column, "")
         values[column] = None
         if not text:
@@ -245,6 +265,8 @@ def _step(
             problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
         elif column != "time" and value < 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "0 or more: compression is positive"))
+        elif column == "force_noise" and value == 0:
+            problems.append(InputError(file, f"row {row}, {column}", text, "a standard deviation above 0"))
         else:
             values[column] = value * sizes[kind]
     if not cells["step"].isdecimal() or len(cells["step"]) > 9:
@@ -263,6 +285,7 @@ def _step(
         values["force"],
         files["picture"],
         files["points"],
+        values["force_noise"],
     )
 
 
@@ -286,10 +309,14 @@ def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
         problems.append(InputError(file, "pictures.before", "nothing", "the picture before compression"))
     if study.before is not None and not study.before.exists():
         problems.append(InputError(file, "pictures.before", study.before.name, "a file that exists"))
-    if study.body.mesh is not None and not study.body.mesh.exists():
-        problems.append(InputError(file, "body.mesh", study.body.mesh.name, "a file that exists"))
+    for key, path in (("mesh", study.body.mesh), ("refined", study.body.refined)):
+        if path is not None and not path.exists():
+            problems.append(InputError(file, f"body.{key}", path.name, "a file that exists"))
     conjugate = "displacement" if study.control == "force" else "force"
     measured = [step for step in study.steps if getattr(step, conjugate) is not None]
+    if study.noise.force_gain and study.control == "force":
+        problems.append(InputError(file, "noise.force_gain", f"{study.noise.force_gain:g} with control: force",
+                                   "no such key: it is for measured forces, not for prescribed ones"))  # fmt: skip
     if not pictures and not measured and not any(step.points for step in study.steps):
         problems.append(InputError(file, "steps", "nothing measured beside the control",
                                    f"pictures, points or {conjugate}"))  # fmt: skip

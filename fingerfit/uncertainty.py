@@ -13,7 +13,10 @@ from fingerfit.guess import Parameter
 WIDTH = 0.02
 """Step of the finite differences of a score that is linearised already."""
 FLAT = 1e-4
-"""Curvature along a direction, relative to the steepest, below which the data do not see it."""
+"""Curvature along a direction, relative to the steepest, below which the data do not see it ..."""
+SURE = 4.0
+"""... unless the score has a scale of its own: half a chi-square of this curvature tells a constant to half of itself,
+however much better another direction is known."""
 
 
 def gradient_and_hessian(objective: Callable[[np.ndarray], float], size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -35,6 +38,11 @@ def _positive(hessian: np.ndarray) -> np.ndarray:
     """The same matrix with the size of its eigenvalues: a step always goes downhill."""
     values, vectors = np.linalg.eigh(hessian)
     return (vectors * np.abs(values)) @ vectors.T
+
+
+def unseen(steepest: float, sure: float) -> float:
+    """Curvature below which a direction is not seen, as a share of the steepest one."""
+    return min(FLAT, max(sure / max(steepest, 1e-300), 1e-10))
 
 
 def minimise(
@@ -81,7 +89,9 @@ def minimise(
     return at
 
 
-def repeat(draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+def repeat(
+    draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int, sure: float = np.inf
+) -> tuple[np.ndarray, np.ndarray]:
     """Best constants of repetitions by one Newton step with their mean curvature, and that curvature.
 
     Parameters
@@ -90,6 +100,8 @@ def repeat(draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: 
         Gives the score of a new repetition as a function of shape (size,) in search coordinates.
     size, count : int
         Number of constants, of repetitions. The first ones give the curvature; the others need their gradient.
+    sure : float
+        Curvature that is seen in any case.
 
     Returns
     -------
@@ -98,7 +110,9 @@ def repeat(draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: 
     """
     objectives = [draw() for _ in range(count)]
     curvature = np.mean([gradient_and_hessian(o, size)[1] for o in objectives[:6]], axis=0)
-    inverse = np.linalg.pinv(_positive(curvature), rcond=FLAT, hermitian=True)
+    curved = _positive(curvature)
+    cut = unseen(float(np.linalg.eigvalsh(curved).max(initial=0.0)), sure)
+    inverse = np.linalg.pinv(curved, rcond=cut, hermitian=True)
     steps = np.eye(size) * WIDTH
     gradients = [[(o(step) - o(-step)) / (2 * WIDTH) for step in steps] for o in objectives]
     return -np.array(gradients) @ inverse, curvature
@@ -137,6 +151,7 @@ def summarise(
     parameters: Sequence[Parameter],
     values: Sequence[float],
     mesh: np.ndarray | None = None,
+    sure: float = np.inf,
 ) -> Uncertainty:
     """Uncertainty from repetitions.
 
@@ -150,6 +165,8 @@ def summarise(
         What was estimated, values in units.
     mesh : ndarray, shape (parameters,), optional
         Error of the mesh, in search coordinates.
+    sure : float
+        Curvature that is seen in any case.
     """
     mesh = np.zeros(len(parameters)) if mesh is None else mesh
     count = len(shifts)
@@ -167,7 +184,7 @@ def summarise(
         interval,
         covariance / np.outer(scale, scale),
         shifts.mean(axis=0),
-        identifiability(hessian, [p.name for p in parameters]),
+        identifiability(hessian, [p.name for p in parameters], sure),
     )
 
 
@@ -178,7 +195,7 @@ def _ends(parameter: Parameter, value: float, half: float) -> tuple[float, float
     return value - half * size, value + half * size
 
 
-def identifiability(hessian: np.ndarray, names: Sequence[str]) -> tuple[str, ...]:
+def identifiability(hessian: np.ndarray, names: Sequence[str], sure: float = np.inf) -> tuple[str, ...]:
     """Sentences on what the score does not see, from its curvature in search coordinates.
 
     >>> identifiability(np.array([[1.0, -1.0], [-1.0, 1.0]]), ["mu_a", "mu_b"])[0]
@@ -187,7 +204,7 @@ def identifiability(hessian: np.ndarray, names: Sequence[str]) -> tuple[str, ...
     values, vectors = np.linalg.eigh(hessian)
     remarks = []
     for value, vector in zip(values, vectors.T, strict=True):
-        if value > FLAT * max(values[-1], 1e-300):
+        if value > unseen(values[-1], sure) * max(values[-1], 1e-300):
             continue
         involved = [name for name, part in zip(names, vector, strict=True) if abs(part) > 0.1]
         parts = vector[np.abs(vector) > 0.1]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fingerfit.effects.contract import ACTS, Effect, EffectParameter
+from fingerfit.effects.contract import ACTS, NEEDS, Effect, EffectParameter
 from fingerfit.errors import FingerfitError, Problems
 from fingerfit.keys import Keys, read_yaml, unknown_key
 
@@ -68,9 +68,10 @@ def _read(path: Path, stamp: int) -> Effect:
     group = keys.mapping("refine", {})
     group.known(*places)
     bounds = {name: group.numbers(name, 2) for name in group.data}
-    needs, control = keys.text("needs", None), keys.text("control", None)
-    if needs not in (None, "time"):
-        keys.wrong("needs", needs, "time")
+    control, given = keys.text("control", None), keys.data.get("needs", [])
+    needs = [given] if isinstance(given, str) else given
+    if not isinstance(needs, list) or any(need not in NEEDS for need in needs):
+        keys.wrong("needs", given, ", ".join(NEEDS))
     if control not in (None, "force", "displacement"):
         keys.wrong("control", control, "force or displacement")
     refine = {name: (pair[0], pair[1]) for name, pair in bounds.items() if pair}
@@ -79,7 +80,7 @@ def _read(path: Path, stamp: int) -> Effect:
         raise Problems(problems)
     return Effect(
         path.stem, **texts, acts=acts, parameters=parameters, scan=places, refine=refine, changes=changes,
-        observes=observes, needs=needs or "", control=control or "",
+        observes=observes, needs=tuple(needs), control=control or "",
         part=f"effects/{part.name}" if part.exists() else None,
     )  # fmt: skip
 

@@ -12,6 +12,9 @@ OBSERVATION = "observation"
 """Effects on what is measured: they need no new simulation."""
 ACTS = ("material", "structure", "boundary", "loading", NUMERICS, OBSERVATION)
 """Where an effect acts."""
+NEEDS = ("time", "pictures", "displacements", "layers", "plane")
+"""What an effect may need of a study: times of all steps, pictures, pictures or points, a block of layers in
+the plane between a base and an indenter, a body in the plane."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +68,8 @@ class Effect:
     observes : mapping
         Formulas for what is measured: ``displacement``, ``force`` (the one that is not prescribed), ``intensity``,
         ``shift_x``, ``shift_y`` (mm).
-    needs : str
-        What a study must have: ``time`` or nothing.
+    needs : tuple of str
+        What a study must have, of `NEEDS`.
     control : str
         ``force`` or ``displacement`` where it makes sense only for one of them.
     part : str or None
@@ -84,7 +87,7 @@ class Effect:
     refine: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     changes: Mapping[str, str] = field(default_factory=dict)
     observes: Mapping[str, str] = field(default_factory=dict)
-    needs: str = ""
+    needs: tuple[str, ...] = ()
     control: str = ""
     part: str | None = None
 

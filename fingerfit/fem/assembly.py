@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, STRESS, rule, shape
+from fingerfit.fem.pressure import Lead, projection
 from fingerfit.fem.response import Points, divided
 
 
@@ -51,8 +52,9 @@ class Response:
         Derivatives of the isotropic energy by the logarithms, and principal second Piola-Kirchhoff stresses.
     weighted : ndarray, shape (elements, points, axes)
         All normal stresses times the volume.
-    bulk : ndarray or None
-        Of elements with a pressure of their own.
+    volume, bulk : ndarray or None
+        Volume ratio in the pressure field and bulk modulus, flat, of elements with a pressure of their own; the
+        volume ratio alone of others that are nearly incompressible.
     directed : Directed or None
     g, fa : ndarray, shape (elements, points, nodes, dim) and (elements, points, dim, dim)
         Shape gradients and deformation gradient, in the principal directions.
@@ -65,6 +67,7 @@ class Response:
     second: np.ndarray
     stress: np.ndarray
     weighted: np.ndarray
+    volume: np.ndarray | None
     bulk: np.ndarray | None
     directed: Any
     g: np.ndarray
@@ -125,13 +128,16 @@ class Body:
             self.weight = self.weight * 2 * np.pi * radius
         elif self.dim == 2:
             self.weight = self.weight * thickness[:, None]
-        self.pressure = _projection(element, xi, self.weight) if averaged or element.endswith("H") else None
+        self.pressure = projection(element, xi, self.weight) if averaged or element.endswith("H") else None
         self.dofs = (connectivity[:, :, None] * self.dim + np.arange(self.dim)).reshape(len(connectivity), -1)
         self.points = Points(material, self.pressure is None and not kind.nodal)
         if initial is not None:
             self.points.initial = np.repeat(initial, len(xi), axis=0)
-        self._last: tuple[np.ndarray, Strain | None] | None = None
-        self._kept: Response | None = None
+        self._stiff = self.pressure is None and not kind.nodal and kind.state != STRESS and self._hardly_compressed()
+        self._states: list[tuple[np.ndarray, Strain | None]] = []
+        self._responses: list[Response] = []
+        self._lead: Lead | None = None
+        self._settled: Lead | None = None
         self.history = None
         if material.prony is not None:
             from fingerfit.material.prony import History
@@ -139,14 +145,24 @@ class Body:
             self.history = History(material.prony, self.weight.size)
         self.begin(0.0)
 
+    def _hardly_compressed(self) -> bool:
+        """Whether a pressure of its own in the tangent pays: Poisson's ratio above 0.475, at small strain."""
+        second = self.points.isotropic(np.ones((self.weight.size, 3)))[1]
+        shear = (second[:, 0, 0] - second[:, 0, 1]) / 2
+        return bool((second[:, 0, 1] + 2 * shear / 3 > 20 * shear).any())
+
     def begin(self, dt: float, relaxed: bool = False) -> None:
         """Get ready for a time increment of `dt` s; with `relaxed`, for an infinitely slow one."""
-        self._last = self._kept = None
+        self._states, self._responses = [], []
+        self._lead = self._settled
         if self.history is not None:
             self.points.increment = self.history.begin(dt, relaxed)
 
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Take the end of an increment into the history."""
+        found = self._response(u)
+        if found is not None and found.volume is not None:
+            self._settled = Lead(u[self.dofs], found.volume)
         if self.history is not None:
             strain = self._strain(u)
             if strain is None or strain.frame is None:
@@ -155,10 +171,12 @@ class Body:
             self.history.commit(stress, dt, relaxed)
 
     def _strain(self, u: np.ndarray) -> Strain | None:
-        """Deformation; None where J <= 0. The last is kept: a line search and the next iteration ask for the same."""
-        if self._last is None or not np.array_equal(self._last[0], u):
-            self._last = u.copy(), self._deformation(u)
-        return self._last[1]
+        """Deformation; None where J <= 0. The last two are kept: a line search compares its start with a trial."""
+        found = next((state for state in self._states if np.array_equal(state[0], u)), None)
+        if found is None:
+            found = u.copy(), self._deformation(u)
+        self._states = [found, *(state for state in self._states if state is not found)][:2]
+        return found[1]
 
     def _deformation(self, u: np.ndarray) -> Strain | None:
         dim = self.dim
@@ -216,7 +234,7 @@ class Body:
             return values
         return (self.pressure @ values.reshape(self.weight.shape)[..., None]).ravel()
 
-    def forces(self, u: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray] | None:
+    def forces(self, u: np.ndarray, tangent: bool = True, led: bool = False) -> tuple[np.ndarray, np.ndarray] | None:
         """Element forces and stiffnesses.
 
         Parameters
@@ -225,6 +243,8 @@ class Body:
             Displacements, mm.
         tangent : bool
             Whether the stiffnesses are wanted; they are empty otherwise.
+        led : bool
+            Whether these are made with the pressure that the last ones foretold; see `fingerfit.fem.pressure`.
 
         Returns
         -------
@@ -235,26 +255,30 @@ class Body:
         found = self._response(u)
         if found is None:
             return None
-        return (found.force, self._stiffness(found)) if tangent else (found.force, np.empty(0))
+        return (found.force, self._stiffness(found, led)) if tangent else (found.force, np.empty(0))
 
     def _response(self, u: np.ndarray) -> Response | None:
         """Stresses and forces; the last are kept, because the line search asks first and the tangent afterwards."""
         strain = self._strain(u)
         if strain is None:
             return None
-        if self._kept is not None and self._kept.strain is strain:
-            return self._kept
+        for kept in self._responses:
+            if kept.strain is strain:
+                return kept
         f, squared, directions = strain.f, strain.squared, strain.directions
         count, gauss = f.shape[:2]
         stretch = np.sqrt(squared).reshape(-1, 3)
-        bulk = None
+        volume = bulk = None
         first, second = self.points.isotropic(stretch)
         if self.pressure is not None:
             jacobian = stretch.prod(axis=-1)
-            _, pressure, bulk = self.material.volumetric(self._project(jacobian))
+            volume = self._project(jacobian)
+            _, pressure, bulk = self.material.volumetric(volume)
             pressure = self._project(pressure) * jacobian
             first += pressure[:, None]
             second += pressure[:, None, None]
+        elif self._stiff:
+            volume = stretch.prod(axis=-1)
         first, second = first.reshape(count, gauss, 3), second.reshape(count, gauss, 3, 3)
         stress = full = first / squared
         directed = None
@@ -274,12 +298,14 @@ class Body:
                 tau = (directed.stress.reshape(count, gauss, 6)[..., 3 + k] * self.weight)[..., None, None]
                 by_point += tau * (g[..., None, j] * fa[..., None, :, i] + g[..., None, i] * fa[..., None, :, j])
         force = by_point.sum(axis=1).reshape(count, -1)
-        self._kept = Response(strain, first, second, stress, weighted, bulk, directed, g, fa, force)
-        return self._kept
+        kept = Response(strain, first, second, stress, weighted, volume, bulk, directed, g, fa, force)
+        self._responses = [kept, *self._responses][:1]
+        return kept
 
-    def _stiffness(self, found: Response) -> np.ndarray:
+    def _stiffness(self, found: Response, led: bool) -> np.ndarray:
         """Tangent stiffnesses, shape (elements, dofs, dofs), N/mm."""
         squared, weighted, g, fa = found.strain.squared, found.weighted, found.g, found.fa
+        first, second, stress = found.first, found.second, found.stress
         dim, directed, pairs = self.dim, found.directed, _pairs(self.dim)
         count, gauss, nodes = g.shape[:3]
         axes = weighted.shape[-1]
@@ -291,17 +317,25 @@ class Body:
         for k, (i, j) in enumerate(pairs, axes):
             np.multiply(g[..., j, None], fa[..., None, :, i], out=b[:, :, k])
             b[:, :, k] += g[..., i, None] * fa[..., None, :, j]
-        d = self._tangent(found.first, found.second, found.stress, squared, axes, pairs, directed)
+        if found.volume is not None:
+            jacobian = np.sqrt(squared.prod(axis=-1))
+            slope = (b[:, :, :axes] / squared[:, :, :axes, None, None]).sum(axis=2).reshape(count, gauss, -1)
+            slope = slope * jacobian[..., None]
+            slope = slope if self.pressure is None else self.pressure @ slope
+            ahead = self._foretell(found.volume, slope)
+            if led and ahead is not None:
+                ahead = (ahead * jacobian)[..., None]
+                first, second = first + ahead, second + ahead[..., None]
+                stress = stress + ahead / squared
+                weighted = weighted + (ahead / squared * self.weight[..., None])[..., :axes]
+        d = self._tangent(first, second, stress, squared, axes, pairs, directed)
         d *= self.weight[..., None, None]
         flat = (count, gauss * b.shape[2], nodes * dim)
         db = d @ b.reshape(count, gauss, b.shape[2], nodes * dim)
         stiffness = np.swapaxes(b.reshape(flat), 1, 2) @ db.reshape(flat)
         if found.bulk is not None:
-            volume = (b[:, :, :axes] / squared[:, :, :axes, None, None]).sum(axis=2).reshape(count, gauss, -1)
-            jacobian = np.sqrt(squared.prod(axis=-1))
-            volume = self.pressure @ (volume * jacobian[..., None])
             bulk = found.bulk.reshape(count, gauss) * self.weight
-            stiffness += np.swapaxes(volume, 1, 2) @ (volume * bulk[..., None])
+            stiffness += np.swapaxes(slope, 1, 2) @ (slope * bulk[..., None])
         by_stress = g * weighted[..., None, :dim]
         if directed:
             for k, (i, j) in enumerate(pairs):
@@ -316,6 +350,15 @@ class Body:
         if self.hoop is not None:
             view[:, :, 0, :, 0] += np.swapaxes(self.hoop, 1, 2) @ (self.hoop * weighted[..., None, 2])
         return stiffness
+
+    def _foretell(self, volume: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
+        """Pressure that the last tangent foretold less the one that is there, shape (elements, points), MPa."""
+        local = self._states[0][0][self.dofs]
+        lead, self._lead = self._lead, Lead(local, volume, slope)
+        if lead is None:
+            return None
+        pressure = self.material.volumetric(lead.at(local))[1] - self.material.volumetric(volume)[1]
+        return self._project(pressure).reshape(self.weight.shape)
 
     def _tangent(
         self,
@@ -356,17 +399,3 @@ def determinants(f: np.ndarray) -> np.ndarray:
         return f[..., 0, 0] * f[..., 1, 1] - f[..., 0, 1] * f[..., 1, 0]
     minors = f[..., 1, [1, 2, 0]] * f[..., 2, [2, 0, 1]] - f[..., 1, [2, 0, 1]] * f[..., 2, [1, 2, 0]]
     return (f[..., 0, :] * minors).sum(axis=-1)
-
-
-def _projection(element: str, xi: np.ndarray, weight: np.ndarray) -> np.ndarray | None:
-    """Least-squares projection of values at the points on a hybrid element's pressure field.
-
-    Shape (elements, points, points); None for elements without a pressure of their own. The field is eliminated in
-    each element (Simo, Taylor and Pister 1985): it takes the place of the volume ratio in the energy.
-    """
-    terms = ELEMENTS[element].pressure
-    if not terms:
-        return None
-    basis = np.column_stack([np.ones(len(xi)), xi])[:, :terms]
-    weighted = basis.T[None] * weight[:, None, :]
-    return basis @ np.linalg.solve(weighted @ basis, weighted)

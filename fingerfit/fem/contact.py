@@ -96,8 +96,11 @@ class RigidContact:
         nodes = np.unique(sampling.indices)
         columns = [(nodes[:, None] * dim + np.arange(dim)).ravel()]
         relative = kron(sampling[:, nodes], eye_array(dim))
+        self.pushed = np.empty(0, dtype=int)
+        """Degrees of freedom of the surface, where it is pushed by a force."""
         if reference is not None:
             columns.append(reference * dim + np.arange(dim))
+            self.pushed = columns[-1] if driven else self.pushed
             relative = hstack([relative, kron(-np.ones((len(areas), 1)), eye_array(dim))])
         self._columns = np.concatenate(columns)
         self._relative = csr_matrix(relative)
@@ -149,16 +152,21 @@ class RigidContact:
             active[int(gap.argmin())] = True
         return _Local(position, gap, normal, curvature, active)
 
+    def _share(self, local: _Local) -> tuple[np.ndarray, np.ndarray]:
+        """Part of the way of each point since the surface was met, and its slope by the overclosure."""
+        depth = np.maximum(-local.gap, 0.0)
+        opened = self._open > self._tolerance
+        whole = np.where(opened, depth + self._open, 1.0)
+        return np.where(opened, depth / whole, 1.0), np.where(opened, self._open / whole**2, 0.0)
+
     def _tangential(self, local: _Local) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Friction forces (points, dim) in N, their elastic trial values, and where points slip."""
         law, normal = self.law, local.normal
         zero = np.zeros_like(self._traction)
         if law.stick == 0 or law.glued:
             return zero, zero, np.zeros(len(zero), dtype=bool)
-        # only the part of the way since the surface was met
         depth = np.maximum(-local.gap, 0.0)
-        part = np.where(self._open > self._tolerance, depth / np.maximum(depth + self._open, 1e-300), 1.0)
-        slip = (local.position - self._before) * part[:, None]
+        slip = (local.position - self._before) * self._share(local)[0][:, None]
         trial = self._traction + law.stick * self.areas[:, None] * slip
         trial = trial - (trial * normal).sum(axis=1)[:, None] * normal
         trial = np.where(local.active[:, None], trial, 0.0)
@@ -190,14 +198,17 @@ class RigidContact:
         if law.glued:
             block = block + self._spring
         elif law.stick:
-            stick = np.where(local.active, law.stick * self.areas, 0.0)
             across = np.eye(self.dim) - outer
+            share, slope = self._share(local)
+            moved = (across @ (local.position - self._before)[..., None])[..., 0]
+            stick = share[:, None, None] * across - slope[:, None, None] * moved[:, :, None] * n[:, None, :]
+            stick *= np.where(local.active, law.stick * self.areas, 0.0)[:, None, None]
             size = np.maximum(np.linalg.norm(trial, axis=1), 1e-300)
             way = trial / size[:, None]
             limit = -law.friction * push
-            slip_block = (limit * stick / size)[:, None, None] * (across - way[:, :, None] * way[:, None, :])
+            slip_block = (limit / size)[:, None, None] * (stick - way[:, :, None] * (way[:, None, :] @ stick))
             slip_block -= (law.friction * normal_stiffness)[:, None, None] * way[:, :, None] * n[:, None, :]
-            block = block + np.where(slips[:, None, None], slip_block, stick[:, None, None] * across)
+            block = block + np.where(slips[:, None, None], slip_block, stick)
         from scipy.sparse import bsr_array
 
         count = len(self.areas)

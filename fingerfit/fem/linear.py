@@ -42,7 +42,7 @@ class LinearBody:
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Nothing."""
 
-    def forces(self, u: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    def forces(self, u: np.ndarray, tangent: bool = True, led: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Element forces and stiffnesses, as `Body.forces`."""
         return self._start + (self._stiffness @ u[self.dofs][..., None])[..., 0], self._stiffness
 

@@ -8,15 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fem.factor import CLOSE, LARGE
+from fingerfit.fem.factor import CLOSE, LARGE, inner
 from fingerfit.fem.system import System
 
 TOLERANCE = 1e-8
 """Largest residual force, relative to the largest internal force."""
 _SAME_TANGENT = 1e-6
 """Error below which the tangent is not made anew."""
+_BEND = 0.5
+"""Share of the curvature that a prediction takes on: all of it goes too far where the body gives way suddenly."""
 _PATIENCE = 8
 """Iterations after which a body in contact must be nearer to equilibrium."""
+_HELD = 3
+"""Iterations at most in which a surface that is pushed keeps its predicted place."""
+_SETTLED = 0.1
+"""Error of the body below which such a surface is let go."""
+_HERTZ = 2.0 / 3.0
+"""Power of the force with which a round body goes deeper (Hertz)."""
 ITERATIONS = 20
 CUTS = 7
 
@@ -46,6 +54,10 @@ class Load:
 
     given: np.ndarray
     force: np.ndarray
+
+    def away(self, other: Load) -> np.ndarray:
+        """Difference from another load, shape (2 size,)."""
+        return np.concatenate([self.given - other.given, self.force - other.force])
 
     def between(self, other: Load, share: float) -> Load:
         """Load on the straight way to `other`."""
@@ -98,13 +110,14 @@ class Newton:
         self.state = State(np.zeros(len(system.free)), zero, zero)
         self.load = Load(zero, zero)
         self._before: tuple[State, Load] | None = None
+        self._earlier: tuple[State, Load] | None = None
 
     def change(self, system: System) -> None:
         """Go on with other constraints, from the present displacements."""
         self.system = system
         self.state = State(self.state.u[system.free], self.state.u, self.state.internal)
         self.load = Load(np.where(system.prescribed, self.state.u, 0.0), self.load.force)
-        self._before = None
+        self._before = self._earlier = None
 
     def advance(self, target: Load | Callable[[float], Load], increments: Increments | float = 1.0) -> tuple[bool, int]:
         """Go to a load, in one increment or as many as it needs.
@@ -140,28 +153,44 @@ class Newton:
                     return False, total
                 continue
             self.system.commit(state.u, dt, how.relaxed)
-            self._before = (self.state, self.load)
+            self._earlier, self._before = self._before, (self.state, self.load)
             self.state, self.load, share = state, load, end
             size = how.first if how.fixed else min(2 * size, how.largest)
         return True, total
 
     def _predict(self, load: Load) -> np.ndarray | None:
-        """Unknowns continued on the line through the last two states; None where there is only one."""
+        """Unknowns continued on the curve through the last states; None where there is only one."""
         if self._before is None:
             return None
-        last, before = self.load, self._before[1]
-        done = np.concatenate([last.given - before.given, last.force - before.force])
-        ahead = np.concatenate([load.given - last.given, load.force - last.force])
-        length = done @ done
+        (before, first), last = self._before, self.load
+        done = last.away(first)
+        length = inner(done, done)
         if length == 0:
             return None
-        return self.state.q + (done @ ahead) / length * (self.state.q - self._before[0].q)
+        ahead, slope = inner(done, load.away(last)) / length, self.state.q - before.q
+        if self.system.driven:
+            # a round body goes deeper with a power of the force
+            begun, now, then = (float(np.abs(part.force).max()) ** _HERTZ for part in (first, last, load))
+            return self.state.q + ((then - now) / (now - begun) if then > now > begun else ahead) * slope
+        predicted = self.state.q + ahead * slope
+        # where contact opens and closes there is no curve
+        if self._earlier is None or self.system.touches:
+            return predicted
+        earlier, start = self._earlier
+        back = inner(done, first.away(start)) / length
+        if not 0.2 < back < 5.0 or not 0.0 < ahead < 2.0:
+            return predicted
+        bend = (slope - (before.q - earlier.q) / back) / (1 + back)
+        return predicted + _BEND * ahead * (1 + ahead) * bend
 
     def _equilibrium(self, load: Load) -> tuple[State | None, int]:
         system = self.system
         q = self._predict(load)
+        held = np.zeros(len(system.free), dtype=bool)
+        held[system.pushed] = True
         if q is not None and system.driven:
-            q = self._nearest(q, load)
+            if self._forces(system.expand(q, load.given)) is None:
+                q = self._nearest(q, load)
         elif q is not None and self._forces(system.expand(q, load.given)) is None:
             q = None
         if q is None:
@@ -176,9 +205,13 @@ class Newton:
             if evaluation is None:
                 return None, iteration
             internal = evaluation.internal
-            residual = system.reduce(internal - load.force)
+            residual = self._residual(internal, load, held)
             scale = max(evaluation.largest, np.abs(load.force).max(), self.floor)
             error = np.abs(residual).max() / scale if len(residual) else 0.0
+            if held.any() and (error < _SETTLED or iteration > _HELD):
+                held[:] = False
+                residual = self._residual(internal, load, held)
+                error = np.abs(residual).max() / scale
             first = first or error
             if system.slides and iteration > _PATIENCE and error > 0.1 * first:
                 return None, iteration
@@ -186,19 +219,19 @@ class Newton:
                 return State(q, u, internal), iteration
             # near the end the tangent of the last iteration is as good, but a small one costs nothing
             if matrix is None or error > _SAME_TANGENT or len(q) < LARGE:
-                evaluation = system.evaluate(u)
+                evaluation = system.evaluate(u, led=True)
                 if evaluation is None:
                     return None, iteration
                 matrix = system.matrix(evaluation)
             # what is solved more exactly than Newton's method converges is of no use
             close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), 1e-2)
-            step = system.solve(matrix, -residual, close)
+            step = system.solve(matrix, -residual, close, np.flatnonzero(held))
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
-            if step @ residual > 0 and error > 1e-4:
+            if inner(step, residual) > 0 and error > 1e-4:
                 step = -step
-            moved = self._search(q, step, residual, load)
+            moved = self._search(q, step, residual, load, held)
             if moved is None:
                 return None, iteration
             q = moved
@@ -233,10 +266,18 @@ class Newton:
         evaluation = self.system.evaluate(u, tangent=False)
         return None if evaluation is None else evaluation.internal
 
-    def _search(self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load) -> np.ndarray | None:
+    def _residual(self, internal: np.ndarray, load: Load, held: np.ndarray) -> np.ndarray:
+        """Forces on the unknowns that are not in equilibrium, N; none on those that are held."""
+        residual = self.system.reduce(internal - load.force)
+        residual[held] = 0.0
+        return residual
+
+    def _search(
+        self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load, held: np.ndarray
+    ) -> np.ndarray | None:
         """Shorten a step until it lowers the residual or the potential energy."""
         system = self.system
-        norm, slope = np.abs(residual).max(), float(step @ residual)
+        norm, slope = np.abs(residual).max(), inner(step, residual)
         start: float | None = None
         # where contact opens and closes, residuals say little
         enough = 0.3 if system.slides else 1.0
@@ -246,7 +287,7 @@ class Newton:
             internal = self._forces(u)
             if internal is None:
                 continue
-            if np.abs(system.reduce(internal - load.force)).max() < enough * norm:
+            if np.abs(self._residual(internal, load, held)).max() < enough * norm:
                 return trial
             if start is None:
                 start = self._potential(system.expand(q, load.given), load)
@@ -255,7 +296,7 @@ class Newton:
         return None
 
     def _potential(self, u: np.ndarray, load: Load) -> float:
-        return self.system.energy(u) - float(load.force @ u)
+        return self.system.energy(u) - inner(load.force, u)
 
 
 def _line(start: Load, target: Load) -> Callable[[float], Load]:

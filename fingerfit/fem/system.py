@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from fingerfit.fem.factor import CLOSE, LinearSolver
+from fingerfit.fem.factor import CLOSE, LARGE, LinearSolver
+from fingerfit.fem.levels import WIDEST, Levels
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -104,6 +105,7 @@ class System:
     ) -> None:
         self.bodies, self.size, self.terms, self.rigid = bodies, size, list(terms), list(rigid)
         self.driven = any(getattr(term, "driven", False) for term in terms)
+        self.touches = any(hasattr(term, "law") for term in terms)
         self.slides = any(getattr(term, "slides", False) for term in terms)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
         if set(turning) & set(ties):
@@ -138,6 +140,9 @@ class System:
                 self.master[slave], self.factor[slave] = masters[0]
         self._resolved = resolved
         self.unknown = number[self.master]
+        pushed = [dof for term in terms for dof in getattr(term, "pushed", ())]
+        self.pushed = np.unique(self.unknown[pushed]) if pushed else np.empty(0, dtype=int)
+        self.pushed = self.pushed[self.pushed >= 0]
         self._map: tuple[Any, Any] | None = None
         self._angles = np.zeros(size)
         positions = None
@@ -146,6 +151,7 @@ class System:
             nodes = np.where(self.free < points.size, self.free // points.shape[1], 0)
             positions = points[nodes]
         self._linear = LinearSolver(positions, all(term.symmetric for term in self.terms))
+        self._levels: Levels | None = None
         self._prepare()
 
     def _prepare(self) -> None:
@@ -181,6 +187,9 @@ class System:
         final, self._position = np.unique(keys, return_inverse=True)
         self._row = (final % max(count, 1)).astype(np.int32)
         self._pointers = np.searchsorted(final // max(count, 1), np.arange(count + 1)).astype(np.int32)
+        if self.simple and 0 < count < LARGE:
+            levels = Levels(self._row, self._pointers, self._linear.positions)
+            self._levels = levels if levels.widest <= WIDEST else None
 
     def _maps(self) -> tuple[Any, Any]:
         """Slopes of all displacements, by all independent ones, shape (size, size), and by the unknowns."""
@@ -252,12 +261,12 @@ class System:
         for part in (*self.bodies, *self.terms):
             part.commit(u, dt, relaxed)
 
-    def evaluate(self, u: np.ndarray, tangent: bool = True) -> Evaluation | None:
-        """Internal forces of all parts; None where any of them is impossible."""
+    def evaluate(self, u: np.ndarray, tangent: bool = True, led: bool = False) -> Evaluation | None:
+        """Internal forces of all parts; None where any of them is impossible. `led` as in `Body.forces`."""
         total, largest = np.zeros(self.size), 0.0
         blocks, extra = [], []
         for body in self.bodies:
-            found = body.forces(u, tangent)
+            found = body.forces(u, tangent, led)
             if found is None:
                 return None
             force = np.bincount(body.dofs.ravel(), weights=found[0].ravel(), minlength=self.size)
@@ -277,10 +286,8 @@ class System:
         """Energy of all parts, N mm."""
         return sum(part.energy(u) for part in (*self.bodies, *self.terms))
 
-    def matrix(self, evaluation: Evaluation) -> csc_matrix:
-        """Stiffness of the unknowns."""
-        from scipy.sparse import coo_matrix, csc_matrix
-
+    def matrix(self, evaluation: Evaluation) -> csc_matrix | np.ndarray:
+        """Stiffness of the unknowns; of small systems of elements alone its entries, which are solved by levels."""
         data: np.ndarray = np.empty(0)
         if self.bodies:
             values = np.concatenate([block.ravel() for block in evaluation.blocks])
@@ -288,8 +295,12 @@ class System:
             if self._scale is not None:
                 data = data * self._scale
             data = np.bincount(self._position, weights=data, minlength=len(self._row))
-        matrix = csc_matrix((data, self._row, self._pointers), shape=(self._count, self._count))
         entries = [(e.values, e.rows, e.columns) for e in evaluation.extra if len(e.values)]
+        if self._levels is not None and not entries:
+            return data
+        from scipy.sparse import coo_matrix
+
+        matrix = self._sparse(data)
         if entries:
             data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
             if self.simple:
@@ -307,6 +318,11 @@ class System:
             matrix = (to_unknowns.T @ matrix @ to_unknowns).tocsc()
         return matrix
 
+    def _sparse(self, data: np.ndarray) -> csc_matrix:
+        from scipy.sparse import csc_matrix
+
+        return csc_matrix((data, self._row, self._pointers), shape=(self._count, self._count))
+
     def push(self, evaluation: Evaluation, move: np.ndarray) -> np.ndarray:
         """Internal forces continued along a displacement of all degrees of freedom, to first order."""
         total = evaluation.internal.copy()
@@ -317,9 +333,17 @@ class System:
             total += np.bincount(added.rows, weights=added.values * move[added.columns], minlength=self.size)
         return total
 
-    def solve(self, matrix: csc_matrix, right: np.ndarray, close: float = CLOSE) -> np.ndarray | None:
-        """Solution of the unknowns, or None where the matrix is singular; large ones to a residual of `close`."""
-        return self._linear.solve(matrix, right, close)
+    def solve(
+        self, matrix: csc_matrix | np.ndarray, right: np.ndarray, close: float = CLOSE, held: np.ndarray | None = None
+    ) -> np.ndarray | None:
+        """Solution of the unknowns, see `fingerfit.fem.factor.LinearSolver.solve`; small systems by levels."""
+        if self._levels is not None and isinstance(matrix, np.ndarray):
+            found = self._levels.solve(matrix, right)
+            if found is not None:
+                return found
+            # a block may be singular where the whole is not
+            matrix = self._sparse(matrix)
+        return self._linear.solve(matrix, right, close, held)
 
 
 def _resolve(

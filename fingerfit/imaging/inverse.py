@@ -70,6 +70,26 @@ def _monomial(powers: list[np.ndarray], e: tuple[int, ...]) -> np.ndarray | floa
     return reduce(np.multiply, factors) if factors else 1.0
 
 
+def interpolate(kind: str, values: np.ndarray, element: np.ndarray, xi: np.ndarray) -> np.ndarray:
+    """Values at local points, shape (points, dim), of those at the elements' nodes, shape (elements, nodes, dim)."""
+    exponents, by_node = _polynomial(kind)
+    coefficients = np.take(np.einsum("mn,eni->mie", by_node, values), element, axis=2)
+    powers = [np.ones_like(xi.T), xi.T, xi.T * xi.T]
+    total = np.zeros((values.shape[2], len(xi)))
+    for e, c in zip(exponents, coefficients, strict=True):
+        total += _monomial(powers, e) * c
+    return total.T
+
+
+def bulge(kind: str, corners: np.ndarray) -> np.ndarray:
+    """How far elements may reach beyond the box around their nodes, shape (elements, dim)."""
+    element = ELEMENTS[kind]
+    exponents, by_node = _polynomial(kind)
+    # terms that are straight along an edge, as xy of a quadrilateral, stay within the box
+    curved = [max(e) > 1 or (element.is_simplex and sum(e) > 1) for e in exponents]
+    return np.abs(np.einsum("mn,eni->emi", by_node[curved], corners)).sum(axis=1)
+
+
 def local_coordinates(
     kind: str, corners: np.ndarray, element: np.ndarray, target: np.ndarray, reach: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -116,7 +136,12 @@ def local_coordinates(
             found = active[done]
             xi[:, found] = at[:, done]
             outside[found] = _outside(depth[done], at[:, done], slope[:, :, done], det[done], kind)
-        going = np.flatnonzero(~done & (depth < _FAR) & (det != 0))
+        going = ~done & (depth < _FAR) & (det != 0)
+        if reach == 0.0:
+            # Newton's method is quadratic near the end: who is farther out than that stays outside
+            last = np.abs(move).max(axis=0)
+            going &= (depth < 1.0 + 2.0 * last) | (last > 0.5)
+        going = np.flatnonzero(going)
         active, c, goal, at = active[going], np.take(c, going, axis=2), goal[:, going], at[:, going]
     outside[outside > reach] = np.inf
     return xi.T, outside
@@ -137,7 +162,9 @@ def _outside(depth: np.ndarray, xi: np.ndarray, slope: np.ndarray, det: np.ndarr
         )
         inverse = np.linalg.inv(slope[:, :, far].transpose(2, 1, 0))
         in_space = np.einsum("ap,pai->pi", gradient, inverse)
-        found[far] = (depth[far] - 1.0) / np.linalg.norm(in_space, axis=1)
+        # where the distance has no slope the point may be anywhere: infinitely far
+        with np.errstate(divide="ignore"):
+            found[far] = (depth[far] - 1.0) / np.linalg.norm(in_space, axis=1)
     return found
 
 

@@ -40,13 +40,17 @@ def joint_histogram(
     if not smooth:
         low = places[0] * bins + places[1]
         return np.bincount(low, minlength=bins * bins).reshape(bins, bins) / a.size
-    (ia, fa), (ib, fb) = [(np.minimum(p.astype(np.int64), bins - 2), p) for p in places]
-    fa, fb = fa - ia, fb - ib
+    ia, ib = (np.minimum(p.astype(np.int64), bins - 2) for p in places)
+    fa, fb = places[0] - ia, places[1] - ib
+    # the lower corner of each pair's four bins; what goes to the others is moved there bin by bin, not pair by pair
     corner = ia * bins + ib
-    total = np.zeros(bins * bins)
-    both = fa * fb
-    for offset, weight in ((0, 1 - fa - fb + both), (1, fb - both), (bins, fa - both), (bins + 1, both)):
-        total += np.bincount(corner + offset, weights=weight, minlength=bins * bins)[: bins * bins]
+    many = bins * bins
+    both = np.bincount(corner, weights=fa * fb, minlength=many)
+    first = np.bincount(corner, weights=fa, minlength=many) - both
+    second = np.bincount(corner, weights=fb, minlength=many) - both
+    total = np.bincount(corner, minlength=many) - first - second - both
+    for offset, shares in ((1, second), (bins, first), (bins + 1, both)):
+        total[offset:] += shares[:-offset]
     return total.reshape(bins, bins) / a.size
 
 

@@ -8,14 +8,13 @@ a body has many, scan lines take the place of the search (`fingerfit.imaging.tet
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fingerfit.fem.elements import ELEMENTS, distance, rule, shape
-from fingerfit.imaging.inverse import local_coordinates
+from fingerfit.imaging.inverse import bulge, interpolate, local_coordinates
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import reach_of, smooth
 from fingerfit.imaging.tetrahedra import Claims, Tetrahedra, border_faces
@@ -24,6 +23,8 @@ from fingerfit.mesh import Mesh
 _DEEP = 1 - 1e-3
 _PAIRS = 4_000_000
 """Pairs of element and point that are looked at together."""
+_POLE = 3**0.5 - 2
+"""Of the filter that makes cubic B-splines pass through the values."""
 
 
 @dataclass(frozen=True)
@@ -72,39 +73,51 @@ def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture, margin: f
     deformed = frame.to_index(mesh.points + displacement)
     reference = frame.to_index(mesh.points)
     size = np.array(frame.values.shape[::-1])
-    found, inverted, first = [], 0, 0
-    straight: list[tuple[int, Tetrahedra, np.ndarray]] = []
-    for block in mesh.blocks:
-        corners, rest = deformed[block.nodes], reference[block.nodes]
-        inverted += _count_inverted(block.element, corners, rest)
-        if mesh.dim == 3 and ELEMENTS[block.element].is_simplex:
-            body = Tetrahedra(block.element, corners, rest, size)
-            claims = body.inside()
-            straight.append((first, body, block.nodes))
-        else:
-            claims = _search(block.element, corners, rest, size, margin)
-        found.append(replace(claims, element=claims.element + first))
-        first += len(block.nodes)
-    if straight and margin > 0:
+    blocks = [(block.element, deformed[block.nodes], reference[block.nodes]) for block in mesh.blocks]
+    first = np.cumsum([0, *(len(block.nodes) for block in mesh.blocks)])
+    solid = {
+        n: Tetrahedra(*block, size) for n, block in enumerate(blocks) if mesh.dim == 3 and ELEMENTS[block[0]].is_simplex
+    }
+    found = []
+    for n, block in enumerate(blocks):
+        claims = solid[n].inside() if n in solid else _search(*block, size)
+        found.append(replace(claims, element=claims.element + first[n]))
+    if margin > 0:
+        # pixels beside the body are looked for apart: there are few
         covered = np.zeros(frame.values.size, dtype=bool)
         for claims in found:
-            covered[claims.pixel[claims.depth <= 1]] = True
-        borders = border_faces([nodes for _, _, nodes in straight])
-        for (start, body, _), (element, face) in zip(straight, borders, strict=True):
-            claims = body.near(element, face, margin, covered)
-            found.append(replace(claims, element=claims.element + start))
+            covered[claims.pixel] = True
+        borders = dict(zip(solid, border_faces([mesh.blocks[n].nodes for n in solid]), strict=True))
+        for n, block in enumerate(blocks):
+            if n in solid:
+                claims = solid[n].near(*borders[n], margin, covered)
+            else:
+                claims = _search(*block, size, margin, covered)
+            found.append(replace(claims, element=claims.element + first[n]))
+    inverted = sum(_count_inverted(*block) for block in blocks)
     return _winners(Claims.joined(found, mesh.dim), frame.values.shape, inverted)
 
 
-def _search(kind: str, corners: np.ndarray, reference: np.ndarray, size: np.ndarray, margin: float) -> Claims:
-    """Claims of elements of any type, found by trying all pixels of the boxes around them."""
-    element, pixel = _candidates(corners, size, margin)
-    xi, outside = local_coordinates(kind, corners, element, pixel.astype(float), margin)
+def _search(
+    kind: str,
+    corners: np.ndarray,
+    reference: np.ndarray,
+    size: np.ndarray,
+    reach: float = 0.0,
+    covered: np.ndarray | None = None,
+) -> Claims:
+    """Claims of elements of any type, found by trying all pixels of the boxes around them that are not covered yet."""
+    element, pixel = _candidates(corners, size, reach + _slack(kind, corners, reach))
+    flat = np.ravel_multi_index(tuple(pixel[:, ::-1].T), tuple(size[::-1]))
+    if covered is not None:
+        new = ~covered[flat]
+        element, pixel, flat = element[new], pixel[new], flat[new]
+    xi, outside = local_coordinates(kind, corners, element, pixel.astype(float), reach)
     near = np.isfinite(outside)
-    element, pixel, xi, outside = element[near], pixel[near], xi[near], outside[near]
-    source = np.einsum("pn,pni->pi", shape(kind, xi)[0], reference[element])
+    element, flat, xi, outside = element[near], flat[near], xi[near], outside[near]
+    source = interpolate(kind, reference, element, xi)
     depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(kind, xi), 1.0))
-    return Claims(element, np.ravel_multi_index(tuple(pixel[:, ::-1].T), tuple(size[::-1])), source, depth)
+    return Claims(element, flat, source, depth)
 
 
 def _winners(claims: Claims, shape: tuple[int, ...], inverted: int) -> BackwardMap:
@@ -133,10 +146,15 @@ def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> in
     return int(((det[0] * np.sign(det[1])) <= 0).any(axis=1).sum())
 
 
-def _candidates(corners: np.ndarray, size: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+def _slack(kind: str, corners: np.ndarray, reach: float) -> np.ndarray | float:
+    """How much wider than the box around its nodes an element may be; carried on beyond its border, still more."""
+    if not reach:
+        return bulge(kind, corners) + 1e-6
+    return 0.1 * np.ptp(corners, axis=1) if corners.shape[1] > 2 ** corners.shape[2] else 1e-6
+
+
+def _candidates(corners: np.ndarray, size: np.ndarray, slack: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of element and pixel whose bounding boxes meet: shapes (pairs,) and (pairs, dim)."""
-    curved = corners.shape[1] > 2 ** corners.shape[2]
-    slack = margin + (0.1 * np.ptp(corners, axis=1) if curved else 1e-6)
     low = np.clip(np.ceil(corners.min(axis=1) - slack), 0, size).astype(np.int64)
     high = np.clip(np.floor(corners.max(axis=1) + slack) + 1, 0, size).astype(np.int64)
     extent = np.maximum(high - low, 0)
@@ -150,10 +168,29 @@ def _candidates(corners: np.ndarray, size: np.ndarray, margin: float) -> tuple[n
 
 
 def spline_coefficients(values: np.ndarray) -> np.ndarray:
-    """Cubic B-spline coefficients of a picture, mirrored at its borders."""
-    from scipy.ndimage import spline_filter
+    """Cubic B-spline coefficients of a picture, mirrored at its borders, by the recursions of Unser (1999).
 
-    return spline_filter(values, order=3, mode="mirror")
+    The same as scipy.ndimage.spline_filter, whose import costs more than what it filters here in the plane.
+    """
+    if values.ndim == 3:
+        from scipy.ndimage import spline_filter
+
+        return spline_filter(values, order=3, output=float, mode="mirror")
+    found = values.astype(float)
+    for axis, size in enumerate(values.shape):
+        if size < 2:
+            continue
+        c = 6.0 * np.moveaxis(found, axis, 0)
+        weight = _POLE ** np.arange(size) + _POLE ** np.arange(2 * size - 2, size - 2, -1)
+        weight[0], weight[-1] = 1.0, _POLE ** (size - 1)
+        c[0] = np.tensordot(weight, c, 1) / (1 - _POLE ** (2 * size - 2))
+        for k in range(1, size):
+            c[k] += _POLE * c[k - 1]
+        c[-1] = _POLE / (_POLE**2 - 1) * (c[-1] + _POLE * c[-2])
+        for k in range(size - 2, -1, -1):
+            c[k] = _POLE * (c[k + 1] - c[k])
+        found = np.moveaxis(c, 0, axis)
+    return np.ascontiguousarray(found)
 
 
 def sample(coefficients: np.ndarray, index: np.ndarray) -> np.ndarray:
@@ -169,35 +206,37 @@ def sample(coefficients: np.ndarray, index: np.ndarray) -> np.ndarray:
     if coefficients.ndim == 3:
         from scipy.ndimage import map_coordinates
 
-        # the same sum, compiled; in the plane its import would cost more than it saves
+        # the same sum, compiled
         return map_coordinates(
             coefficients, index.T[::-1], output=coefficients.dtype, order=3, mode="mirror", prefilter=False
         )
     size = np.array(coefficients.shape[::-1])
     low = np.floor(index).astype(np.int64) - 1
-    weights = _weights(index - np.floor(index))
+    weights = [_weights(t) for t in (index - np.floor(index)).T]
     strides = np.cumprod([1, *size[:-1]])
     places = []
     for axis in range(index.shape[1]):
-        around = np.abs(low[:, axis, None] + np.arange(4))
+        around = np.abs(low[:, axis] + np.arange(4)[:, None])
         period = max(2 * (size[axis] - 1), 1)
         around = around % period
         places.append(np.minimum(around, period - around) * strides[axis])
     flat = coefficients.ravel()
-    total = np.zeros(len(index))
-    for taps in itertools.product(range(4), repeat=index.shape[1]):
-        weight, place = weights[:, 0, taps[0]], places[0][:, taps[0]]
-        for axis, tap in enumerate(taps[1:], 1):
-            weight, place = weight * weights[:, axis, tap], place + places[axis][:, tap]
-        total += weight * flat[place]
-    return total
+
+    def along(axis: int, start: np.ndarray | int) -> np.ndarray:
+        """Sum over the neighbours along an axis and those before it."""
+        if axis < 0:
+            return np.take(flat, start)
+        return sum(w * along(axis - 1, start + p) for w, p in zip(weights[axis], places[axis], strict=True))
+
+    return along(index.shape[1] - 1, 0)
 
 
 def _weights(t: np.ndarray) -> np.ndarray:
-    """Cubic B-spline weights of the four neighbours, shape (..., 4)."""
-    return np.stack(
-        [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=-1
-    ) / 6  # fmt: skip
+    """Cubic B-spline weights of the four neighbours, shape (4, points)."""
+    s, tt = 1 - t, t * t
+    first, last = s * s * s / 6, tt * t / 6
+    second = tt * (t / 2 - 1) + 2 / 3
+    return np.stack([first, second, 1 - first - second - last, last])
 
 
 def warp(coefficients: np.ndarray, background: float, way: BackwardMap, sigma: float = 0.0) -> np.ndarray:
@@ -240,12 +279,18 @@ class Probe:
         Reference mesh.
     points : ndarray, shape (points, dim)
         mm.
+
+    Attributes
+    ----------
+    element : ndarray of int, shape (points,)
+        Element that a point is in, the last one of several; -1 outside.
     """
 
     def __init__(self, mesh: Mesh, points: np.ndarray) -> None:
         widest = max(block.nodes.shape[1] for block in mesh.blocks)
         self._nodes = np.zeros((len(points), widest), dtype=int)
         self._weights = np.full((len(points), widest), np.nan)
+        self.element, start = np.full(len(points), -1), 0
         for block in mesh.blocks:
             corners = mesh.points[block.nodes]
             low, high = corners.min(axis=1) - 1e-9, corners.max(axis=1) + 1e-9
@@ -258,6 +303,8 @@ class Probe:
             xi, outside = local_coordinates(block.element, corners, element, points[point])
             inside = outside == 0
             element, point = element[inside], point[inside]
+            self.element[point] = element + start
+            start += len(block.nodes)
             self._nodes[point, : block.nodes.shape[1]] = block.nodes[element]
             self._weights[point] = 0.0
             self._weights[point, : block.nodes.shape[1]] = shape(block.element, xi[inside])[0]

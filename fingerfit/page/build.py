@@ -24,6 +24,8 @@ from fingerfit.plots import COLOURS
 
 FOLDER = Path(__file__).resolve().parents[2] / "templates" / "report"
 SHOWN_ROWS = 8
+SEEN = 0.001
+"""Share of an effect's signal that the constants must leave, for it to be told from them."""
 
 
 def write_page(study: Path, out: Path) -> None:
@@ -82,13 +84,16 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
         "files": inputs.files,
         "versions": _versions(),
         "shown_rows": SHOWN_ROWS,
+        "views": panels.view_data(),
+        "pictured": any(m["pictured"] for m in models),
         "data": {
             "uris": panels.uris,
             "panels": panels.keys,
             "meshes": panels.meshes,
             "colours": COLOURS,
-            "frame": panels.frame_data(),
-            "map": panels.map_data(),
+            "frames": panels.frame_data(),
+            "maps": panels.map_data(),
+            "views": panels.view_data(),
             "models": {m["name"]: {k: m[k] for k in ("pictures", "regions", "first_effect")} for m in models},
             "order": [m["name"] for m in models],
         },
@@ -99,7 +104,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
     compare, diagnosis = model.compare, model.diagnosis
     pictures, regions, rows = [], [], []
     if compare is not None:
-        for n in range(compare.pictures):
+        for n in range(compare.views):
             ratio = compare.ratio(n)
             pictures.append(
                 {"label": compare.label(n), "seen": compare.seen(n), "error": number(compare.error[n], 3)
@@ -116,12 +121,14 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "label": rung_label(model.rung or {"model": model.name}, index == 0),
         "model": model,
         "pictures": pictures,
+        "pictured": compare is not None and compare.pictures > 0,
         "regions": regions,
         "rows": rows,
         "forces": _forces(model),
         "has_map": panels.has("map", model.name),
         "has_force": panels.has("force", model.name),
         "force": panels.keys.get(f"force|{model.name}"),
+        "stiffness": panels.keys.get(f"stiffness|{model.name}"),
         "diagnosis": diagnosis,
         "ranking": ranking,
         "first_effect": drawn[0] if drawn else "",
@@ -148,7 +155,7 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
         "achieved": achieved,
         "share": share,
         "bar": 0 if share is None else round(100 * min(1.0, max(0.0, share))),
-        "visible": bool(entry.get("visible", True)),
+        "visible": float(entry.get("visible", 1.0)) >= SEEN,
         "error": (refit or {}).get("error") or {},
         "refit": refit is not None,
         "drawn": entry.get("effect") in model.patterns,

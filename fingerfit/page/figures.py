@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from fingerfit.page.inputs import Compare
-from fingerfit.page.regions import layers_of, patch_size
+from fingerfit.page.regions import patch_layers, patch_size
 from fingerfit.plots import COLOURS
 
 DPI = 130
@@ -47,17 +47,22 @@ class Frame:
     ----------
     limits : tuple of float
         Left, right, bottom, top, mm; widened where a panel would be too flat or too high.
+    labels : tuple of str
+        Of the axes.
     """
 
     limits: tuple[float, float, float, float]
+    labels: tuple[str, str] = ("x in mm", "y in mm")
 
     @classmethod
-    def around(cls, limits: tuple[float, float, float, float]) -> Frame:
+    def around(
+        cls, limits: tuple[float, float, float, float], labels: tuple[str, str] = ("x in mm", "y in mm")
+    ) -> Frame:
         """A frame around limits, no flatter than 1:3 and no higher than 4:3."""
         left, right, bottom, top = limits
         wide, high = max(right - left, 1e-9), max(top - bottom, 1e-9)
         more_high, more_wide = max(0.0, wide / 3 - high) / 2, max(0.0, high * 0.75 - wide) / 2
-        return cls((left - more_wide, right + more_wide, bottom - more_high, top + more_high))
+        return cls((left - more_wide, right + more_wide, bottom - more_high, top + more_high), labels)
 
     @property
     def inches(self) -> tuple[float, float]:
@@ -85,8 +90,8 @@ class Frame:
         scale = figure.add_axes((left + wide + 0.1 / WIDTH, bottom, 0.14 / WIDTH, high))
         axes.set_xlim(*self.limits[:2])
         axes.set_ylim(*self.limits[2:])
-        axes.set_xlabel("x in mm", fontsize=9, labelpad=2)
-        axes.set_ylabel("y in mm", fontsize=9, labelpad=2)
+        axes.set_xlabel(self.labels[0], fontsize=9, labelpad=2)
+        axes.set_ylabel(self.labels[1], fontsize=9, labelpad=2)
         axes.locator_params(nbins=6)
         for part in (axes, scale):
             part.tick_params(labelsize=8.5)
@@ -126,11 +131,14 @@ def map_frame(compare: Compare) -> Frame:
     half = patch_size(compare) / 2
     low, high = compare.patch_centre.min(axis=0) - half, compare.patch_centre.max(axis=0) + half
     edge = 0.03 * float((high - low).max())
-    return Frame.around((float(low[0] - edge), float(high[0] + edge), float(low[1] - edge), float(high[1] + edge)))
+    limits = (float(low[0] - edge), float(high[0] + edge), float(low[1] - edge), float(high[1] + edge))
+    return Frame.around(limits, compare.axes)
 
 
 def borders(compare: Compare) -> list[np.ndarray]:
     """Edges of the reference mesh between layers and around it."""
+    if len(compare.edges):
+        return list(compare.edges)
     owners: dict[tuple[int, int], list[int]] = {}
     for ring, layer in zip(compare.mesh_rings, compare.mesh_layer, strict=True):
         ring = ring[ring >= 0]
@@ -160,7 +168,8 @@ def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -
     cells = np.ma.masked_invalid(length.reshape(nx, ny).T)
     axes.set_facecolor("white")
     gone = np.where(np.ma.getmaskarray(cells), 1.0, np.nan)
-    inside = layers_of(compare, compare.patch_centre).reshape(nx, ny).T >= 0 if len(compare.mesh_rings) else True
+    known_layers = len(compare.mesh_rings) or len(compare.patch_layer)
+    inside = patch_layers(compare).reshape(nx, ny).T >= 0 if known_layers else True
     axes.pcolormesh(*edges, np.where(inside, gone, np.nan), cmap=LinearSegmentedColormap.from_list("n", [UNKNOWN] * 2))
     shown = axes.pcolormesh(*edges, cells, cmap=WARM, vmin=0, vmax=limit)
     for edge in borders(compare):
@@ -174,8 +183,34 @@ def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -
     )  # fmt: skip
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
-    axes.set_xlabel(f"x in mm (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
+    axes.set_xlabel(f"{frame.labels[0]} (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
     _scale(figure, shown, scale, "displacement left over in mm", "max")
+    return figure
+
+
+def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
+    """Which places want to be stiffer or softer, over the layers of the body.
+
+    Parameters
+    ----------
+    compare : Compare
+    stiffness : ndarray, shape (places, 4)
+        Position in mm, predicted change of log mu, evidence in standard deviations.
+    """
+    figure, axes, scale = map_frame(compare).panel()
+    for edge in borders(compare):
+        axes.plot(*edge.T, color="#777777", linewidth=0.8)
+    x, y, change, evidence = stiffness.T
+    # a chance finding stays pale
+    limit = max(6.0, float(np.abs(evidence).max()))
+    shown = axes.scatter(
+        x, y, c=evidence, s=430, cmap="PuOr_r", vmin=-limit, vmax=limit, edgecolor="#555555", linewidth=0.6
+    )
+    for at, height, value, weight in zip(x, y, change, evidence, strict=True):
+        colour = "white" if abs(weight) > 0.7 * limit else "#111111"
+        text = f"{100 * np.expm1(value):+.0f}"
+        axes.annotate(text, (at, height), ha="center", va="center", fontsize=7, color=colour)
+    _scale(figure, shown, scale, "evidence in standard deviations\n(softer: negative, stiffer: positive)")
     return figure
 
 
@@ -191,8 +226,8 @@ def force_figure(compare: Compare) -> Figure | None:
         _model_line(upper, compare)
     if known.any():
         upper.errorbar(
-            compare.displacement[known], compare.force[known], xerr=2 * compare.displacement_noise or None,
-            yerr=2 * compare.force_noise or None, fmt="o", markersize=4.5, capsize=2, color=COLOURS[5],
+            compare.displacement[known], compare.force[known], xerr=_bars(compare.displacement_noise, known),
+            yerr=_bars(compare.force_noise, known), fmt="o", markersize=4.5, capsize=2, color=COLOURS[5],
             label="measured (bars: twice the noise)",
         )  # fmt: skip
     upper.set(xlabel="indentation in mm", ylabel="force in N")
@@ -202,14 +237,18 @@ def force_figure(compare: Compare) -> Figure | None:
     if not shown.any():
         figure.delaxes(lower)
         return figure
-    if noise > 0:
-        lower.axhspan(-2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0)
+    if noise.any():
+        lower.fill_between(compare.step, -2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0)
     lower.axhline(0, color="#555555", linewidth=0.8)
     lower.plot(compare.step[shown], left[shown], "o", markersize=4.5, color=COLOURS[5])
     lower.set(xlabel="step", ylabel=f"{name} left over\nin {unit}")
     lower.set_xticks(compare.step if len(compare.step) <= 12 else compare.step[:: len(compare.step) // 8])
     lower.margins(y=0.25)
     return figure
+
+
+def _bars(noise: np.ndarray, known: np.ndarray) -> np.ndarray | None:
+    return 2 * noise[known] if noise.any() else None
 
 
 def _model_line(axes: Any, compare: Compare) -> None:
@@ -219,13 +258,14 @@ def _model_line(axes: Any, compare: Compare) -> None:
     fine = np.isfinite(x) & np.isfinite(y)
     x, y = x[fine], y[fine]
     slope = np.gradient(y, x) if len(x) > 1 and (np.diff(x) > 0).all() else np.zeros(len(x))
-    band = 2 * np.hypot(compare.force_noise, slope * compare.displacement_noise)
+    noise = (np.concatenate([n[:1], n[order]])[fine] for n in (compare.force_noise, compare.displacement_noise))
+    band = 2 * np.hypot(next(noise), slope * next(noise))
     if band.any():
         axes.fill_between(x, y - band, y + band, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)")
     axes.plot(x, y, "-", color=COLOURS[4], label="model")
 
 
-def _left_over(compare: Compare) -> tuple[np.ndarray, str, str, float]:
+def _left_over(compare: Compare) -> tuple[np.ndarray, str, str, np.ndarray]:
     """What is left of the quantity that was not prescribed, its unit, name and noise."""
     nothing = np.full(len(compare.step), np.nan)
 

@@ -50,7 +50,14 @@ class Compare:
     step : ndarray of int, shape (steps,)
     force, displacement, force_model, displacement_model : ndarray, shape (steps,)
         N and mm; NaN where unknown.
-    force_noise, displacement_noise : float
+    direction, mesh_faces, mesh_face_part, patch_layer : ndarray
+        Of studies in space, where the arrays above have three dimensions: direction of the grid, triangles of the
+        surfaces of the mesh and between its parts with the part of each, and the part that each patch lies in.
+    edges : ndarray, shape (edges, 2, 2)
+        Of the reference mesh in a slice, mm.
+    axes : tuple of str
+        Names of the axes of pictures.
+    force_noise, displacement_noise : ndarray, shape (steps,)
         Standard deviations, N and mm.
     """
 
@@ -76,13 +83,29 @@ class Compare:
     displacement: np.ndarray = field(default_factory=lambda: _empty(0))
     force_model: np.ndarray = field(default_factory=lambda: _empty(0))
     displacement_model: np.ndarray = field(default_factory=lambda: _empty(0))
-    force_noise: float = 0.0
-    displacement_noise: float = 0.0
+    direction: np.ndarray = field(default_factory=lambda: _empty(0, 0))
+    mesh_faces: np.ndarray = field(default_factory=lambda: _empty(0, 3, kind=int))
+    mesh_face_part: np.ndarray = field(default_factory=lambda: _empty(0, kind=int))
+    patch_layer: np.ndarray = field(default_factory=lambda: _empty(0, kind=int))
+    edges: np.ndarray = field(default_factory=lambda: _empty(0, 2, 2))
+    axes: tuple[str, str] = ("x in mm", "y in mm")
+    force_noise: np.ndarray = field(default_factory=lambda: _empty(0))
+    displacement_noise: np.ndarray = field(default_factory=lambda: _empty(0))
 
     @property
     def pictures(self) -> int:
         """Number of pictures."""
         return len(self.measured)
+
+    @property
+    def volumes(self) -> bool:
+        """Whether the pictures are volumes."""
+        return self.measured.ndim == 4
+
+    @property
+    def views(self) -> int:
+        """Number of steps that can be looked at: with a picture, or without any pictures with measured points."""
+        return self.pictures or (len(self.moves) if self.moves.ndim == 3 and self.moves.shape[2] == 2 else 0)
 
     @cached_property
     def difference(self) -> np.ndarray:
@@ -114,13 +137,13 @@ class Compare:
     @property
     def mapped(self) -> bool:
         """Whether there is a residual displacement to draw."""
-        shape = (self.pictures, int(np.prod(self.patch_count)), 2)
-        return self.moves.shape == shape and len(self.patch_centre) == shape[1] > 0 and self.pictures > 0
+        shape = (self.views, int(np.prod(self.patch_count)), 3 if self.volumes else 2)
+        return self.moves.shape == shape and len(self.patch_centre) == shape[1] > 0 and self.views > 0
 
     @property
     def meshed(self) -> bool:
         """Whether there is a deformed mesh for each picture."""
-        return len(self.mesh_rings) > 0 and self.mesh_moved.shape == (self.pictures, len(self.mesh_points), 2)
+        return len(self.mesh_rings) > 0 and self.mesh_moved.shape == (self.views, len(self.mesh_points), 2)
 
 
 def read_compare(path: Path) -> Compare:
@@ -133,12 +156,16 @@ def read_compare(path: Path) -> Compare:
     """
     data = read_npz(path)
     known: dict[str, Any] = {name: data[name] for name in Compare.__dataclass_fields__ if name in data}
-    known.update({name: float(known[name]) for name in ("force_noise", "displacement_noise") if name in known})
+    for name in ("force_noise", "displacement_noise"):  # one for all steps, or one for each
+        known[name] = np.broadcast_to(known.get(name, 0.0), np.shape(known.get("step", ()))).astype(float)
+    for name in ("measured", "synthesized"):  # without pictures there is nothing to show, in any dimension
+        if name in known and not known[name].size:
+            known[name] = _empty(0, 1, 1)
     found = Compare(**known)
-    if found.measured.ndim != 3 or found.measured.shape != found.synthesized.shape:
+    if found.measured.ndim not in (3, 4) or found.measured.shape != found.synthesized.shape:
         raise StateError(
             f"{path}: measured has the shape {found.measured.shape}, synthesized {found.synthesized.shape}:"
-            " expected both as (pictures, ny, nx)"
+            " expected both as (pictures, ny, nx) or (pictures, nz, ny, nx)"
         )
     return found
 
@@ -159,6 +186,8 @@ class Model:
         Residual displacement, mm.
     patterns : dict of ndarray
         What each effect would leave, by its name, mm.
+    stiffness : ndarray, shape (places, 4)
+        Position in mm, predicted change of log mu, and the evidence for it in standard deviations.
     """
 
     name: str
@@ -167,6 +196,7 @@ class Model:
     diagnosis: dict[str, Any]
     there: np.ndarray | None
     patterns: dict[str, np.ndarray]
+    stiffness: np.ndarray = field(default_factory=lambda: _empty(0, 4))
 
     @property
     def verdict(self) -> str:
@@ -185,7 +215,7 @@ class Model:
         found = {part: known.get(part) for part in ("fitted", "held_out")}
         if found["fitted"] is None and self.compare is not None:
             for part, chosen in (("fitted", "fitted"), ("held_out", "held out")):
-                own = [n for n in range(self.compare.pictures) if self.compare.seen(n) == chosen]
+                own = [n for n in range(self.compare.views) if self.compare.seen(n) == chosen]
                 ratio = np.array([self.compare.ratio(n) for n in own])
                 if len(ratio) and np.isfinite(ratio).all():
                     found[part] = float(np.sqrt(np.mean(ratio**2)))
@@ -250,4 +280,5 @@ def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
         fitting = {key: value for key, value in arrays.items() if value.shape == compare.moves.shape}
         there = fitting.get("there", compare.moves)
         patterns = {key[len("pattern_") :]: v for key, v in fitting.items() if key.startswith("pattern_")}
-    return Model(name, rung, compare, diagnosis, there, patterns)
+    stiffness = arrays.get("stiffness", _empty(0, 4))
+    return Model(name, rung, compare, diagnosis, there, patterns, stiffness)

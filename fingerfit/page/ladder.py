@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from fingerfit.page.figures import plain
 from fingerfit.plots import COLOURS
 
-SERIES = (("fitted", "pictures that were fitted", "o-", COLOURS[4]), ("held_out", "held out", "s--", COLOURS[5]))
+SERIES = (("fitted", "fitted", "o-", COLOURS[4]), ("held_out", "held out", "s--", COLOURS[5]))
 
 
 def rung_label(rung: dict[str, Any], first: bool) -> str:

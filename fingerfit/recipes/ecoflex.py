@@ -13,6 +13,17 @@ from fingerfit.files import write_text
 DIAMETER, HEIGHT = 50.0, 30.0
 """Of the cylinders, mm."""
 STEPS = 20
+FRICTION = """# written by `fingerfit ecoflex`: of a disc between rubbing plates, slab method (Siebel 1923)
+title: friction at the plates
+acts: observation
+words: The plates rub, so that the force exceeds the uniaxial one, the more the flatter the cylinder is pressed.
+look: The force rises faster at large compression than the material says; the cylinder bulges like a barrel.
+confirm: The same test with greased plates, or with cylinders of another height.
+parameters:
+  coefficient: {{unit: "1", absent: 0, lower: 0, upper: 0.5, step: 0.05}}
+observes:
+  force: "force * (1 + coefficient / 3 * {slimness:.6g} * (1 - {end:.6g} * k / n) ** -1.5)"
+"""
 
 
 def read_test(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -38,17 +49,39 @@ def read_test(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return rows[:, names.index("Compression (mm)")], rows[:, names.index("Load (N)")]
 
 
+def spread_of(forces: np.ndarray) -> tuple[np.ndarray, float]:
+    """Noise of a curve from repeated tests: what is its own in each step, N, and what is common to all steps.
+
+    A specimen that is stiffer than the others is so by much the same factor everywhere; this factor is taken apart,
+    and what is left of the differences is the noise of the steps, averaged over five neighbouring ones.
+
+    Parameters
+    ----------
+    forces : ndarray, shape (tests, steps)
+        N. With a single test the noise is 1 % of each force, and no factor.
+    """
+    mean = forces.mean(axis=0)
+    if len(forces) < 2:
+        return 0.01 * mean, 0.0
+    relative = forces / mean
+    factor = relative.mean(axis=1, keepdims=True)
+    own = ((relative / factor - 1) ** 2).sum(axis=0) / (len(forces) - 1)
+    smooth = [own[max(0, n - 2) : n + 3].mean() for n in range(len(own))]
+    return np.sqrt(smooth) * mean, float(factor.std(ddof=1))
+
+
 def make_study(tests: Sequence[Path], out: Path) -> None:
     """Write a study of the mean of several tests.
 
     Forces are read at 20 even displacements, up to the smallest largest one; their mean is the measurement, their
-    pooled spread between the tests its noise. Plates without friction keep the state uniaxial, where the shape of
-    the cross-section does not matter: the body is a square brick of the cylinder's area.
+    spread between the tests its noise. Plates without friction keep the state uniaxial, where the shape of the
+    cross-section does not matter: the body is a square brick of the cylinder's area. What friction would do is
+    written beside the study as an effect of its own.
 
     Parameters
     ----------
     tests : sequence of Path
-        CSV files; with a single one, the noise is 1 % of the largest force.
+        CSV files, one for each test.
     out : Path
         Folder of the study.
     """
@@ -57,17 +90,21 @@ def make_study(tests: Sequence[Path], out: Path) -> None:
     at = end * np.arange(1, STEPS + 1) / STEPS
     forces = np.array([np.interp(at, compression, load) for compression, load in curves])
     mean = forces.mean(axis=0)
-    spread = float(np.sqrt(forces.var(axis=0, ddof=1).mean())) if len(forces) > 1 else 0.01 * float(mean.max())
+    noise, factor = spread_of(forces)
     side = float(np.sqrt(np.pi / 4) * DIAMETER)
-    rows = [f"{n},{d:.5f},{f:.5f}" for n, (d, f) in enumerate(zip(at, mean, strict=True), 1)]
-    write_text(out / "steps.csv", "\n".join(["step,displacement,force", *rows]) + "\n")
+    common = (
+        f"noise: {{force_gain: {factor:.3g}}}   # between specimens; what is left is in steps.csv\n" if factor else ""
+    )
+    rows = [f"{n},{d:.5f},{f:.5f},{s:.3g}" for n, (d, f, s) in enumerate(zip(at, mean, noise, strict=True), 1)]
+    write_text(out / "steps.csv", "\n".join(["step,displacement,force,force_noise", *rows]) + "\n")
+    write_text(out / "effects" / "plate_friction.yaml", FRICTION.format(slimness=DIAMETER / HEIGHT, end=end / HEIGHT))
     write_text(
         out / "study.yaml",
         f"title: Uniaxial compression of silicone, mean of {len(forces)} tests, friction neglected\n"
         "units: {length: mm, force: N, time: s}\n"
         "control: displacement\n"
         "steps: steps.csv\n"
-        f"noise: {{force: {spread:.4g}}}\n"
+        f"{common}"
         f"body: {{brick: [{side:.5f}, {side:.5f}, {HEIGHT:g}], layers: [{{name: silicone}}]}}\n"
         "boundary: {base: slides, indenter: slides}\n",
     )

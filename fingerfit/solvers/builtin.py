@@ -5,18 +5,18 @@ from __future__ import annotations
 import os
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fingerfit import __version__
-from fingerfit.deck.reader import Deck, read_deck
 from fingerfit.errors import InputError
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.files import digest
-from fingerfit.solvers.analysis import run_steps
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
-from fingerfit.solvers.model import Model
+
+if TYPE_CHECKING:
+    from fingerfit.deck.content import Deck
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _SOURCES = (
@@ -61,6 +61,9 @@ class BuiltinSolver:
 
     def check(self, deck: Path) -> None:
         """Read the deck; InputError for what is not understood."""
+        from fingerfit.deck.reader import read_deck
+        from fingerfit.solvers.model import Model
+
         read = read_deck(deck)
         _indenter(read, deck)
         model = Model(read, deck, self.averaged)
@@ -78,6 +81,10 @@ class BuiltinSolver:
         InputError
             For a deck that is not understood.
         """
+        # imported here, because every round asks for the identity alone
+        from fingerfit.deck.reader import read_deck
+        from fingerfit.solvers.analysis import run_steps
+
         # read when MKL is loaded; else it takes all processors
         os.environ.setdefault("MKL_NUM_THREADS", str(threads))
         read = read_deck(deck)

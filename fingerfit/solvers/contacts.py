@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fingerfit.deck.content import Law, Surface
+from fingerfit.deck.content import Law, Rigid, Surface
 from fingerfit.errors import InputError
 from fingerfit.fem.contact import Interaction, RigidContact
 from fingerfit.fem.faces import collect_faces, sample_faces
+from fingerfit.fem.facets import Facets, cut_faces
 from fingerfit.fem.surfaces import Plane, RigidSurface, Round
 
 if TYPE_CHECKING:
@@ -24,18 +25,17 @@ def add_contacts(model: Model) -> None:
     if not model.finite:
         raise InputError(model.path, "*CONTACT PAIR", "no NLGEOM", "*STEP, NLGEOM")
     for pair in deck.contacts:
-        owner = next((body for body in deck.rigid if body.surface == pair.master), None)
-        if owner is None:
-            raise InputError(
-                model.path, "*CONTACT PAIR", pair.master, "an analytical surface of a *RIGID BODY as master"
-            )
+        owner = _owner(model, pair.master)
         nodes = model.nodes_of(pair.slave)
         faces = model.faces(pair.slave)
-        behind = np.unique(np.concatenate([nodes, *(connectivity for _, connectivity, _, _ in faces)]))
-        surface = rigid_surface(deck.surfaces[pair.master], points[behind])
-        if surface is None:
-            expected = "a line, a circle or their sweep: a plane, a cylinder or a sphere on its axis"
-            raise InputError(model.path, f"*SURFACE {pair.master}", "another profile", expected)
+        if owner.surface == pair.master:
+            behind = np.unique(np.concatenate([nodes, *(connectivity for _, connectivity, _, _ in faces)]))
+            surface = rigid_surface(deck.surfaces[pair.master], points[behind])
+            if surface is None:
+                expected = "a line, a circle or their sweep: a plane, a cylinder or a sphere on its axis"
+                raise InputError(model.path, f"*SURFACE {pair.master}", "another profile", expected)
+        else:
+            surface = Facets(points, cut_faces(collect_faces(points, model.faces(pair.master)), model.dim))
         if faces:
             sampling, areas = sample_faces(collect_faces(points, faces), points, pair.at_nodes)
         else:
@@ -46,6 +46,23 @@ def add_contacts(model: Model) -> None:
         driven = any(len({axis for _, axis in keys if axis < model.dim}) < model.dim for keys in held)
         law = _interaction(model, pair.interaction, deck.laws[pair.interaction])
         model.terms.append(RigidContact(sampling, areas, points, surface, owner.reference, law, driven))
+
+
+def _owner(model: Model, master: str) -> Rigid:
+    """The rigid body that a master surface belongs to: its analytical surface, or faces between its nodes."""
+    for body in model.deck.rigid:
+        if body.surface == master:
+            return body
+    nodes = set(model.nodes_of(master).tolist()) if model.deck.surfaces[master].faces else set()
+    for body in model.deck.rigid:
+        if nodes and nodes <= {*body.nodes, body.reference}:
+            if model.turns(body):
+                raise InputError(
+                    model.path, "*CONTACT PAIR", f"{master} on a body that turns", "its rotation held in all steps"
+                )
+            return body
+    expected = "an analytical surface of a *RIGID BODY, or faces of elements in one"
+    raise InputError(model.path, "*CONTACT PAIR", master, expected)
 
 
 def _interaction(model: Model, name: str, law: Law) -> Interaction:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.deck.content import Deck
+from fingerfit.deck.content import Deck, Rigid
 from fingerfit.errors import InputError
 from fingerfit.fem.assembly import Body
 from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, rule
@@ -90,6 +90,11 @@ class Model:
             found[mesh.element_sets[section.elset]] = number
         rigid = [element for body in self.deck.rigid for element in body.elements]
         found[rigid] = -2
+        for body in self.deck.rigid:
+            # also those between nodes of a rigid body are never deformed
+            inside = np.zeros(len(mesh.points), dtype=bool)
+            inside[[*body.nodes, body.reference]] = True
+            found[np.concatenate([inside[block.nodes].all(axis=1) for block in mesh.blocks])] = -2
         if (found == -1).any():
             raise InputError(self.path, "*SOLID SECTION", "elements without section", "a section for every element")
         return found
@@ -116,7 +121,7 @@ class Model:
 
     def _add_bodies(self, averaged: bool) -> None:
         deck, first = self.deck, 0
-        materials = {n: self.material(int(n)) for n in np.unique(self._section) if n >= 0}
+        materials = {n: self.material(n) for n in sorted(set(self._section.tolist())) if n >= 0}
         kinds = {n: structure_of(material) for n, material in materials.items()}
         for block in deck.mesh.blocks:
             section = self._section[first : first + len(block.nodes)]
@@ -181,16 +186,12 @@ class Model:
         return found
 
     def _add_rigid(self) -> None:
-        axes = (5,) if self.dim == 2 else (3, 4, 5)
         still = self._never_turned()
         for body in self.deck.rigid:
             nodes = np.array(body.nodes, dtype=int)
             if not len(nodes):
                 continue
-            if body.rotation >= 0:
-                keys = [(body.rotation, 2)] if self.dim == 2 else [(body.rotation, axis) for axis in range(3)]
-            else:
-                keys = [(body.reference, axis) for axis in axes]
+            keys = self._turning(body)
             if all(key in still for key in keys):
                 for node in nodes:
                     for axis in range(self.dim):
@@ -204,6 +205,16 @@ class Model:
             from fingerfit.fem.rigid import RigidBody
 
             self.rigid.append(RigidBody(nodes, body.reference, np.array(dofs), self.deck.mesh.points))
+
+    def _turning(self, body: Rigid) -> list[tuple[int, int]]:
+        """Nodes and axes of a rigid body's rotation."""
+        if body.rotation >= 0:
+            return [(body.rotation, axis) for axis in ((2,) if self.dim == 2 else range(3))]
+        return [(body.reference, axis) for axis in ((5,) if self.dim == 2 else (3, 4, 5))]
+
+    def turns(self, body: Rigid) -> bool:
+        """Whether a rigid body is free to turn, or turned, in any step."""
+        return not set(self._turning(body)) <= self._never_turned()
 
     def _never_turned(self) -> set[tuple[int, int]]:
         """Nodes and axes that are held at 0 in all steps."""
@@ -248,7 +259,7 @@ class Model:
             thickness = 1.0
             if ELEMENTS[element.kind].state == AXISYMMETRIC:
                 thickness = 0.0
-            elif self.dim == 2:
+            elif self.dim == 2 and element.section >= 0:
                 thickness = self.deck.sections[element.section].thickness
             found.append((element.kind, element.nodes, face, thickness))
         return found

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import difflib
-from importlib.metadata import entry_points
+from typing import TYPE_CHECKING
 
 from fingerfit.errors import FingerfitError
 from fingerfit.solvers.contract import Solver
 
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoints
+
 GROUP = "fingerfit.solvers"
+
+
+def _registered() -> EntryPoints:
+    # imported late: most runs name a solver of ours
+    from importlib.metadata import entry_points
+
+    return entry_points(group=GROUP)
 
 
 def solver_names() -> list[str]:
     """Names that `get_solver` knows."""
-    return sorted({"abaqus", "builtin", "calculix", *(entry.name for entry in entry_points(group=GROUP))})
+    return sorted({"abaqus", "builtin", "calculix", *(entry.name for entry in _registered())})
 
 
 def get_solver(name: str) -> Solver:
@@ -36,7 +46,7 @@ def get_solver(name: str) -> Solver:
         from fingerfit.solvers.abaqus import AbaqusSolver
 
         return AbaqusSolver()
-    for entry in entry_points(group=GROUP):
+    for entry in _registered():
         if entry.name == name:
             return entry.load()()
     near = difflib.get_close_matches(name, solver_names(), 1)

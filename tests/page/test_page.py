@@ -109,7 +109,7 @@ def test_nothing_there_is_an_error_in_words(tmp_path):
 def test_the_ladder_shows_the_noise_and_both_errors():
     axes = ladder_figure(sample.ladder()).axes[0]
     lines = {line.get_label(): list(line.get_ydata()) for line in axes.get_lines()}
-    assert lines["pictures that were fitted"] == [2.71, 1.01] and lines["held out"] == [3.02, 1.04]
+    assert lines["fitted"] == [2.71, 1.01] and lines["held out"] == [3.02, 1.04]
     assert [1.0, 1.0] in lines.values()
 
 

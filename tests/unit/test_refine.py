@@ -28,7 +28,7 @@ def fit_on(search, refined=None):
 
 
 def at(values, mesh):
-    return Minimum(values, Asked(values, "sim", mesh, ""), None, 0.0)
+    return Minimum(values, Asked(values, "sim", mesh, ""), None, 0.0, 0.0)
 
 
 COARSE, FINE = {"mu_top": 0.020, "poisson": 0.40}, {"mu_top": 0.022, "poisson": 0.41}
@@ -107,7 +107,7 @@ class Body:
     def __init__(self, sims, truth=0.030, lost=()):
         self.sims, self.truth, self.lost = sims, truth, lost
         self.settings = SimpleNamespace(parameters=lambda: PARAMETERS[:1])
-        self.mesh_names = {SEARCH: SEARCH, REFINED: REFINED}
+        self.mesh_names, self.exact = {SEARCH: SEARCH, REFINED: REFINED}, False
 
     def ask(self, values, role=SEARCH, gain=1.0):
         mesh = REFINED if role == FINAL else SEARCH

@@ -11,17 +11,23 @@ PACKAGE = ROOT / "fingerfit"
 # low to high: a module imports only from its own line and from lines above it
 ORDER = (
     ("errors",),
-    ("files", "keys", "units"),
+    ("beside", "files", "keys", "units"),
     ("guess", "mesh", "material", "study"),
     ("effects",),
     ("fem",),
     ("study_file",),
     ("deck", "meshing", "mesh_io", "tetrahedra", "anatomy"),
     ("solvers",),
+<<<<<<< HEAD
+    ("imaging", "data", "slices"),
+=======
     ("imaging", "data"),
     ("morph",),
+>>>>>>> 3f5aaa49d729f49df64d11963c4330f088de143d
     ("score", "search", "uncertainty"),
-    ("predict", "estimate", "rounds"),
+    ("truth",),
+    ("predict", "estimate", "rounds", "scan"),
+    ("choices",),
     ("settings", "pictured"),
     ("prepare", "fit", "experiment", "settings_check"),
     ("residual",),
@@ -29,9 +35,10 @@ ORDER = (
     ("course", "judge", "extend"),
     ("diagnose",),
     ("verdict", "simulate"),
+    ("designs",),
     ("examine",),
-    ("report", "plots", "check", "recipes", "layout", "testing", "page"),
-    ("findings", "climb"),
+    ("report", "plots", "volumes", "fields", "check", "recipes", "layout", "testing", "page"),
+    ("findings", "climb", "export"),
     ("commands",),
     ("cli",),
     ("__main__",),

@@ -8,7 +8,7 @@ import pytest
 from fingerfit.diagnose import Look, Suspect, alike, summary
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.judge import Judge
-from fingerfit.verdict import LEVEL, TRIED, Refit, confusions, decide, threshold, to_refit
+from fingerfit.verdict import LEVEL, TRIED, Refit, confusions, decide, doubted, threshold, to_refit
 
 EFFECTS = catalogue()
 VALUES, OWN, TESTS = 300, 3, 20
@@ -197,6 +197,22 @@ def test_alarms_by_chance_are_rare(world):
         looks.sort(key=lambda look: -look.finding.fall)
         alarms += bool(to_refit(judge, looks, TESTS))
     assert alarms < 9
+
+
+def test_no_model_is_adequate_whose_pictures_differ_by_much_more_than_their_noise(world):
+    found = answer(world, 0 * world.signal(0), tilt=world.signal(0))
+    assert doubted(found, 1.2) is found
+    assert doubted(found, 1.8).kind == "unexplained"
+    assert "1.8 times their noise" in doubted(found, 1.8).sentence
+    missing = answer(world, 30 * world.signal(0), tilt=world.signal(0))
+    assert doubted(missing, 5.0) is missing
+
+
+def test_the_next_best_are_refitted_after_the_best(world):
+    judge = world.judge(30 * world.signal(0) + 12 * world.signal(1) + 11 * world.signal(2))
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
+    assert [look.suspect.effect.name for look in to_refit(judge, looks, TESTS)] == ["tilt"]
+    assert [look.suspect.effect.name for look in to_refit(judge, looks, TESTS, {"tilt"})] == ["inclusion", "skin"]
 
 
 def test_confusions_and_summary(world):

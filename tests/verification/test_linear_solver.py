@@ -1,11 +1,16 @@
 """The linear solvers agree, large systems are ordered well, and singular ones are told."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
-from scipy.sparse import diags_array, kron
+from conftest import phantom
+from scipy.sparse import block_diag, diags_array, kron
 
 from fingerfit.fem import factor
 from fingerfit.fem.factor import LinearSolver, conjugate_gradients, dissect
+from fingerfit.fem.levels import WIDEST, Levels
 
 
 def cube(n):
@@ -89,3 +94,59 @@ def test_a_large_matrix_that_changed_much_is_factorised_anew(rng):
     for scale in (0.0, 1e4, 1e-3):
         changed = (matrix + diags_array(np.linspace(0, scale, matrix.shape[0]))).tocsc()
         assert changed @ solver.solve(changed, right) == pytest.approx(right, abs=1e-5)
+
+
+def plate(n, rng):
+    """Matrix of n x n points with two unknowns each and a loose pair, numbered at random, not symmetric in values."""
+    line = diags_array([0.4, 1.0, 0.4], offsets=[-1, 0, 1], shape=(n, n))
+    matrix = block_diag([kron(kron(line, line), np.ones((2, 2)) + np.eye(2)), np.eye(2)]).tocsc()
+    matrix.data *= rng.uniform(0.8, 1.2, len(matrix.data))
+    order = rng.permutation(matrix.shape[0])
+    return matrix[order][:, order].tocsc()
+
+
+def test_levels(rng):
+    matrix = plate(9, rng)
+    levels, right = Levels(matrix.indices, matrix.indptr), rng.normal(size=matrix.shape[0])
+    assert np.array_equal(np.sort(np.concatenate(levels.parts)), np.arange(len(right)))
+    assert len(levels.parts) >= 2 + 5 and max(map(len, levels.parts)) <= 2 * 17
+    assert matrix @ levels.solve(matrix.data, right) == pytest.approx(right, abs=1e-10)
+    singular = matrix.copy()
+    singular.data[np.isin(singular.indices, [5])] = 0.0
+    assert levels.solve(singular.data, right) is None
+
+
+def test_levels_begin_at_a_side_where_that_is_narrower():
+    """From a corner of a square they go round it."""
+    line = diags_array([0.4, 1.0, 0.4], offsets=[-1, 0, 1], shape=(40, 40))
+    matrix = kron(line, line).tocsc()
+    positions = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0), indexing="ij"), axis=-1).reshape(-1, 2)
+    assert Levels(matrix.indices, matrix.indptr).widest > WIDEST
+    assert Levels(matrix.indices, matrix.indptr, positions).widest == 40
+
+
+def test_small_systems_do_not_need_scipy(write_deck):
+    """Its import takes longer than the solution of a guess."""
+    deck, _ = write_deck(phantom("force", [7.0, 14.0]))
+    program = (
+        "import sys; from pathlib import Path; from fingerfit.solvers.builtin import BuiltinSolver\n"
+        "deck = Path(sys.argv[1]); print(BuiltinSolver().solve(deck, deck.parent).status, 'scipy' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program, deck], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["converged", "False"]
+
+
+@pytest.mark.parametrize("n", [5, 11], ids=["small", "large"])
+def test_unknowns_that_are_held_stay_zero(rng, n):
+    """Direct and with an old factorisation: as if their rows and columns were struck out."""
+    matrix, positions = cube(n)
+    solver, held = LinearSolver(positions, True), np.array([4, 31])
+    rest = np.setdiff1d(np.arange(matrix.shape[0]), held)
+    for scale in (1.0, 1.1):
+        right = rng.normal(size=matrix.shape[0])
+        right[held] = 0.0
+        found = solver.solve(matrix, right, 1e-10, held)
+        assert np.abs(found[held]).max() < 1e-12
+        assert matrix[rest][:, rest] @ found[rest] == pytest.approx(right[rest], abs=1e-7)
+        assert solver.solve(matrix, right)[held] != pytest.approx(np.zeros(2), abs=1e-3)
+        matrix = (scale * matrix + diags_array(np.linspace(0, 0.1, matrix.shape[0]))).tocsc()

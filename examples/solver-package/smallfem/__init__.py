@@ -1,0 +1,1 @@
+"""A small finite-element program as a solver of fingerfit."""

@@ -1,0 +1,117 @@
+"""What follows from settings, and settings that were checked before, read again without the checks.
+
+`propose` runs in every round: importing what checks config.yaml, and checking it, would take a third of its time.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from fingerfit.effects.catalogue import catalogue, chosen
+from fingerfit.effects.contract import Effect
+from fingerfit.errors import StateError
+from fingerfit.files import read_json
+from fingerfit.guess import Parameter
+from fingerfit.keys import unknown_key
+from fingerfit.search import Plan, Stage
+
+CONFIG = "config.yaml"
+
+
+class Model:
+    """What follows from the settings of a model."""
+
+    @property
+    def full_name(self: Any) -> str:
+        """Name with the effects: that of its folder."""
+        return "+".join([self.name, *self.effects])
+
+
+class Choices:
+    """What follows from settings."""
+
+    def parameters(self: Any) -> tuple[Parameter, ...]:
+        """Parameters in the order of the file, then those of the effects."""
+        own = tuple(
+            Parameter(name, p.unit, p.lower, p.upper, p.start, p.log) for name, p in self.model.parameters.items()
+        )
+        added = []
+        for effect in self.effects():
+            given = self.model.effects[effect.name]
+            for p in effect.parameters:
+                start = given.get(p.name, p.null)
+                added.append(Parameter(effect.key(p.name), p.unit, p.lower, p.upper, start, log=False))
+            for name, (lower, upper) in effect.refine.items():
+                start = min(max(given.get(name, effect.scan[name][0]), lower), upper)
+                added.append(Parameter(effect.key(name), "1", lower, upper, start, log=False))
+        return own + tuple(added)
+
+    def effects(self: Any) -> tuple[Effect, ...]:
+        """Effects of the model, in order.
+
+        Raises
+        ------
+        InputError
+            For an effect or a number of it that is not known, with the nearest one that is.
+        """
+        if not self.model.effects:
+            return ()
+        found = chosen(list(self.model.effects), catalogue(Path(self.study)), CONFIG)
+        for effect in found:
+            known = list(effect.own({}))
+            for key in self.model.effects[effect.name]:
+                if key not in known:
+                    raise unknown_key(CONFIG, f"model.effects.{effect.name}.", key, known)
+        return found
+
+    def fixed(self: Any) -> dict[str, float]:
+        """Numbers of effects that are not fitted: places and the like."""
+        return {
+            effect.key(name): self.model.effects[effect.name].get(name, values[0])
+            for effect in self.effects()
+            for name, values in effect.scan.items()
+            if name not in effect.refine
+        }
+
+    def plan(self: Any) -> Plan:
+        """How to search."""
+        stages = tuple(Stage(s.name, s.kind, s.tolx, s.tolf, s.points, s.step, s.restarts) for s in self.fit.stages)
+        return Plan(stages, self.fit.batch, self.fit.max_evaluations)
+
+
+class _ReadModel(SimpleNamespace, Model):
+    pass
+
+
+class _Read(SimpleNamespace, Choices):
+    pass
+
+
+def read_checked(path: Path) -> Any:
+    """Settings from the JSON that `fingerfit.layout.write_settings` wrote of checked ones.
+
+    They have all keys and methods of `fingerfit.settings.Settings` that a fit uses, not those of pydantic's models.
+
+    Raises
+    ------
+    StateError
+        When the file is missing, damaged or something else.
+    """
+    data = read_json(path)
+    try:
+        model, fit = data["model"], data["fit"]
+        meshes = {name: SimpleNamespace(**model[name]) if model[name] else None for name in ("mesh", "refined")}
+        parameters = {name: SimpleNamespace(**entry) for name, entry in model["parameters"].items()}
+        stages = [SimpleNamespace(**stage) for stage in fit["stages"]]
+        read = _Read(
+            **{
+                **data,
+                "model": _ReadModel(**{**model, **meshes, "parameters": parameters}),
+                "fit": SimpleNamespace(**{**fit, "stages": stages}),
+            }
+        )
+    except (TypeError, KeyError, AttributeError) as error:
+        raise StateError(f"{path}: is not what the workflow wrote: {error}") from error
+    return read

@@ -1,0 +1,40 @@
+"""Calls beside each other: order, failures, and children that are ended."""
+
+import os
+import signal
+
+import pytest
+
+from fingerfit.beside import side_by_side
+from fingerfit.errors import FingerfitError, InputError, Problems
+
+
+@pytest.mark.parametrize("processes", [1, 2, 3, 9])
+def test_results_come_in_order_from_as_many_processes(processes):
+    found = side_by_side(lambda n: (n * n, os.getpid()), range(5), processes)
+    assert [square for square, _ in found] == [0, 1, 4, 9, 16]
+    assert len({process for _, process in found}) == min(processes, 5)
+    assert found[0][1] == os.getpid()
+
+
+def test_nothing_to_do():
+    assert side_by_side(str, [], 2) == []
+
+
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_what_a_call_raises_is_raised(wrong):
+    def call(n):
+        if n == wrong:
+            raise Problems([InputError("here", "this", "that", "something else")])
+
+    with pytest.raises(Problems, match="here: this: found that; expected something else") as caught:
+        side_by_side(call, [0, 1], 2)
+    assert caught.value.problems[0].field == "this"
+    with pytest.raises(ChildProcessError):  # no child is left
+        os.waitpid(-1, os.WNOHANG)
+
+
+def test_a_child_that_is_killed_is_told():
+    own = os.getpid()
+    with pytest.raises(FingerfitError, match="ended from outside"):
+        side_by_side(lambda n: os.getpid() == own or os.kill(os.getpid(), signal.SIGKILL), [0, 1], 2)

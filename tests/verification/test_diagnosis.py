@@ -1,0 +1,124 @@
+"""A small body with a hidden inclusion, fitted and diagnosed in this process: where it is, and what would show it better."""
+
+import numpy as np
+import pytest
+
+from fingerfit.designs import designs, half_indenter, separation
+from fingerfit.diagnose import Examination, anchor_of, best_places, judge_of, stiffness_map, suspects, try_suspects
+from fingerfit.experiment import read_truth, solve, write_study
+from fingerfit.files import write_json
+from fingerfit.fit import SEARCH
+from fingerfit.refine import finest
+from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, run_fit, solve_missing
+
+PLACE = (0.32, 0.42)
+NAMES = ("inclusion", "tilt", "misregistration", "gradient")
+DESCRIPTION = {
+    "title": "a stiff lump",
+    "body": {
+        "width": 12,
+        "thickness": 70,
+        "layers": [
+            {"name": "top", "height": 6, "mu": 0.03, "intensity": 0.5},
+            {"name": "bottom", "height": 6, "mu": 0.06, "intensity": 0.9},
+        ],
+    },
+    "material": {"alpha": 1.4, "poisson": 0.49},
+    "mesh": {"element": "CPE8", "across": 12, "per_layer": 6, "grading": 2},
+    "solver": "builtin",
+    "displacement": [0.5, 1.0, 1.5, 2.0],
+    "time": [10, 20, 30, 40],
+    "picture": {
+        "pixels": 96, "side": 19, "texture": 0.15, "correlation": 0.6, "noise": 0.02, "pictured": [1, 2, 3, 4]
+    },
+    "noise": {"force": 0.003, "displacement": 0.01},
+    "seed": 5,
+    "effects": {"inclusion": {"contrast": 1.0, "across": PLACE[0], "along": PLACE[1]}},
+}  # fmt: skip
+MESHES = {
+    "mesh": {"element": "CPE8", "across": 5, "per_layer": 3, "grading": 2},
+    "refined": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
+}
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    """The examination of the model without the inclusion, and a few tested suspects everywhere."""
+    folder = tmp_path_factory.mktemp("lump")
+    write_json(folder / "experiment.yaml", DESCRIPTION)
+    truth = read_truth(folder / "experiment.yaml")
+    write_study(truth, solve(truth, folder / "body", 1), folder / "study")
+    mu = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
+    model = {"material": DESCRIPTION["material"], **MESHES, "parameters": {"mu_top": mu, "mu_bottom": mu}}
+    stages = [{"name": "grid", "kind": "grid", "points": 3}]
+    stages += [{"name": "independent", "kind": "independent", "tolx": 2e-2, "tolf": 2e-2}]
+    fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
+    settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting})
+    fit, everything = begin(settings, folder / "model")
+    last = run_fit(fit, 1)[0]
+    found = [s for s in suspects(fit, finest(fit, last).values) if s.effect.name in NAMES]
+    solve_missing(fit, [anchor_of(fit, last), *(a for s in found for a in s.asked)], 1)
+    examination = Examination(fit, last, everything)
+    return examination, try_suspects(examination, judge_of(examination), found)
+
+
+def test_the_map_shows_where_it_is_stiffer(world):
+    examination, looks = world
+    table = stiffness_map(examination, looks)
+    assert table.shape == (30, 4)
+    best = table[np.argmax(np.abs(table[:, 3]))]
+    assert best[:2] == pytest.approx([12 * share for share in PLACE])
+    assert best[2] == pytest.approx(1.0, abs=0.3)
+    assert best[3] > 10
+    # what is far away answers only through the constants of its layer
+    far = np.hypot(table[:, 0] - best[0], table[:, 1] - best[1]) > 6.0
+    assert np.abs(table[far, 3]).max() < 0.6 * best[3]
+
+
+def test_the_floor_counts_the_prescribed_force(world):
+    examination, _ = world
+    extra = np.sqrt(examination.floor**2 - examination.residual.floor**2)
+    assert (extra > 0).all()
+    # twice the noise of the force adds twice as much
+    noisier = Examination(examination.fit, examination.last, examination.data)
+    noisier.__dict__["_control_noise"] = 2 * examination._control_noise
+    assert np.sqrt(noisier.floor**2 - noisier.residual.floor**2) == pytest.approx(2 * extra)
+
+
+def test_slopes_of_what_is_observed_do_not_depend_on_where_they_are_taken(world):
+    examination, looks = world
+    effect = next(one.suspect.effect for one in looks if one.suspect.effect.name == "misregistration")
+    slopes = [examination._observed(effect, {"misregistration.x": x}, "x") for x in (0.0, 0.07)]
+    assert np.abs(slopes[0]).max() > 0.1
+    assert slopes[1] == pytest.approx(slopes[0], abs=1e-9)
+
+
+def test_better_measurements_separate_two_effects_better(world):
+    examination, looks = world
+    best = {one.suspect.effect.name: one for one in best_places(looks)}
+    found, run = separation(examination, best["inclusion"], best["gradient"])
+    gain = dict(found)
+    titles = [design.title for design in designs(examination.fit.study)]
+    assert set(gain) == set(titles)
+    assert [value for _, value in found] == sorted(gain.values(), reverse=True)
+    # noise alone can bring no more than its square
+    assert 1.0 < gain[titles[0]] <= 4.0
+    assert 1.0 <= gain[titles[1]] <= 25.0
+    further = next(title for title in titles if "1.2 times" in title)
+    assert gain[further] > 1.1
+    # nothing here depends on time, so a slower test shows the same
+    slower = next(title for title in titles if "slow" in title)
+    assert gain[slower] == pytest.approx(1.0, rel=0.02)
+    assert run > 0
+    assert separation(examination, best["inclusion"], best["gradient"])[1] == 0
+
+
+def test_half_an_indenter_has_its_nodes_in_one_half(world):
+    mesh = world[0].fit.meshes[SEARCH]
+    half = half_indenter(mesh)
+    x = mesh.points[half.node_sets["TOP"], 0]
+    assert x.max() <= 6.0 + 1e-9
+    assert 0.4 < len(x) / len(mesh.node_sets["TOP"]) < 0.6
+    assert half.node_sets["INDENTER"][0] in half.node_sets["TOP"]
+    assert half.node_sets["BOTTOM"] is mesh.node_sets["BOTTOM"]

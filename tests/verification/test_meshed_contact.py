@@ -1,0 +1,250 @@
+"""Contact with rigid surfaces of a mesh: their geometry, against analytical ones, and against CalculiX."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from solving import solve_deck
+
+from fingerfit.errors import InputError
+from fingerfit.fem.faces import Faces, collect_faces, faces_of
+from fingerfit.fem.facets import Facets, cut_faces
+from fingerfit.fem.surfaces import Plane, Round
+from fingerfit.meshing import brick, layered_block
+from fingerfit.solvers.builtin import BuiltinSolver
+from fingerfit.solvers.contract import CONVERGED
+
+
+def cap(radius, count, angle=60.0):
+    """Bricks of a sphere's cap round its lowest point at the origin; faces S1 are outside: points, bricks."""
+    way = np.linspace(-1, 1, count + 1) * np.tan(np.deg2rad(angle))
+    a, b = np.meshgrid(way, way, indexing="ij")
+    out = np.stack([a, b, -np.ones_like(a)], axis=-1)
+    out = (out / np.linalg.norm(out, axis=-1, keepdims=True)).reshape(-1, 3)
+    points = np.vstack([radius * out, 0.8 * radius * out]) + np.array([0, 0, radius])
+    index = np.arange((count + 1) ** 2).reshape(count + 1, count + 1)
+    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1).reshape(-1, 4)
+    return points, np.hstack([quads, quads + len(out)])
+
+
+def facets_of(points, element, elements, face):
+    faces = collect_faces(points, [(element, nodes, face, 1.0) for nodes in elements])
+    return Facets(points, cut_faces(faces, points.shape[1]))
+
+
+def test_a_meshed_sphere_is_nearly_round(rng):
+    """Facets are chords, inside by up to h^2 / 8 R: the gap goes to the round one's with the square of their size."""
+    sphere, way = Round(np.array([0.0, 0.0, 2.0]), 2.0), rng.uniform(-0.6, 0.6, size=(200, 3))
+    way[:, 2] = -1.0
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    x = [0, 0, 2] + way * rng.uniform(1.7, 1.9, size=(200, 1))
+    wanted, outward, _ = sphere.gap(x)
+    errors = []
+    for count in (8, 32):
+        points, bricks = cap(2.0, count, 45.0)
+        gap, normal, slope = facets_of(points, "C3D8", bricks, 0).gap(x)
+        assert (gap - wanted).min() > -1e-12
+        assert (normal * outward).sum(axis=1).min() > np.cos(3.0 / count)
+        assert not slope.any()
+        errors.append((gap - wanted).mean())
+    assert errors[0] > 1e-3
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.2)
+
+
+@pytest.mark.parametrize("count", [2, 12], ids=["all facets", "the nearest"])
+def test_a_meshed_plate_is_a_plane_up_to_its_edge(rng, count):
+    mesh = brick((2.0, 2.0, 1.0), (count, count, 1))
+    nodes = mesh.blocks[0].nodes
+    top = [
+        (n, f) for n in nodes for f, local in enumerate(faces_of("C3D8")) if (mesh.points[n[list(local)], 2] == 1).all()
+    ]
+    assert len(top) == count**2
+    faces = collect_faces(mesh.points, [("C3D8", n, f, 1.0) for n, f in top])
+    plate, plane = Facets(mesh.points, cut_faces(faces, 3)), Plane(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0]))
+    x = np.column_stack([rng.uniform(0, 2, size=(60, 2)), rng.uniform(0.8, 1.2, size=60)])
+    assert plate.gap(x)[0] == pytest.approx(plane.gap(x)[0], abs=1e-12)
+    assert plate.gap(x)[1] == pytest.approx(plane.gap(x)[1], abs=1e-12)
+    beyond = np.array([[2.3, 1.0, 0.6], [1.0, -0.1, 0.9], [-0.3, -0.4, 1.0]])
+    assert plate.gap(beyond)[0] == pytest.approx([0.5, np.hypot(0.1, 0.1), 0.5])
+
+
+def test_between_facets_the_nearer_one_counts():
+    """A roof of two lines: seen from inside, the gap has no jump at the ridge; behind a valley there is contact."""
+    points = np.array([[-1.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
+    lines = Facets(points, cut_faces((Faces(np.array([[0, 1], [1, 2]]), np.array([-1.0, -1.0]), np.ones(2)),), 2))
+    x = np.array([[-1e-6, 0.5], [1e-6, 0.5], [0.0, 1.5]])
+    gap, normal, _ = lines.gap(x)
+    assert gap[:2] == pytest.approx([-(0.125**0.5)] * 2, abs=1e-5)
+    assert gap[2] == pytest.approx(0.125**0.5)
+    assert normal[0] == pytest.approx([-(0.5**0.5), 0.5**0.5])
+    assert normal[1] == pytest.approx([0.5**0.5, 0.5**0.5])
+    valley = Facets(-points, cut_faces((Faces(np.array([[2, 1], [1, 0]]), np.array([-1.0, -1.0]), np.ones(2)),), 2))
+    assert valley.gap(np.array([[0.0, -1.2]]))[0] == pytest.approx([-0.2 * 0.5**0.5])
+
+
+DECK = """*NODE, NSET=ALL
+{nodes}
+*NODE, NSET=REF
+9000, 0., 0.{zero}
+*ELEMENT, TYPE={element}, ELSET=BODY
+{body}
+*ELEMENT, TYPE={rigid}, ELSET=RIGID
+{tool}
+*SURFACE, NAME=SLAVE
+{slave}
+{master}
+*SURFACE INTERACTION, NAME=I
+*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR
+{stiffness}
+{friction}
+*CONTACT PAIR, INTERACTION=I, TYPE=NODE TO SURFACE
+SLAVE, TOOL
+*SOLID SECTION, ELSET=BODY, MATERIAL=M
+*MATERIAL, NAME=M
+{material}
+*BOUNDARY
+{held}
+*STEP, NLGEOM
+*STATIC
+0.25, 1.
+{load}
+*END STEP
+"""
+
+
+@pytest.fixture
+def press(tmp_path):
+    """Solve a body (a mesh whose top is pressed) and a tool (element, points, elements, its master faces)."""
+
+    def press(mesh, tool, **values):
+        element, points, elements, faces = tool
+        block, count = mesh.blocks[0], len(mesh.points)
+        everything = np.vstack([mesh.points, points])
+        top = mesh.points[:, -1].max()
+        slave = [
+            f"{n}, S{f}"
+            for n, nodes in enumerate(block.nodes, 1)
+            for f, local in enumerate(faces_of(block.element), 1)
+            if (np.abs(mesh.points[nodes[list(local)], -1] - top) < 1e-9).all()
+        ]
+        dim = mesh.dim
+        master = "*SURFACE, NAME=TOOL\n" + "\n".join(f"{500 + n}, S{f + 1}" for n, f in faces)
+        given = {
+            "nodes": "\n".join(f"{n}, " + ", ".join(map(repr, x)) for n, x in enumerate(everything.tolist(), 1)),
+            "zero": ", 0." if dim == 3 else "",
+            "element": block.element,
+            "body": "\n".join(f"{n}, " + ", ".join(map(str, nodes + 1)) for n, nodes in enumerate(block.nodes, 1)),
+            "rigid": element,
+            "tool": "\n".join(f"{500 + n}, " + ", ".join(map(str, e + count + 1)) for n, e in enumerate(elements)),
+            "slave": "\n".join(slave),
+            "master": master + "\n*RIGID BODY, ELSET=RIGID, REF NODE=9000",
+            "stiffness": 1000.0,
+            "friction": "",
+            "material": "*ELASTIC\n10., 0.3",
+        }
+        base = [f"{n + 1}, {dim}" for n in np.flatnonzero(mesh.points[:, -1] < 1e-9)]
+        base += [f"{n + 1}, 1" for n in np.flatnonzero(mesh.points[:, 0] < 1e-9)]
+        base += [f"{n + 1}, 2" for n in np.flatnonzero(mesh.points[:, 1] < 1e-9)] if dim == 3 else []
+        given["base"] = "\n".join(base)
+        given |= values
+        given["held"] = given["base"] + "\n" + given["held"]
+        (tmp_path / "deck.inp").write_text(DECK.format(**given))
+        _, steps = solve_deck(tmp_path / "deck.inp")
+        assert steps[-1].arrived
+        return steps[-1], count
+
+    return press
+
+
+@pytest.mark.parametrize("element", ["CPE4", "CPE8", "C3D4", "C3D8", "C3D10"])
+def test_patch_under_a_meshed_plate(press, element):
+    """Uniform pressure under a plate that overhangs, as under the analytical plane."""
+    if element.startswith("CPE"):
+        mesh = layered_block(2.0, [("a", 1.0)], 3, 2, element)
+        plate = layered_block(4.0, [("a", 0.5)], 3, 1, "CPE4", origin=(-1.0, 1.0))
+        tool = ("CPE4", plate.points, plate.blocks[0].nodes, [(n, 0) for n in range(3)])
+        held, analytical = "9000, 1\n9000, 6", "TYPE=SEGMENTS\nSTART, -5., 1.\nLINE, 5., 1."
+    else:
+        mesh = brick((2.0, 1.5, 1.0), (2, 2, 1), element=element)
+        plate = brick((4.0, 4.0, 0.5), (3, 3, 1))
+        tool = ("C3D8", plate.points + np.array([-1, -1, 1]), plate.blocks[0].nodes, [(n, 0) for n in range(9)])
+        held = "9000, 1, 2\n9000, 4, 6"
+        analytical = "TYPE=REVOLUTION\n1., 1., 1., 1., 1., 2.\nSTART, 0., 0.\nLINE, 9., 0."
+    axis = mesh.dim
+    load = f"*BOUNDARY\n9000, {axis}, {axis}, -0.1"
+    last, count = press(mesh, tool, held=held, load=load)
+    u = last.displacement[:count]
+    assert np.ptp(u[np.abs(mesh.points[:, -1] - 1) < 1e-9, -1]) < 1e-9
+    assert last.displacement[count:-1] == pytest.approx(np.eye(axis)[axis - 1] * -0.1 * np.ones((len(plate.points), 1)))
+    master = f"*SURFACE, NAME=TOOL, {analytical}\n*RIGID BODY, ANALYTICAL SURFACE=TOOL, REF NODE=9000\n"
+    round_about, _ = press(mesh, tool, held=held, load=load, master=master + "*RIGID BODY, ELSET=RIGID, REF NODE=9000")
+    assert u == pytest.approx(round_about.displacement[:count], abs=1e-9)
+    assert last.internal[-1, -1] == pytest.approx(round_about.internal[-1, -1], rel=1e-9)
+    assert last.internal[-1, -1] < -0.3
+
+
+LAWS = {
+    "free": "",
+    "friction": "*FRICTION\n0.3, 20.",
+    "glued": "*SURFACE BEHAVIOR, NO SEPARATION\n*FRICTION, ROUGH",
+}
+
+
+def sphere_on_a_block(count=48):
+    mesh = brick((4.0, 4.0, 2.0), (6, 6, 3), element="C3D8")
+    points, bricks = cap(3.0, count, 45.0)
+    material = "*HYPERELASTIC, NEO HOOKE\n0.5, 0.1"
+    tool = ("C3D8", points + np.array([0, 0, 2.0]), bricks, [(n, 0) for n in range(count**2)])
+    return mesh, tool, {"material": material, "stiffness": 20.0}
+
+
+@pytest.mark.parametrize("friction", LAWS.values(), ids=LAWS)
+def test_a_meshed_sphere_presses_as_a_round_one(press, friction):
+    mesh, tool, common = sphere_on_a_block()
+    held, load = "9000, 1, 2\n9000, 4, 6", "*BOUNDARY\n9000, 3, 3, -0.6"
+    last, count = press(mesh, tool, held=held, load=load, friction=friction, **common)
+    profile = "*SURFACE, NAME=TOOL, TYPE=REVOLUTION\n0., 0., 5., 0., 0., 6.\nSTART, 0., -3.\nCIRCL, 3., 0., 0., 0.\n"
+    master = profile + "*RIGID BODY, ANALYTICAL SURFACE=TOOL, REF NODE=9000\n*RIGID BODY, ELSET=RIGID, REF NODE=9000"
+    exact, _ = press(mesh, tool, held=held, load=load, friction=friction, master=master, **common)
+    assert last.internal[-1, 2] == pytest.approx(exact.internal[-1, 2], rel=0.01)
+    assert last.displacement[:count] == pytest.approx(exact.displacement[:count], abs=0.01)
+    assert last.internal[-1, 2] < -0.5
+
+
+@pytest.mark.parametrize("friction", ["", "*FRICTION\n0.3, 20."], ids=["free", "friction"])
+def test_a_meshed_sphere_is_pushed_by_a_force(press, friction):
+    mesh, tool, common = sphere_on_a_block()
+    held = "9000, 1, 2\n9000, 4, 6"
+    moved, _ = press(mesh, tool, held=held, load="*BOUNDARY\n9000, 3, 3, -0.6", friction=friction, **common)
+    force = moved.internal[-1, 2]
+    pushed, _ = press(mesh, tool, held=held, load=f"*CLOAD\n9000, 3, {force}", friction=friction, **common)
+    assert pushed.displacement[-1, 2] == pytest.approx(-0.6, rel=0.01 if friction else 1e-6)
+
+
+def test_a_master_that_may_turn_or_is_not_rigid_is_refused(press):
+    mesh, tool, common = sphere_on_a_block(4)
+    load = "*BOUNDARY\n9000, 3, 3, -0.1"
+    with pytest.raises(InputError, match="turns"):
+        press(mesh, tool, held="9000, 1, 2\n9000, 4, 5", load=load, **common)
+    loose = "*SURFACE, NAME=TOOL\nRIGID, S1\n*SOLID SECTION, ELSET=RIGID, MATERIAL=M"
+    with pytest.raises(InputError, match=r"TOOL.*\*RIGID BODY"):
+        press(mesh, tool, held="9000, 1, 3", load=load, master=loose, **common)
+
+
+def test_agrees_with_calculix_on_the_same_mesh(tmp_path, needs_ccx):
+    """The same deck to both. CalculiX takes the areas of the deformed faces: that is what is left."""
+    root = Path(__file__).resolve().parents[2]
+    sys.path.insert(0, str(root / "benchmarks"))
+    try:
+        from finger import write_finger
+        from running import _Ccx
+    finally:
+        sys.path.remove(str(root / "benchmarks"))
+    deck = tmp_path / "mesh.inp"
+    count = write_finger(deck, "displacement", [0.4, 0.8], "C3D4", (9, 9, 9), meshed=36)
+    ours = BuiltinSolver(averaged=False).solve(deck, tmp_path)
+    theirs = _Ccx(600.0).solve(deck, tmp_path, 1)
+    assert ours.status == CONVERGED
+    assert ours.reaction[:, 1] == pytest.approx(theirs.reaction[:, 1], rel=1e-3)
+    assert ours.displacement[:, :count] == pytest.approx(theirs.displacement[:, :count], abs=2e-4)

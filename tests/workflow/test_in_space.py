@@ -1,0 +1,117 @@
+"""A study in space from its description to the constants: two layers, volumes of 40 x 36 x 32 voxels, measured forces."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from fingerfit.cli import main
+from fingerfit.data import Data
+from fingerfit.files import read_json
+from fingerfit.fit import Fit
+from fingerfit.layout import figures
+from fingerfit.settings import load_settings
+from fingerfit.simulate import run_fit
+
+TRUTH = {"mu_top": 0.03, "mu_bottom": 0.012}
+DESCRIPTION = {
+    "title": "a block of two layers with a dark cord in it",
+    "body": {
+        "brick": [16, 14, 12],
+        "layers": [
+            {"name": "top", "height": 5, "mu": TRUTH["mu_top"], "intensity": 0.6},
+            {"name": "bottom", "height": 7, "mu": TRUTH["mu_bottom"], "intensity": 0.9},
+        ],
+        "drawn": [{"shape": "capsule", "from": [4, 7, 3], "to": [12, 7, 3], "radius": 1, "intensity": 0.1}],
+    },
+    "material": {"alpha": 1.4, "poisson": 0.45},
+    "mesh": {"element": "C3D10", "across": 4, "per_layer": 2, "grading": 1},
+    "solver": "builtin",
+    "displacement": [0.6, 1.2],
+    "picture": {
+        "pixels": [40, 36, 32],
+        "spacing": [0.55, 0.55, 0.55],
+        "texture": 0.2,
+        "correlation": 1.6,
+        "noise": 0.02,
+        "pictured": [1, 2],
+    },
+    "noise": {"force": 0.002, "displacement": 0.005},
+    "seed": 3,
+    "study": {"pictures": {"resize": [38, 36, 34], "gaussian": 0.8}},
+}
+CONFIG = {
+    "study": "study",
+    "model": {
+        "material": {"alpha": 1.4, "poisson": 0.45},
+        "mesh": {"element": "C3D8", "across": 5, "per_layer": 3},
+        "parameters": {name: {"unit": "MPa", "start": 0.1, "lower": 0.002, "upper": 0.5} for name in TRUTH},
+    },
+    "fit": {
+        "score": "ssd",
+        "replicates": 20,
+        "max_evaluations": 14,
+        "stages": [
+            {"name": "grid", "kind": "grid", "points": 5},
+            {"name": "independent", "kind": "independent", "tolx": 3e-3, "tolf": 1e-5},
+        ],
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A folder in which all commands of the workflow were called, in its order."""
+    place = tmp_path_factory.mktemp("space")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        Path("experiment.yaml").write_text(yaml.safe_dump(DESCRIPTION), encoding="utf-8")
+        Path("config.yaml").write_text(yaml.safe_dump(CONFIG), encoding="utf-8")
+        run("experiment", "experiment.yaml", "--out", "study")
+        run("check", "study", "--picture", "place.png")
+        run("prepare", "config.yaml", "--out", "data.npz", "--mesh", "mesh.inp")
+        fit = Fit(
+            load_settings(Path("config.yaml")), Data.load(Path("data.npz")), {"search": Path("mesh.inp")}, Path("sims")
+        )
+        last, _ = run_fit(fit, 1)
+        last.save(Path("last.json"))
+        common = ["config.yaml", "--data", "data.npz", "--mesh", "mesh.inp", "--sims", "sims", "--last", "last.json"]
+        run("estimate", *common, "--out", "estimate.json", "--table", "table.txt")
+        run("plot", *common, "--out", "figures")
+        names = figures(load_settings(Path("config.yaml")))
+    return place, names
+
+
+def run(*arguments):
+    assert main(list(arguments)) == 0
+
+
+def test_the_constants_are_found(fitted):
+    place, _ = fitted
+    found = read_json(place / "estimate.json")
+    assert found["remarks"] == []
+    for name, truth in TRUTH.items():
+        entry = found["parameters"][name]
+        # the fit's 150 linear bricks are not the data's 384 quadratic tetrahedra
+        assert entry["value"] == pytest.approx(truth, rel=0.05)
+        assert 0 < entry["standard_error"] < 0.02 * truth
+
+
+def test_what_is_left_is_little_more_than_noise(fitted):
+    place, _ = fitted
+    data = Data.load(place / "data.npz")
+    score = read_json(place / "estimate.json")["score"]["final"]
+    # two noisy volumes; a Gaussian of s voxels leaves 1 / (4 pi s^2)^(3/2) of the variance
+    noise = 2 * data.picture_noise**2 / (4 * np.pi * data.smooth**2) ** 1.5
+    still = float(np.mean([np.mean((data.before - picture) ** 2) for picture in data.measured]))
+    assert score < 0.04 * still
+    assert 0.5 * noise < score < 6 * noise
+
+
+def test_the_figures_are_there(fitted):
+    place, names = fitted
+    assert set(names) == {"force", "search", "deformed_mesh", "pictures"}
+    for name in names:
+        assert (place / f"figures/{name}.png").stat().st_size > 5000
+    assert (place / "place.png").stat().st_size > 20_000
