@@ -18,12 +18,8 @@ ORDER = (
     ("study_file",),
     ("deck", "meshing", "mesh_io", "tetrahedra", "anatomy"),
     ("solvers",),
-<<<<<<< HEAD
     ("imaging", "data", "slices"),
-=======
-    ("imaging", "data"),
     ("morph",),
->>>>>>> 3f5aaa49d729f49df64d11963c4330f088de143d
     ("score", "search", "uncertainty"),
     ("truth",),
     ("predict", "estimate", "rounds", "scan"),
