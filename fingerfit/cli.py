@@ -42,6 +42,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
     sub.add_argument("--cores", type=int, default=2)
 
+    sub = command("export", "write fields (VTU), pictures (NIfTI) and tables (CSV) of a diagnosed model")
+    sub.add_argument("model", type=Path, help="results/STUDY/MODEL")
+    sub.add_argument("--out", type=Path, help="folder (MODEL/export)")
+
     sub = command("effects", "list the effects that are known")
     sub.add_argument("study", type=Path, nargs="?", help="folder of a study with effects of its own")
 

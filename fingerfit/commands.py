@@ -133,6 +133,14 @@ def diagnose(args: argparse.Namespace) -> None:
     print(f"{fit.settings.model.full_name}: {found.verdict.sentence}", flush=True)
 
 
+def export(args: argparse.Namespace) -> None:
+    """Write the results of a model for other programs."""
+    from fingerfit.export import export
+
+    out = args.out or args.model / "export"
+    print(f"{len(export(args.model, out))} files in {out}")
+
+
 def add(args: argparse.Namespace) -> None:
     """Add an effect to config.yaml."""
     from fingerfit.climb import add

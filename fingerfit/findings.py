@@ -11,7 +11,10 @@ from fingerfit.diagnose import Examination, summary
 from fingerfit.effects.catalogue import as_text
 from fingerfit.examine import Examined, errors, fitted_pictures
 from fingerfit.files import read_json, write_json, write_npz
+from fingerfit.imaging.warp import Probe
+from fingerfit.mesh import Mesh
 from fingerfit.plots import outline
+from fingerfit.slices import border_triangles, parts_of
 from fingerfit.verdict import confusions
 
 SHOWN = 6
@@ -42,13 +45,14 @@ def write_compare(examination: Examination, path: Path) -> None:
             "floor": examination.floor,
             "spacing": data.spacing,
             "origin": data.origin,
+            "direction": data.direction,
             "moves": residual.value[..., :dim],
             "moves_noise": spread[: residual.value.size].reshape(residual.value.shape)[..., :dim],
             "patch_centre": examination.patches.centre,
             "patch_count": np.array(examination.patches.count),
             "mesh_points": mesh.points,
             "mesh_moved": mesh.points + outcome.displacement[data.picture_step],
-            "mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks]),
+            **_outlines(mesh, examination.patches.centre),
             "mesh_layer": layer,
             "layer_names": np.array(list(mesh.element_sets)),
             "step": data.step,
@@ -60,6 +64,16 @@ def write_compare(examination: Examination, path: Path) -> None:
             "displacement_noise": np.array(data.displacement_noise),
         },
     )
+
+
+def _outlines(mesh: Mesh, centres: np.ndarray) -> dict[str, np.ndarray]:
+    """Outlines of the elements of a plane mesh; in space, faces of its parts, and the part each patch lies in."""
+    if mesh.dim == 3:
+        faces, part = border_triangles(mesh)
+        element = Probe(mesh, centres).element
+        inside = np.where(element >= 0, parts_of(mesh)[element], -1)
+        return {"mesh_faces": faces, "mesh_face_part": part, "patch_layer": inside}
+    return {"mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks])}
 
 
 def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:

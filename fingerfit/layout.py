@@ -53,6 +53,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
     "plot": (*_FIT, "plots.py", "slices.py", "volumes.py"),
     "ladder": ("findings.py", "page"),
+    "export": (*_READ, *_MESH, "export.py", "fields.py", "slices.py", "deck", "fem", "solvers/model.py"),
     "diagnose": (
         *_FIT,
         "diagnose.py",

@@ -118,7 +118,13 @@ def section(mesh: Mesh, points: np.ndarray, frame: Picture, cut: Slice) -> tuple
     part : ndarray of int, shape (lines,)
         Number of the part inside, in the order of the sets.
     """
-    faces, part = _borders(mesh)
+    return cut_faces(*border_triangles(mesh), points, frame, cut)
+
+
+def cut_faces(
+    faces: np.ndarray, part: np.ndarray, points: np.ndarray, frame: Picture, cut: Slice
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same from triangles, shape (faces, 3), and the number of the part of each."""
     index = frame.to_index(points)
     corners = index[faces]
     height = corners[:, :, cut.axis] - cut.index
@@ -153,7 +159,7 @@ def parts_of(mesh: Mesh) -> np.ndarray:
     return found
 
 
-def _borders(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+def border_triangles(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Triangles, by corner nodes, of faces that one element has alone or shares with one of another part."""
     parts, triangles, owner, first = parts_of(mesh), [], [], 0
     for block in mesh.blocks:

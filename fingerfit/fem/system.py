@@ -105,6 +105,7 @@ class System:
     ) -> None:
         self.bodies, self.size, self.terms, self.rigid = bodies, size, list(terms), list(rigid)
         self.driven = any(getattr(term, "driven", False) for term in terms)
+        self.touches = any(hasattr(term, "law") for term in terms)
         self.slides = any(getattr(term, "slides", False) for term in terms)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
         if set(turning) & set(ties):

@@ -136,10 +136,13 @@ def _series(path: Path) -> Sequence[str]:
 
 
 def write_picture(path: Path, picture: Picture, kind: Any = np.uint16) -> None:
-    """Write a picture; the format follows from the name. Whole or not at all."""
+    """Write a picture; the format follows from the name. Whole or not at all.
+
+    Values with one axis more than the picture, the last one, are vectors.
+    """
     import SimpleITK as sitk
 
-    image = sitk.GetImageFromArray(picture.values.astype(kind))
+    image = sitk.GetImageFromArray(picture.values.astype(kind), isVector=picture.values.ndim > picture.dim)
     image.SetSpacing(picture.spacing.tolist())
     image.SetOrigin(picture.origin.tolist())
     image.SetDirection(picture.direction.ravel().tolist())

@@ -279,12 +279,18 @@ class Probe:
         Reference mesh.
     points : ndarray, shape (points, dim)
         mm.
+
+    Attributes
+    ----------
+    element : ndarray of int, shape (points,)
+        Element that a point is in, the last one of several; -1 outside.
     """
 
     def __init__(self, mesh: Mesh, points: np.ndarray) -> None:
         widest = max(block.nodes.shape[1] for block in mesh.blocks)
         self._nodes = np.zeros((len(points), widest), dtype=int)
         self._weights = np.full((len(points), widest), np.nan)
+        self.element, start = np.full(len(points), -1), 0
         for block in mesh.blocks:
             corners = mesh.points[block.nodes]
             low, high = corners.min(axis=1) - 1e-9, corners.max(axis=1) + 1e-9
@@ -297,6 +303,8 @@ class Probe:
             xi, outside = local_coordinates(block.element, corners, element, points[point])
             inside = outside == 0
             element, point = element[inside], point[inside]
+            self.element[point] = element + start
+            start += len(block.nodes)
             self._nodes[point, : block.nodes.shape[1]] = block.nodes[element]
             self._weights[point] = 0.0
             self._weights[point, : block.nodes.shape[1]] = shape(block.element, xi[inside])[0]

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from fingerfit.page.inputs import Compare
-from fingerfit.page.regions import layers_of, patch_size
+from fingerfit.page.regions import patch_layers, patch_size
 from fingerfit.plots import COLOURS
 
 DPI = 130
@@ -47,17 +47,22 @@ class Frame:
     ----------
     limits : tuple of float
         Left, right, bottom, top, mm; widened where a panel would be too flat or too high.
+    labels : tuple of str
+        Of the axes.
     """
 
     limits: tuple[float, float, float, float]
+    labels: tuple[str, str] = ("x in mm", "y in mm")
 
     @classmethod
-    def around(cls, limits: tuple[float, float, float, float]) -> Frame:
+    def around(
+        cls, limits: tuple[float, float, float, float], labels: tuple[str, str] = ("x in mm", "y in mm")
+    ) -> Frame:
         """A frame around limits, no flatter than 1:3 and no higher than 4:3."""
         left, right, bottom, top = limits
         wide, high = max(right - left, 1e-9), max(top - bottom, 1e-9)
         more_high, more_wide = max(0.0, wide / 3 - high) / 2, max(0.0, high * 0.75 - wide) / 2
-        return cls((left - more_wide, right + more_wide, bottom - more_high, top + more_high))
+        return cls((left - more_wide, right + more_wide, bottom - more_high, top + more_high), labels)
 
     @property
     def inches(self) -> tuple[float, float]:
@@ -85,8 +90,8 @@ class Frame:
         scale = figure.add_axes((left + wide + 0.1 / WIDTH, bottom, 0.14 / WIDTH, high))
         axes.set_xlim(*self.limits[:2])
         axes.set_ylim(*self.limits[2:])
-        axes.set_xlabel("x in mm", fontsize=9, labelpad=2)
-        axes.set_ylabel("y in mm", fontsize=9, labelpad=2)
+        axes.set_xlabel(self.labels[0], fontsize=9, labelpad=2)
+        axes.set_ylabel(self.labels[1], fontsize=9, labelpad=2)
         axes.locator_params(nbins=6)
         for part in (axes, scale):
             part.tick_params(labelsize=8.5)
@@ -126,11 +131,14 @@ def map_frame(compare: Compare) -> Frame:
     half = patch_size(compare) / 2
     low, high = compare.patch_centre.min(axis=0) - half, compare.patch_centre.max(axis=0) + half
     edge = 0.03 * float((high - low).max())
-    return Frame.around((float(low[0] - edge), float(high[0] + edge), float(low[1] - edge), float(high[1] + edge)))
+    limits = (float(low[0] - edge), float(high[0] + edge), float(low[1] - edge), float(high[1] + edge))
+    return Frame.around(limits, compare.axes)
 
 
 def borders(compare: Compare) -> list[np.ndarray]:
     """Edges of the reference mesh between layers and around it."""
+    if len(compare.edges):
+        return list(compare.edges)
     owners: dict[tuple[int, int], list[int]] = {}
     for ring, layer in zip(compare.mesh_rings, compare.mesh_layer, strict=True):
         ring = ring[ring >= 0]
@@ -160,7 +168,8 @@ def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -
     cells = np.ma.masked_invalid(length.reshape(nx, ny).T)
     axes.set_facecolor("white")
     gone = np.where(np.ma.getmaskarray(cells), 1.0, np.nan)
-    inside = layers_of(compare, compare.patch_centre).reshape(nx, ny).T >= 0 if len(compare.mesh_rings) else True
+    known_layers = len(compare.mesh_rings) or len(compare.patch_layer)
+    inside = patch_layers(compare).reshape(nx, ny).T >= 0 if known_layers else True
     axes.pcolormesh(*edges, np.where(inside, gone, np.nan), cmap=LinearSegmentedColormap.from_list("n", [UNKNOWN] * 2))
     shown = axes.pcolormesh(*edges, cells, cmap=WARM, vmin=0, vmax=limit)
     for edge in borders(compare):
@@ -174,7 +183,7 @@ def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -
     )  # fmt: skip
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
-    axes.set_xlabel(f"x in mm (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
+    axes.set_xlabel(f"{frame.labels[0]} (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
     _scale(figure, shown, scale, "displacement left over in mm", "max")
     return figure
 

@@ -50,6 +50,13 @@ class Compare:
     step : ndarray of int, shape (steps,)
     force, displacement, force_model, displacement_model : ndarray, shape (steps,)
         N and mm; NaN where unknown.
+    direction, mesh_faces, mesh_face_part, patch_layer : ndarray
+        Of studies in space, where the arrays above have three dimensions: direction of the grid, triangles of the
+        surfaces of the mesh and between its parts with the part of each, and the part that each patch lies in.
+    edges : ndarray, shape (edges, 2, 2)
+        Of the reference mesh in a slice, mm.
+    axes : tuple of str
+        Names of the axes of pictures.
     force_noise, displacement_noise : ndarray, shape (steps,)
         Standard deviations, N and mm.
     """
@@ -76,6 +83,12 @@ class Compare:
     displacement: np.ndarray = field(default_factory=lambda: _empty(0))
     force_model: np.ndarray = field(default_factory=lambda: _empty(0))
     displacement_model: np.ndarray = field(default_factory=lambda: _empty(0))
+    direction: np.ndarray = field(default_factory=lambda: _empty(0, 0))
+    mesh_faces: np.ndarray = field(default_factory=lambda: _empty(0, 3, kind=int))
+    mesh_face_part: np.ndarray = field(default_factory=lambda: _empty(0, kind=int))
+    patch_layer: np.ndarray = field(default_factory=lambda: _empty(0, kind=int))
+    edges: np.ndarray = field(default_factory=lambda: _empty(0, 2, 2))
+    axes: tuple[str, str] = ("x in mm", "y in mm")
     force_noise: np.ndarray = field(default_factory=lambda: _empty(0))
     displacement_noise: np.ndarray = field(default_factory=lambda: _empty(0))
 
@@ -83,6 +96,11 @@ class Compare:
     def pictures(self) -> int:
         """Number of pictures."""
         return len(self.measured)
+
+    @property
+    def volumes(self) -> bool:
+        """Whether the pictures are volumes."""
+        return self.measured.ndim == 4
 
     @cached_property
     def difference(self) -> np.ndarray:
@@ -114,7 +132,7 @@ class Compare:
     @property
     def mapped(self) -> bool:
         """Whether there is a residual displacement to draw."""
-        shape = (self.pictures, int(np.prod(self.patch_count)), 2)
+        shape = (self.pictures, int(np.prod(self.patch_count)), 3 if self.volumes else 2)
         return self.moves.shape == shape and len(self.patch_centre) == shape[1] > 0 and self.pictures > 0
 
     @property
@@ -139,10 +157,10 @@ def read_compare(path: Path) -> Compare:
         if name in known and not known[name].size:
             known[name] = _empty(0, 1, 1)
     found = Compare(**known)
-    if found.measured.ndim != 3 or found.measured.shape != found.synthesized.shape:
+    if found.measured.ndim not in (3, 4) or found.measured.shape != found.synthesized.shape:
         raise StateError(
             f"{path}: measured has the shape {found.measured.shape}, synthesized {found.synthesized.shape}:"
-            " expected both as (pictures, ny, nx)"
+            " expected both as (pictures, ny, nx) or (pictures, nz, ny, nx)"
         )
     return found
 

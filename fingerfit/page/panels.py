@@ -19,6 +19,8 @@ from fingerfit.page.figures import (
 )
 from fingerfit.page.inputs import Compare, Model
 from fingerfit.page.regions import patch_size
+from fingerfit.page.views import View, cuts_of, views_of
+from fingerfit.slices import Slice
 
 PATTERNS = 4
 """Effects of a model whose patterns are drawn."""
@@ -36,20 +38,23 @@ class Panels:
     uris : list of str
         Embedded pictures.
     keys : dict
-        Number of a picture in `uris` by ``panel|model|picture`` or ``pattern|model|picture|effect``.
+        Number of a picture in `uris` by ``panel|model|picture`` or ``pattern|model|picture|effect``; of slices of
+        volumes, ``picture@slice`` in place of the picture.
     meshes : dict
-        Outlines of the deformed mesh by model.
+        Outlines of the deformed mesh by model; of volumes, lines by ``picture@slice``.
     """
 
     def __init__(self, models: list[Model]) -> None:
         self.uris: list[str] = []
         self.keys: dict[str, int] = {}
         self.meshes: dict[str, Any] = {}
-        self.frame: Frame | None = None
-        self.maps: Frame | None = None
+        self.frames: list[Frame] = []
+        self.maps: list[dict[str, Any]] = []
+        self.cuts: list[Slice] = []
+        self._map_frames: list[Frame] = []
         self._known: dict[str, int] = {}
         self._owners: dict[str, np.ndarray] = {}
-        self._greys: dict[tuple[bytes, float], int] = {}
+        self._greys: dict[tuple[bytes, float, int], int] = {}
         pictured = [m.compare for m in models if m.compare is not None and m.compare.pictures]
         self.top = (
             max((float(np.fmax(np.nanmax(c.measured), np.nanmax(c.synthesized))) for c in pictured), default=1.0) or 1.0
@@ -78,28 +83,33 @@ class Panels:
         owner = self._owners.get(model.name)
         return [] if owner is None else [int(n) for n in np.flatnonzero(np.isin(owner, patches))]
 
-    def frame_data(self) -> dict[str, Any] | None:
-        """Where the axes of the pictures are, for what is laid over them."""
-        return _frame_data(self.frame)
+    def frame_data(self) -> list[dict[str, Any]]:
+        """Where the axes of the pictures are, for what is laid over them; by slice, one of plane pictures."""
+        return [_frame_data(frame) for frame in self.frames]
 
-    def map_data(self) -> dict[str, Any] | None:
-        """Where the axes of the maps are, and the patches."""
-        found = _frame_data(self.maps)
-        return None if found is None else {**found, "centre": self._centres, "patch": self._size}
+    def map_data(self) -> list[dict[str, Any]]:
+        """Where the axes of the maps are, and the patches; by slice, one of plane pictures."""
+        return self.maps
+
+    def view_data(self) -> list[dict[str, str]]:
+        """Names of the slices; none of plane pictures."""
+        return [{"group": cut.name, "title": cut.title} for cut in self.cuts]
 
     def _draw(self, model: Model, compare: Compare) -> None:
         name = model.name
-        if compare.pictures:
-            self.frame = self.frame or Frame.around(compare.limits)
-        for n in range(compare.pictures):
-            self.keys[f"measured|{name}|{n}"] = self._grey(compare, compare.measured[n])
-            self.keys[f"synthesized|{name}|{n}"] = self._grey(compare, compare.synthesized[n])
-            assert self.frame is not None
-            figure = difference_panel(self.frame, compare, compare.difference[n], self.limit)
-            self.keys[f"difference|{name}|{n}"] = self.keep(figure)
-        if compare.mapped:
-            self._draw_maps(model, compare)
-        if compare.mapped and len(model.stiffness):
+        # the same slices for all models
+        self.cuts = self.cuts or cuts_of(compare)
+        views: list[View | None] = [*views_of(compare, self.cuts)] if compare.volumes else [None]
+        for number, view in enumerate(views):
+            flat = compare if view is None else view.compare
+            after = "" if view is None else f"@{number}"
+            self._draw_pictures(name, flat, number, after)
+            if flat.mapped:
+                self._draw_maps(model, flat, number, after, view)
+            if view is not None and any(view.lines):
+                mesh = self.meshes.setdefault(name, {"names": [str(n) for n in compare.layer_names], "lines": {}})
+                mesh["lines"] |= {f"{n}{after}": lines for n, lines in enumerate(view.lines)}
+        if compare.mapped and len(model.stiffness) and not compare.volumes:
             self.keys[f"stiffness|{name}"] = self.keep(stiffness_figure(compare, model.stiffness))
         if compare.meshed:
             self._keep_mesh(name, compare)
@@ -107,31 +117,48 @@ class Panels:
         if figure_or_none is not None:
             self.keys[f"force|{name}"] = self.keep(figure_or_none)
 
-    def _grey(self, compare: Compare, values: np.ndarray) -> int:
-        assert self.frame is not None
-        key = (np.ascontiguousarray(values).tobytes(), self.top)
+    def _draw_pictures(self, name: str, flat: Compare, number: int, after: str) -> None:
+        if flat.pictures and len(self.frames) == number:
+            self.frames.append(Frame.around(flat.limits, flat.axes))
+        for n in range(flat.pictures):
+            self.keys[f"measured|{name}|{n}{after}"] = self._grey(flat, flat.measured[n], number)
+            self.keys[f"synthesized|{name}|{n}{after}"] = self._grey(flat, flat.synthesized[n], number)
+            figure = difference_panel(self.frames[number], flat, flat.difference[n], self.limit)
+            self.keys[f"difference|{name}|{n}{after}"] = self.keep(figure)
+
+    def _grey(self, compare: Compare, values: np.ndarray, number: int) -> int:
+        key = (np.ascontiguousarray(values).tobytes(), self.top, number)
         if key not in self._greys:
-            self._greys[key] = self.keep(grey_panel(self.frame, compare, values, self.top))
+            self._greys[key] = self.keep(grey_panel(self.frames[number], compare, values, self.top))
         return self._greys[key]
 
-    def _draw_maps(self, model: Model, compare: Compare) -> None:
+    def _draw_maps(self, model: Model, compare: Compare, number: int, after: str, view: View | None) -> None:
         name = model.name
-        if self.maps is None:
-            self.maps = map_frame(compare)
-            self._centres = np.round(compare.patch_centre, 4).tolist()
-            self._size = np.round(patch_size(compare), 4).tolist()
+        if len(self.maps) == number:
+            self._map_frames.append(map_frame(compare))
+            self.maps.append(
+                {
+                    **_frame_data(self._map_frames[number]),
+                    "centre": np.round(compare.patch_centre, 4).tolist(),
+                    "patch": np.round(patch_size(compare), 4).tolist(),
+                    "number": None if view is None else view.patches.tolist(),
+                }
+            )
+        frame = self._map_frames[number]
         ranked = [str(entry.get("effect")) for entry in model.diagnosis.get("ranking") or []]
         drawn = [effect for effect in ranked if effect in model.patterns][:PATTERNS]
-        there = compare.moves if model.there is None else model.there
-        own = _limit([there, *(model.patterns[effect] for effect in drawn)])
+        there = compare.moves if model.there is None else _in_plane(model.there, view)
+        patterns = {effect: _in_plane(model.patterns[effect], view) for effect in drawn}
+        # of volumes one scale for all slices
+        own = _limit([*([] if model.there is None else [model.there]), *(model.patterns[effect] for effect in drawn)])
         for n in range(compare.pictures):
-            self.keys[f"map|{name}|{n}"] = self.keep(map_panel(self.maps, compare, compare.moves[n], self.reach))
+            self.keys[f"map|{name}|{n}{after}"] = self.keep(map_panel(frame, compare, compare.moves[n], self.reach))
             if not drawn:
                 continue
-            self.keys[f"there|{name}|{n}"] = self.keep(map_panel(self.maps, compare, there[n], own))
+            self.keys[f"there|{name}|{n}{after}"] = self.keep(map_panel(frame, compare, there[n], own))
             for effect in drawn:
-                figure = map_panel(self.maps, compare, model.patterns[effect][n], own)
-                self.keys[f"pattern|{name}|{n}|{effect}"] = self.keep(figure)
+                figure = map_panel(frame, compare, patterns[effect][n], own)
+                self.keys[f"pattern|{name}|{n}{after}|{effect}"] = self.keep(figure)
 
     def _keep_mesh(self, name: str, compare: Compare) -> None:
         rings = [[int(i) for i in ring if i >= 0] for ring in compare.mesh_rings]
@@ -149,13 +176,18 @@ class Panels:
             self._owners[name] = index[:, 0] * int(compare.patch_count[1]) + index[:, 1]
 
 
-def _frame_data(frame: Frame | None) -> dict[str, Any] | None:
-    return None if frame is None else {"limits": frame.limits, "box": frame.box, "size": frame.size}
+def _in_plane(moves: np.ndarray, view: View | None) -> np.ndarray:
+    """Moves of the patches that are drawn, in the plane, shape (pictures, cells, 2)."""
+    return moves if view is None else moves[:, view.patches][..., view.mains]
+
+
+def _frame_data(frame: Frame) -> dict[str, Any]:
+    return {"limits": frame.limits, "box": frame.box, "size": frame.size}
 
 
 def _limit(moves: list[np.ndarray]) -> float:
     """End of the scale of displacements: the greatest but for a few outliers, rounded up, mm."""
-    lengths = np.concatenate([np.zeros(1), *(np.hypot(m[..., 0], m[..., 1]).ravel() for m in moves)])
+    lengths = np.concatenate([np.zeros(1), *(np.linalg.norm(m, axis=-1).ravel() for m in moves)])
     top = float(np.nanquantile(lengths, 0.995)) if np.isfinite(lengths).any() else 0.0
     if top <= 0:
         return 1e-3

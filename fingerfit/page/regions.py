@@ -72,6 +72,13 @@ def layers_of(compare: Compare, points: np.ndarray) -> np.ndarray:
     return found
 
 
+def patch_layers(compare: Compare) -> np.ndarray:
+    """Layer of the middle of each patch by number, -1 outside the mesh."""
+    if len(compare.patch_layer) == len(compare.patch_centre):
+        return compare.patch_layer
+    return layers_of(compare, compare.patch_centre)
+
+
 def patch_size(compare: Compare) -> np.ndarray:
     """Width and height of a patch, mm."""
     count, centre = compare.patch_count, compare.patch_centre
@@ -84,14 +91,14 @@ def places(compare: Compare) -> list[Place]:
     """All rows of patches at all pictures, the worst first."""
     if not compare.mapped:
         return []
-    layer, row = layers_of(compare, compare.patch_centre), np.arange(len(compare.patch_centre))
-    row = row % int(compare.patch_count[1])
-    half = patch_size(compare)[1] / 2
+    layer, row = patch_layers(compare), np.arange(len(compare.patch_centre))
+    row = row % int(compare.patch_count[-1])
+    half = patch_size(compare)[-1] / 2
     found = []
     for key in sorted(set(zip(layer.tolist(), row.tolist(), strict=True))):
         own = np.flatnonzero((layer == key[0]) & (row == key[1]))
         name = str(compare.layer_names[key[0]]) if 0 <= key[0] < len(compare.layer_names) else OUTSIDE
-        height = float(compare.patch_centre[own, 1].mean())
+        height = float(compare.patch_centre[own, -1].mean())
         for picture in range(compare.pictures):
             place = _place(compare, picture, name, own, height, float(half))
             if place:
@@ -105,7 +112,7 @@ def _place(compare: Compare, picture: int, layer: str, own: np.ndarray, height: 
     if not known.any():
         return None
     own, move = own[known], move[known]
-    length = np.hypot(*move.T)
+    length = np.linalg.norm(move, axis=1)
     ratio = float("nan")
     if compare.moves_noise.shape == compare.moves.shape:
         noise = compare.moves_noise[picture, own]
@@ -115,10 +122,11 @@ def _place(compare: Compare, picture: int, layer: str, own: np.ndarray, height: 
     worst = int(np.argmax(length))
     x = compare.patch_centre[:, 0]
     side = ("left", "middle", "right")[min(2, int(3 * (x[own[worst]] - x.min()) / (np.ptp(x) + 1e-12)))]
-    where = f"{'in the' if side == 'middle' else 'on the'} {side}, {heading(move[worst])}"
+    where = f"{'in the' if side == 'middle' else 'on the'} {side}, {heading(move[worst][[0, -1]])}"
     size = float(np.sqrt(np.mean(length**2)))
     patches = [int(n) for n in own]
-    return Place(picture, layer, height - half, height + half, patches, ratio, size, float(length[worst]), where)
+    low, high = (round(height + side, 9) + 0.0 for side in (-half, half))  # no 2e-16 where the body begins
+    return Place(picture, layer, low, high, patches, ratio, size, float(length[worst]), where)
 
 
 def heading(move: np.ndarray) -> str:

@@ -3,10 +3,13 @@
   const data = JSON.parse(document.getElementById("data").textContent);
   const all = (what, from = document) => Array.from(from.querySelectorAll(what));
   const one = (id) => document.getElementById(id);
-  const state = { model: data.order[data.order.length - 1], picture: 0, region: null, effect: null, flipped: false };
+  const state = { model: data.order[data.order.length - 1], picture: 0, view: 0, region: null, effect: null, flipped: false };
   let timer = null;
 
   const model = () => data.models[state.model];
+  // plane pictures are one view; volumes are seen slice by slice
+  const shot = () => (data.views.length ? `${state.picture}@${state.view}` : `${state.picture}`);
+  const frame = () => data.frames[state.view], map = () => data.maps[state.view];
   const uri = (key) => (key in data.panels ? data.uris[data.panels[key]] : null);
   const put = (img, source) => {
     if (source) { if (img.getAttribute("src") !== source) img.src = source; } else img.removeAttribute("src");
@@ -34,28 +37,34 @@
   function drawOver() {
     const mesh = data.meshes[state.model], region = state.region === null ? null : model().regions[state.region];
     for (const over of all("svg.over")) {
-      if (!data.frame) continue;
-      clear(over, data.frame);
+      if (!frame()) continue;
+      clear(over, frame());
       if (!mesh) continue;
-      const to = place(data.frame), nodes = mesh.moved[state.picture];
-      const outline = (i) => path(mesh.rings[i].map((n) => nodes[n]), to);
-      if (one("mesh").checked && over.closest("#viewer")) {
-        mesh.names.forEach((_, layer) => {
-          const lines = mesh.rings.map((_, i) => (mesh.layer[i] === layer ? outline(i) : "")).join("");
-          svg("path", { d: lines, fill: "none", stroke: data.colours[layer % data.colours.length], "stroke-width": 9 }, over);
-        });
+      const to = place(frame());
+      const stroke = (layer, d) => svg("path", { d, fill: "none", stroke: data.colours[layer % data.colours.length], "stroke-width": 9 }, over);
+      const shown = one("mesh").checked && over.closest("#viewer");
+      if (mesh.lines) {
+        for (const [layer, lines] of shown ? mesh.lines[shot()] || [] : []) {
+          stroke(layer, lines.map((line) => "M" + line.map((p) => to(p).join(" ")).join("L")).join(""));
+        }
+        continue;
       }
+      const nodes = mesh.moved[state.picture];
+      const outline = (i) => path(mesh.rings[i].map((n) => nodes[n]), to);
+      if (shown) mesh.names.forEach((_, layer) => stroke(layer, mesh.rings.map((_, i) => (mesh.layer[i] === layer ? outline(i) : "")).join("")));
       if (region && !over.closest("#viewer")) {
         svg("path", { d: region.elements.map(outline).join(""), fill: "#F0E442", "fill-opacity": 0.35, stroke: "#000", "stroke-width": 12 }, over);
       }
     }
     for (const over of all("svg.over-map")) {
-      if (!data.map) continue;
-      clear(over, data.map);
+      if (!map()) continue;
+      clear(over, map());
       if (!region) continue;
-      const to = place(data.map), [sx, sy] = data.map.patch.map((s) => s / 2);
-      for (const n of region.patches) {
-        const [x, y] = data.map.centre[n];
+      const to = place(map()), [sx, sy] = map().patch.map((s) => s / 2);
+      for (const patch of region.patches) {
+        const n = map().number ? map().number.indexOf(patch) : patch;
+        if (n < 0) continue;
+        const [x, y] = map().centre[n];
         svg("path", { d: path([[x - sx, y - sy], [x + sx, y - sy], [x + sx, y + sy], [x - sx, y + sy]], to), fill: "none", stroke: "#0072B2", "stroke-width": 28 }, over);
       }
     }
@@ -83,12 +92,23 @@
     for (const part of all(".now-words")) {
       part.textContent = shown ? `difference ${shown.words}: ${shown.ratio} times what noise leaves` : "";
     }
+    const views = data.views, group = views.length ? views[state.view].group : "";
+    one("slices").hidden = views.length === 0 || count === 0;
+    if (views.length) {
+      const own = views.map((v, n) => n).filter((n) => views[n].group === group);
+      one("slice").max = own.length - 1;
+      one("slice").value = own.indexOf(state.view);
+      one("slice").disabled = own.length < 2;
+      one("slice").setAttribute("aria-valuetext", views[state.view].title);
+      one("slice-name").textContent = views[state.view].title;
+      for (const button of all("button[data-group]")) button.setAttribute("aria-pressed", String(button.dataset.group === group));
+    }
     const effect = here.first_effect ? state.effect || here.first_effect : "";
     for (const part of all(".now-effect")) part.textContent = effect;
     for (const img of all("img[data-panel]")) {
       let panel = img.dataset.panel;
       if (img.id === "blink-shot" && state.flipped) panel = "measured";
-      const key = `${panel}|${img.dataset.of || state.model}|${state.picture}`;
+      const key = `${panel}|${img.dataset.of || state.model}|${shot()}`;
       put(img, uri(panel === "pattern" ? `${key}|${effect}` : key));
     }
     one("blink-name").textContent = state.flipped ? "Measured" : "Synthesized";
@@ -134,6 +154,10 @@
     const slider = one(id);
     if (slider) slider.addEventListener("input", () => go({ picture: Number(slider.value) }));
   }
+  const members = (group) => data.views.map((v, n) => n).filter((n) => data.views[n].group === group);
+  const middle = (group) => members(group)[Math.floor(members(group).length / 2)];
+  for (const button of all("button[data-group]")) button.addEventListener("click", () => go({ view: middle(button.dataset.group) }));
+  one("slice").addEventListener("input", () => go({ view: members(data.views[state.view].group)[Number(one("slice").value)] }));
   one("back").addEventListener("click", () => go({ picture: state.picture - 1 }));
   one("on").addEventListener("click", () => go({ picture: state.picture + 1 }));
   one("blink").addEventListener("click", blink);
@@ -159,5 +183,6 @@
     });
   }
   state.picture = Math.max(0, model().pictures.length - 1);
+  if (data.views.length) state.view = middle(data.views[0].group);
   draw();
 })();

@@ -1,4 +1,7 @@
-"""The same digits again: with other processes on the machine, and with one and two threads."""
+"""The same digits again: with other processes on the machine, and with one and two threads.
+
+numpy's BLAS has one thread, as in the workflow (`workflow/rules/common.smk`); threads are those that a solver is given.
+"""
 
 import os
 import subprocess
@@ -43,9 +46,9 @@ def decks(tmp_path_factory):
 
 
 def solve(threads, decks):
-    limits = {name: str(threads) for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     command = [sys.executable, "-c", SOLVE, str(threads), *map(str, decks)]
-    environment = {**os.environ, **limits, "PYTHONPATH": str(ROOT)}
+    environment = {name: value for name, value in os.environ.items() if name != "MKL_NUM_THREADS"}
+    environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
 
 

@@ -1,0 +1,241 @@
+"""Results for other programs: fields for ParaView, pictures for 3D Slicer, tables for everything else."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from fingerfit.data import Data
+from fingerfit.errors import StateError
+from fingerfit.fields import Fields, fields
+from fingerfit.files import read_json, read_npz, write_text
+from fingerfit.imaging.pictures import Picture, write_picture
+from fingerfit.imaging.warp import Probe
+from fingerfit.mesh import Mesh
+from fingerfit.mesh_io import read_mesh
+from fingerfit.predict import since_first_picture
+from fingerfit.slices import parts_of
+from fingerfit.solvers.contract import Outcome
+
+CELLS = {
+    (2, 3): "triangle", (2, 6): "triangle6", (2, 4): "quad", (2, 8): "quad8",
+    (3, 4): "tetra", (3, 10): "tetra10", (3, 8): "hexahedron", (3, 20): "hexahedron20",
+}  # fmt: skip
+"""Names that meshio has for cells by dimension and number of nodes; the order of their nodes is ABAQUS's."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a model's folder holds.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Of the estimate.
+    outcome : Outcome
+        Its solution, from the reference state.
+    deck : Path
+    data : Data
+        Prepared measurements.
+    compare : dict of ndarray
+        As `fingerfit.findings.write_compare` writes them.
+    """
+
+    mesh: Mesh
+    outcome: Outcome
+    deck: Path
+    data: Data
+    compare: dict[str, np.ndarray]
+
+
+def read_results(model: Path) -> Results:
+    """Read what a fit and its diagnosis left in ``results/{study}/{model}``.
+
+    Raises
+    ------
+    StateError
+        When there is no estimate, no diagnosis, or a file is damaged.
+    """
+    for name, made in (("estimate.json", "snakemake"), ("compare.npz", "snakemake diagnose")):
+        if not (model / name).exists():
+            raise StateError(f"{model / name}: is not there; `{made}` makes it")
+    estimate = read_json(model / "estimate.json")
+    mesh = read_mesh(model / ("refined.inp" if estimate["sim_mesh"] == "refined" else "mesh.inp"))
+    folder = model.parent / "sims" / estimate["sim"]
+    outcome = Outcome.load(folder / "solution.npz")
+    return Results(
+        mesh, outcome, folder / "deck.inp", Data.load(model / "prepared.npz"), read_npz(model / "compare.npz")
+    )
+
+
+def export(model: Path, out: Path) -> list[Path]:
+    """Write everything; returns the files.
+
+    Parameters
+    ----------
+    model : Path
+        ``results/{study}/{model}``, fitted and diagnosed.
+    out : Path
+        Folder.
+    """
+    found = read_results(model)
+    return [*write_fields(found, out / "fields"), *write_pictures(found, out / "pictures"), *write_tables(found, out)]
+
+
+def write_fields(found: Results, folder: Path) -> list[Path]:
+    """Mesh with displacement, strain and stress before compression and at each step (.vtu), and their series (.pvd).
+
+    Displacements count from the state of the first picture, stresses from the one without any.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    count, data = len(found.data.step), found.data
+    since = since_first_picture(found.outcome, count)
+    extra = found.outcome.steps - count
+    still = np.zeros_like(found.outcome.displacement[0])
+    states = [(still, found.outcome.displacement[0] if extra else still)]
+    states += [(since.displacement[n], found.outcome.displacement[n + extra]) for n in range(count)]
+    names, written = ["before", *(f"step_{n}" for n in data.step)], []
+    for name, (moved, total) in zip(names, states, strict=True):
+        written.append(folder / f"{name}.vtu")
+        _write_vtu(found.mesh, moved[: len(found.mesh.points)], fields(found.mesh, found.deck, total), written[-1])
+    rows = [
+        f'    <DataSet timestep="{time}" part="0" file={quoteattr(path.name)}/>'
+        for time, path in zip([0, *data.step.tolist()], written, strict=True)
+    ]
+    series = folder / "model.pvd"
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>'
+    write_text(series, "\n".join([head, *rows, "  </Collection>", "</VTKFile>"]) + "\n")
+    return [series, *written]
+
+
+def _write_vtu(mesh: Mesh, moved: np.ndarray, state: Fields, path: Path) -> None:
+    import meshio
+
+    def flat(values: np.ndarray) -> list[np.ndarray]:
+        """Values of elements by block, tensors as nine numbers."""
+        ends = np.cumsum([len(block.nodes) for block in mesh.blocks])[:-1]
+        return np.split(values.reshape(len(values), -1) if values.ndim > 1 else values, ends)
+
+    pad = ((0, 0), (0, 3 - mesh.dim))
+    cells = [(CELLS[mesh.dim, block.nodes.shape[1]], block.nodes) for block in mesh.blocks]
+    cell_data = {
+        "layer": flat(parts_of(mesh)),
+        "green_lagrange_strain": flat(state.strain),
+        "volume_ratio": flat(state.volume),
+    }
+    if state.stress is not None and state.von_mises is not None:
+        cell_data["cauchy_stress_MPa"] = flat(state.stress)
+        cell_data["von_mises_stress_MPa"] = flat(state.von_mises)
+    grid = meshio.Mesh(np.pad(mesh.points, pad), cells, {"displacement_mm": np.pad(moved, pad)}, cell_data)
+    temporary = path.with_name(f".{path.name}.part.vtu")
+    grid.write(temporary)
+    temporary.replace(path)
+
+
+def write_pictures(found: Results, folder: Path) -> list[Path]:
+    """Measured, synthesized, difference and residual displacement of each pictured step, as NIfTI."""
+    compare = found.compare
+    if not compare["measured"].size:
+        return []
+    frame = Picture(compare["measured"][0], compare["spacing"], compare["origin"], compare["direction"])
+    written = []
+
+    def write(name: str, values: np.ndarray) -> None:
+        written.append(folder / f"{name}.nii.gz")
+        write_picture(
+            written[-1], Picture(values, frame.spacing, frame.origin, frame.direction), np.float32,
+        )  # fmt: skip
+
+    moves = compare["moves"]
+    owner = _patches(compare, frame)
+    for n, index in enumerate(compare["picture_step"]):
+        step = f"step_{compare['step'][index]}"
+        write(f"measured_{step}", compare["measured"][n])
+        write(f"synthesized_{step}", compare["synthesized"][n])
+        write(f"difference_{step}", compare["measured"][n] - compare["synthesized"][n])
+        field = np.where((owner >= 0)[..., None], moves[n][owner], np.nan)
+        write(f"residual_displacement_mm_{step}", np.nan_to_num(field))
+    return written
+
+
+def _patches(compare: dict[str, np.ndarray], frame: Picture) -> np.ndarray:
+    """Patch of material at each pixel of the undeformed body's surroundings, shape of a picture; -1 outside."""
+    count, centre = compare["patch_count"].astype(int), compare["patch_centre"]
+    low, high = compare["mesh_points"].min(axis=0), compare["mesh_points"].max(axis=0)
+    low = np.minimum(low, centre.min(axis=0))
+    size = np.where(count > 1, np.ptp(centre, axis=0) / np.maximum(count - 1, 1), high - low)
+    corner = centre.min(axis=0) - size / 2
+    index = np.indices(frame.values.shape)[::-1].reshape(frame.dim, -1).T.astype(float)
+    place = np.floor((frame.to_points(index) - corner) / size).astype(int)
+    inside = ((place >= 0) & (place < count)).all(axis=1)
+    flat = np.ravel_multi_index(tuple(np.clip(place, 0, count - 1).T), tuple(count))
+    return np.where(inside, flat, -1).reshape(frame.values.shape)
+
+
+def write_tables(found: Results, folder: Path) -> list[Path]:
+    """Forces, error of pictures by step, residual displacement by patch and by layer and step, as CSV."""
+    compare, mesh = found.compare, found.mesh
+    names = list(mesh.element_sets)
+    axes = "xyz"[: mesh.dim]
+    forces = [
+        ["step", "force_measured_N", "force_model_N", "displacement_measured_mm", "displacement_model_mm"],
+        *zip(compare["step"], *(compare[n] for n in ("force", "force_model", "displacement", "displacement_model")),
+             strict=True),
+    ]  # fmt: skip
+    errors: list[list[object]] = [["step", "fitted", "rms_difference", "rms_of_noise", "times_the_noise"]]
+    patches: list[list[object]] = [
+        [
+            "step",
+            "layer",
+            *(f"{a}_mm" for a in axes),
+            *(f"residual_{a}_mm" for a in axes),
+            *(f"noise_{a}_mm" for a in axes),
+        ]
+    ]
+    layers: list[list[object]] = [["step", "layer", "patches", "rms_mm", "p95_mm", "largest_mm", "times_the_noise"]]
+    layer = _layers(mesh, compare["patch_centre"])
+    for n, index in enumerate(compare["picture_step"]):
+        step = int(compare["step"][index])
+        error, floor = float(compare["error"][n]), float(compare["floor"][n])
+        errors.append([step, "yes" if compare["fitted"][n] else "no", error, floor, error / floor if floor else None])
+        moves, noise = compare["moves"][n], compare["moves_noise"][n]
+        known = np.isfinite(moves).all(axis=1)
+        for patch in np.flatnonzero(known):
+            name = names[layer[patch]].lower() if layer[patch] >= 0 else ""
+            patches.append([step, name, *compare["patch_centre"][patch], *moves[patch], *noise[patch]])
+        for number, name in enumerate(names):
+            own = known & (layer == number)
+            if own.any():
+                length = np.linalg.norm(moves[own], axis=1)
+                ratio = np.sqrt(np.nanmean((moves[own] / noise[own]) ** 2))
+                layers.append([step, name.lower(), int(own.sum()), np.sqrt(np.mean(length**2)),
+                               np.quantile(length, 0.95), length.max(), ratio])  # fmt: skip
+    written = []
+    tables = (
+        ("forces", forces), ("error_by_step", errors), ("residual_by_patch", patches), ("residual_by_layer", layers),
+        ("layers", [["layer", "name"], *enumerate(name.lower() for name in names)]),
+    )  # fmt: skip
+    for title, rows in tables:
+        written.append(folder / f"{title}.csv")
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([[_cell(value) for value in row] for row in rows])
+        write_text(written[-1], text.getvalue())
+    return written
+
+
+def _cell(value: object) -> object:
+    """Six digits of numbers, nothing of what is not known."""
+    if value is None or (isinstance(value, float | np.floating) and not np.isfinite(value)):
+        return ""
+    return f"{value:.6g}" if isinstance(value, float | np.floating) else value
+
+
+def _layers(mesh: Mesh, points: np.ndarray) -> np.ndarray:
+    """Number of the part of a mesh that points lie in, in the reference state, shape (points,); -1 outside."""
+    element = Probe(mesh, points).element
+    return np.where(element >= 0, parts_of(mesh)[element], -1)
