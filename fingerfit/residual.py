@@ -47,7 +47,7 @@ class Patches:
 
         With the `spacing` of pictures, mm, there are fewer where each would hold less than twice the pixels it needs.
         """
-        low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+        low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
         if spacing is not None and spacing.any():
             smallest = float(spacing.max()) * (2 * FEWEST) ** (1 / mesh.dim)
             across = max(1, min(across, int((high[0] - low[0]) / smallest)))
