@@ -30,7 +30,7 @@ setup: .venv/ready  ## make the virtual environment in .venv from the lock file
 benchmark-solver: setup  ## the built-in solver against CalculiX: benchmarks/solver.md (4 minutes)
 	$(BIN)/python benchmarks/solver.py
 
-benchmark-indentation: setup  ## the same in space, a sphere into a finger: benchmarks/indentation.md (10 minutes)
+benchmark-indentation: setup  ## the same in space, a sphere into a finger: benchmarks/indentation.md (half an hour)
 	$(BIN)/python benchmarks/indentation.py
 
 benchmark-warp: setup  ## volumes warped and scored: benchmarks/warp.md (one minute)

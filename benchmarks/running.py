@@ -109,7 +109,7 @@ class _Ccx:
         count = str(threads)
         environment = {"OMP_NUM_THREADS": count, "CCX_NPROC_EQUATION_SOLVER": count}
         run(["ccx", "-i", deck.stem], workdir, self.limit, environment)
-        tables = _read_dat(
+        tables, _ = _read_dat(
             (workdir / f"{deck.stem}.dat").read_text(encoding="utf-8"),
             deck.read_text(encoding="utf-8").count("*END STEP"),
         )

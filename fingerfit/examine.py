@@ -26,6 +26,9 @@ from fingerfit.rounds import Round
 from fingerfit.simulate import run_fit, solve_missing
 from fingerfit.verdict import Refit, Verdict, decide, doubted, to_refit
 
+BATCHES = 2
+"""How often the next best effects are refitted, as long as none explains what is left."""
+
 
 @dataclass(frozen=True)
 class Examined:
@@ -78,11 +81,14 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     everywhere = try_suspects(examination, judge, found)
     looks = best_places(everywhere)
     refits: dict[str, Refit] = {}
-    for candidate in to_refit(judge, looks, len(found)):
-        refit, more = _refit(fit, last, candidate, everything, judge.misfit, threads)
-        refits[candidate.suspect.effect.name] = refit
-        run += more
-    verdict = doubted(decide(judge, looks, refits, len(found)), errors(examination)[0])
+    for _ in range(BATCHES):
+        for candidate in to_refit(judge, looks, len(found), refits):
+            refit, more = _refit(fit, last, candidate, everything, judge.misfit, threads)
+            refits[candidate.suspect.effect.name] = refit
+            run += more
+        verdict = doubted(decide(judge, looks, refits, len(found)), errors(examination)[0])
+        if verdict.kind != "unexplained":
+            break
     measurements: list[tuple[str, float]] = []
     if verdict.kind == "indistinguishable":
         blamed = {one.suspect.effect.name: one for one in looks}

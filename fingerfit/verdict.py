@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +28,7 @@ FEW = 50
 LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
 TRIED = 3
-"""Effects that are refitted."""
+"""Effects that are refitted at once."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,12 @@ def threshold(judge: Judge, looks: Sequence[Look], tests: int, columns: int = 1)
     return float(chdtri(columns, LEVEL / max(tests, 1))) * spread
 
 
-def to_refit(judge: Judge, looks: Sequence[Look], tests: int) -> list[Look]:
-    """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's."""
+def to_refit(judge: Judge, looks: Sequence[Look], tests: int, known: Collection[str] = ()) -> list[Look]:
+    """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's.
+
+    Where some are `known` and did not explain it, the next best: far from the truth predictions from slopes rank
+    roughly.
+    """
     found = [
         look
         for look in looks
@@ -92,6 +96,8 @@ def to_refit(judge: Judge, looks: Sequence[Look], tests: int) -> list[Look]:
         and look.finding.fall > threshold(judge, looks, tests, look.columns.shape[1])
         and look.finding.visible > (SEEN if judge.freedom > FEW else SEEN_OF_FEW)
     ]
+    if known:
+        return [look for look in found if look.suspect.effect.name not in known][:TRIED]
     return [look for look in found if look.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
 
 

@@ -53,7 +53,8 @@ class Response:
     weighted : ndarray, shape (elements, points, axes)
         All normal stresses times the volume.
     volume, bulk : ndarray or None
-        Volume ratio in the pressure field and bulk modulus, flat, of elements with a pressure of their own.
+        Volume ratio in the pressure field and bulk modulus, flat, of elements with a pressure of their own; the
+        volume ratio alone of others that are nearly incompressible.
     directed : Directed or None
     g, fa : ndarray, shape (elements, points, nodes, dim) and (elements, points, dim, dim)
         Shape gradients and deformation gradient, in the principal directions.
@@ -132,6 +133,7 @@ class Body:
         self.points = Points(material, self.pressure is None and not kind.nodal)
         if initial is not None:
             self.points.initial = np.repeat(initial, len(xi), axis=0)
+        self._stiff = self.pressure is None and not kind.nodal and kind.state != STRESS and self._hardly_compressed()
         self._states: list[tuple[np.ndarray, Strain | None]] = []
         self._responses: list[Response] = []
         self._lead: Lead | None = None
@@ -142,6 +144,12 @@ class Body:
 
             self.history = History(material.prony, self.weight.size)
         self.begin(0.0)
+
+    def _hardly_compressed(self) -> bool:
+        """Whether a pressure of its own in the tangent pays: Poisson's ratio above 0.475, at small strain."""
+        second = self.points.isotropic(np.ones((self.weight.size, 3)))[1]
+        shear = (second[:, 0, 0] - second[:, 0, 1]) / 2
+        return bool((second[:, 0, 1] + 2 * shear / 3 > 20 * shear).any())
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
         """Get ready for a time increment of `dt` s; with `relaxed`, for an infinitely slow one."""
@@ -269,6 +277,8 @@ class Body:
             pressure = self._project(pressure) * jacobian
             first += pressure[:, None]
             second += pressure[:, None, None]
+        elif self._stiff:
+            volume = stretch.prod(axis=-1)
         first, second = first.reshape(count, gauss, 3), second.reshape(count, gauss, 3, 3)
         stress = full = first / squared
         directed = None
@@ -310,7 +320,8 @@ class Body:
         if found.volume is not None:
             jacobian = np.sqrt(squared.prod(axis=-1))
             slope = (b[:, :, :axes] / squared[:, :, :axes, None, None]).sum(axis=2).reshape(count, gauss, -1)
-            slope = self.pressure @ (slope * jacobian[..., None])
+            slope = slope * jacobian[..., None]
+            slope = slope if self.pressure is None else self.pressure @ slope
             ahead = self._foretell(found.volume, slope)
             if led and ahead is not None:
                 ahead = (ahead * jacobian)[..., None]

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-WORK = 1e8
-"""Operations of an elimination up to which it is worth it."""
+WIDEST = 60
+"""Unknowns of a level: products of wider blocks are shared by several threads of BLAS where it has them, and their
+digits then depend on how many there are. By then SuperLU is as quick, and its import no longer counts."""
 _RESIDUAL = 1e-6
 """Residual of a solution, relative to the right side, beyond which it is given up."""
 
@@ -23,19 +24,25 @@ class Levels:
     ----------
     row, pointers : ndarray of int, shape (entries,) and (unknowns + 1,)
         Pattern by columns, symmetric.
+    positions : ndarray or None, shape (unknowns, dim)
+        Where the unknowns are, mm: levels may then begin at a side of the body.
     """
 
-    def __init__(self, row: np.ndarray, pointers: np.ndarray) -> None:
+    def __init__(self, row: np.ndarray, pointers: np.ndarray, positions: np.ndarray | None = None) -> None:
         count = len(pointers) - 1
         self._row, self._column = row, np.repeat(np.arange(count), np.diff(pointers))
         # from what is farthest from somewhere: the levels are many and narrow
-        anywhere = _sorted(row, pointers, np.arange(count))
-        self.parts = _sorted(row, pointers, np.concatenate(anywhere)[::-1])
+        order = np.concatenate(_sorted(row, pointers, np.arange(count)))[::-1]
+        self.parts = _sorted(row, pointers, order)
+        for side in _sides(positions):
+            if _widest(self.parts) <= WIDEST:
+                break
+            self.parts = min(self.parts, _sorted(row, pointers, order, side), key=_widest)
         level, inside = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
         for n, part in enumerate(self.parts):
             level[part], inside[part] = n, np.arange(len(part))
         width = np.array([len(part) for part in self.parts] + [0])
-        self.work = float((8 / 3 * width.astype(float) ** 3).sum())
+        self.widest = _widest(self.parts)
         # one after the other: all blocks on the diagonal, above, below
         sizes = np.concatenate([width[:-1] ** 2, width[:-1] * width[1:], width[:-1] * width[1:]])
         starts = np.concatenate([[0], np.cumsum(sizes)])
@@ -80,11 +87,29 @@ class Levels:
         return solution if np.abs(there - right).max() <= _RESIDUAL * np.abs(right).max() else None
 
 
-def _sorted(row: np.ndarray, pointers: np.ndarray, order: np.ndarray) -> list[np.ndarray]:
-    """Unknowns by their distance from the first one of `order`; what is not connected to it follows likewise."""
+def _widest(parts: list[np.ndarray]) -> int:
+    return max(map(len, parts))
+
+
+def _sides(positions: np.ndarray | None) -> list[np.ndarray]:
+    """Unknowns at the sides of the body."""
+    if positions is None:
+        return []
+    near = 1e-6 * np.ptp(positions)
+    ends = [(x, end) for x in positions.T for end in (x.min(), x.max())]
+    return [np.flatnonzero(np.abs(x - end) <= near) for x, end in ends]
+
+
+def _sorted(
+    row: np.ndarray, pointers: np.ndarray, order: np.ndarray, front: np.ndarray | None = None
+) -> list[np.ndarray]:
+    """Unknowns by their distance from the front, else from the first one of `order`.
+
+    What is not connected to it follows likewise.
+    """
     new = np.ones(len(order), dtype=bool)
     parts: list[np.ndarray] = []
-    front = order[:1]
+    front = order[:1] if front is None else front
     while new.any():
         if not len(front):
             front = order[new[order]][:1]

@@ -169,11 +169,12 @@ class Newton:
             return None
         ahead, slope = inner(done, load.away(last)) / length, self.state.q - before.q
         if self.system.driven:
-            # contact opens and closes, no curve: a round body goes deeper with a power of the force
+            # a round body goes deeper with a power of the force
             begun, now, then = (float(np.abs(part.force).max()) ** _HERTZ for part in (first, last, load))
             return self.state.q + ((then - now) / (now - begun) if then > now > begun else ahead) * slope
         predicted = self.state.q + ahead * slope
-        if self._earlier is None:
+        # where contact opens and closes there is no curve
+        if self._earlier is None or self.system.touches:
             return predicted
         earlier, start = self._earlier
         back = inner(done, first.away(start)) / length

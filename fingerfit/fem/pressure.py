@@ -31,7 +31,7 @@ class Lead:
     second order; times the bulk modulus that is a large pressure, and a tangent with it points elsewhere. So the
     tangent is made with the pressure that the last one foretold, as if pressure were an unknown, and equilibrium takes
     half the iterations (Magisano, Leonetti and Garcea, Int. J. Numer. Meth. Engng 2017, do so with all stresses).
-    Forces, and so the equilibrium, are not touched.
+    Forces, and so the equilibrium, are not touched. Elements without a pressure field have it at their points.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from fingerfit.fem.factor import CLOSE, LARGE, LinearSolver
-from fingerfit.fem.levels import WORK, Levels
+from fingerfit.fem.levels import WIDEST, Levels
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -105,6 +105,7 @@ class System:
     ) -> None:
         self.bodies, self.size, self.terms, self.rigid = bodies, size, list(terms), list(rigid)
         self.driven = any(getattr(term, "driven", False) for term in terms)
+        self.touches = any(hasattr(term, "law") for term in terms)
         self.slides = any(getattr(term, "slides", False) for term in terms)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
         if set(turning) & set(ties):
@@ -187,8 +188,8 @@ class System:
         self._row = (final % max(count, 1)).astype(np.int32)
         self._pointers = np.searchsorted(final // max(count, 1), np.arange(count + 1)).astype(np.int32)
         if self.simple and 0 < count < LARGE:
-            levels = Levels(self._row, self._pointers)
-            self._levels = levels if levels.work < WORK else None
+            levels = Levels(self._row, self._pointers, self._linear.positions)
+            self._levels = levels if levels.widest <= WIDEST else None
 
     def _maps(self) -> tuple[Any, Any]:
         """Slopes of all displacements, by all independent ones, shape (size, size), and by the unknowns."""

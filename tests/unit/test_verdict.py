@@ -208,6 +208,13 @@ def test_no_model_is_adequate_whose_pictures_differ_by_much_more_than_their_nois
     assert doubted(missing, 5.0) is missing
 
 
+def test_the_next_best_are_refitted_after_the_best(world):
+    judge = world.judge(30 * world.signal(0) + 12 * world.signal(1) + 11 * world.signal(2))
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
+    assert [look.suspect.effect.name for look in to_refit(judge, looks, TESTS)] == ["tilt"]
+    assert [look.suspect.effect.name for look in to_refit(judge, looks, TESTS, {"tilt"})] == ["inclusion", "skin"]
+
+
 def test_confusions_and_summary(world):
     near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
     judge = world.judge(30 * world.signal(0))

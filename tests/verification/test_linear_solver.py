@@ -10,7 +10,7 @@ from scipy.sparse import block_diag, diags_array, kron
 
 from fingerfit.fem import factor
 from fingerfit.fem.factor import LinearSolver, conjugate_gradients, dissect
-from fingerfit.fem.levels import Levels
+from fingerfit.fem.levels import WIDEST, Levels
 
 
 def cube(n):
@@ -114,6 +114,15 @@ def test_levels(rng):
     singular = matrix.copy()
     singular.data[np.isin(singular.indices, [5])] = 0.0
     assert levels.solve(singular.data, right) is None
+
+
+def test_levels_begin_at_a_side_where_that_is_narrower():
+    """From a corner of a square they go round it."""
+    line = diags_array([0.4, 1.0, 0.4], offsets=[-1, 0, 1], shape=(40, 40))
+    matrix = kron(line, line).tocsc()
+    positions = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0), indexing="ij"), axis=-1).reshape(-1, 2)
+    assert Levels(matrix.indices, matrix.indptr).widest > WIDEST
+    assert Levels(matrix.indices, matrix.indptr, positions).widest == 40
 
 
 def test_small_systems_do_not_need_scipy(write_deck):

@@ -184,6 +184,13 @@ def test_patch_under_a_meshed_plate(press, element):
     assert last.internal[-1, -1] < -0.3
 
 
+LAWS = {
+    "free": "",
+    "friction": "*FRICTION\n0.3, 20.",
+    "glued": "*SURFACE BEHAVIOR, NO SEPARATION\n*FRICTION, ROUGH",
+}
+
+
 def sphere_on_a_block(count=48):
     mesh = brick((4.0, 4.0, 2.0), (6, 6, 3), element="C3D8")
     points, bricks = cap(3.0, count, 45.0)
@@ -192,7 +199,7 @@ def sphere_on_a_block(count=48):
     return mesh, tool, {"material": material, "stiffness": 20.0}
 
 
-@pytest.mark.parametrize("friction", ["", "*FRICTION\n0.3, 20."], ids=["free", "friction"])
+@pytest.mark.parametrize("friction", LAWS.values(), ids=LAWS)
 def test_a_meshed_sphere_presses_as_a_round_one(press, friction):
     mesh, tool, common = sphere_on_a_block()
     held, load = "9000, 1, 2\n9000, 4, 6", "*BOUNDARY\n9000, 3, 3, -0.6"

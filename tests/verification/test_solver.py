@@ -74,18 +74,17 @@ def test_reaction_of_the_papers_mesh(write_deck, tmp_path):
     assert force == pytest.approx([0.524, 1.139], abs=6e-4)
 
 
-def test_a_foretold_pressure_saves_iterations_and_changes_no_answer(write_deck, tmp_path, monkeypatch):
-    """Found: 4, 4, 4, 4, 4, 4, 6 iterations with it and 4, 6, 6, 8, 7, 11, 13 without."""
+@pytest.mark.parametrize("element", ["CPE8", "CPE8H"])
+def test_a_foretold_pressure_saves_iterations_and_changes_no_answer(write_deck, tmp_path, monkeypatch, element):
+    """Found: 28 and 30 iterations with it, 39 and 55 without."""
     force = [7.0, 14.5, 22.8, 32.8, 42.4, 54.1, 66.3]
-    deck, _ = write_deck(phantom("force", force), layered_block(12.0, LAYERS, 8, 3, "CPE8H", 4.0))
+    deck, _ = write_deck(phantom("force", force), layered_block(12.0, LAYERS, 8, 3, element, 4.0))
     led = BuiltinSolver().solve(deck, tmp_path)
     assert led.status == CONVERGED
     evaluate = System.evaluate
     monkeypatch.setattr(System, "evaluate", lambda system, u, tangent=True, led=False: evaluate(system, u, tangent))
     plain = BuiltinSolver().solve(deck, tmp_path)
-    print(sum(led.iterations), sum(plain.iterations))
-    print(sum(led.iterations), sum(plain.iterations))
-    assert sum(led.iterations) < 0.75 * sum(plain.iterations)
+    assert sum(led.iterations) < 0.8 * sum(plain.iterations)
     assert led.displacement == pytest.approx(plain.displacement, abs=1e-6)
 
 
