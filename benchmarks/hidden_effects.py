@@ -48,7 +48,7 @@ CLEAR: dict[str, dict[str, Any]] = {
     "indenter_slip": {"indenter_slip": {"compliance": 3}},
     "fibres": {"fibres": {"stiffness": 0.0004}},
     "relaxation": {"relaxation": {"share": 0.4, "time": 60}},
-    "preload": {"preload": {"force": 6}},
+    "preload": {"preload": {"force": 2}},
     "onset": {"onset": {"offset": 0.06}},
     "force_offset": {"force_offset": {"offset": 3.0}},
     "misregistration": {"misregistration": {"x": 0.08, "y": 0.05}},

@@ -33,6 +33,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("tests", type=Path, nargs="+", help="the authors' CSV files, one for each test")
     sub.add_argument("--out", type=Path, required=True, help="folder of the study")
 
+    sub = command("skin", "make a study of skin stretched between two pads (docs/skin.md)")
+    sub.add_argument("folder", type=Path, help="the authors' files")
+    sub.add_argument("--out", type=Path, required=True, help="folder of the study")
+
     for name, text in (("add", "add an effect to the model"), ("drop", "take an effect out of the model")):
         sub = command(name, text)
         sub.add_argument("effect", help="name, as `fingerfit effects` lists them")

@@ -52,7 +52,7 @@ def prepare(args: argparse.Namespace) -> None:
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     write_text(args.mesh, format_mesh(mesh))
     if args.refined:
-        write_text(args.refined, format_mesh(make_mesh(study, settings.model.refined)))
+        write_text(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))
     data.save(args.out)
 
 
@@ -212,3 +212,11 @@ def ecoflex(args: argparse.Namespace) -> None:
     from fingerfit.recipes.ecoflex import make_study
 
     make_study(args.tests, args.out)
+
+
+def skin(args: argparse.Namespace) -> None:
+    """Make a study of skin stretched between two pads."""
+    from fingerfit.recipes.skin import make_study
+
+    make_study(args.folder, args.out)
+    print(f"{args.out}: the thickness of the skin is not known, so that only modulus times thickness is identified")

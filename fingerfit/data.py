@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +46,10 @@ class Data:
         Reference positions and measured displacements of material points, mm.
     points_step : ndarray of int, shape (points,)
         Index into `step` of each measured point.
+    points_covariance : ndarray, shape (steps, steps)
+        Of the error of a point at two steps, mm^2; `points_noise` is the root of its mean on the diagonal.
+    frame_noise : float
+        Standard deviation of a shift common to all points of a step, mm.
     force_gain : float
         Standard deviation of a factor common to all measured forces.
     history : str
@@ -72,6 +76,8 @@ class Data:
     points: np.ndarray
     points_displacement: np.ndarray
     points_step: np.ndarray
+    points_covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    frame_noise: float = 0.0
     force_gain: float = 0.0
     history: str = ""
 
@@ -110,6 +116,18 @@ class Data:
         if self.control == "force":
             return self.displacement, self._by_step(self.displacement_noise)
         return self.force, self._by_step(self.force_noise)
+
+    @property
+    def between_steps(self) -> np.ndarray:
+        """Covariance of a point's error at two steps, shape (steps, steps), mm^2."""
+        if self.points_covariance.size:
+            return self.points_covariance
+        return self.points_noise**2 * np.eye(len(self.step))
+
+    @property
+    def entry_step(self) -> np.ndarray:
+        """Index of the step of each field of displacements: of pictures, then of points."""
+        return np.concatenate([self.picture_step, np.unique(self.points_step)]).astype(int)
 
     @property
     def conjugate_gain(self) -> float:

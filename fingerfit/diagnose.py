@@ -25,6 +25,8 @@ from fingerfit.study import Study
 
 SMOOTH = 3.0
 """Length over which the error of a mesh is alike, mm."""
+ACROSS_POINTS = 6
+"""Patches over the width of the region where points were measured."""
 ALIKE = 0.9
 """Correlation of that error between steps."""
 
@@ -135,7 +137,12 @@ class Examination:
     def __init__(self, fit: Fit, last: Round, everything: Data) -> None:
         self.fit, self.last, self.data = fit, last, everything
         spacing = everything.spacing if len(everything.picture_step) else None
-        self.patches = Patches.over(fit.meshes[SEARCH], spacing=spacing)
+        if spacing is None and len(everything.points):
+            edge = 1e-6 * np.ptp(everything.points, axis=0)
+            box = np.concatenate([everything.points - edge, everything.points + edge])
+            self.patches = Patches.around(box, ACROSS_POINTS)
+        else:
+            self.patches = Patches.over(fit.meshes[SEARCH], spacing=spacing)
         self.base = finest(fit, last)
         self.anchor = anchor_of(fit, last)
         self.mesh = fit.mesh_of(self.base)
@@ -256,7 +263,7 @@ class Examination:
 
     def _at_step(self, step: int) -> np.ndarray:
         value: np.ndarray = np.zeros(self.residual.value.shape)
-        value[self.data.picture_step == step] = 1.0
+        value[self.data.entry_step == step] = 1.0
         conjugate = np.zeros(len(self.data.step))
         conjugate[step] = 1.0
         return flat(value, conjugate)
@@ -300,6 +307,8 @@ class Examination:
             change = (after.intensity(picture, k, x, y) - before.intensity(picture, k, x, y)).ravel()[way.pixel]
             size = np.maximum(np.bincount(way.patch, minlength=value.shape[1]), 1)
             value[n][:, dim] = np.bincount(way.patch, change, minlength=value.shape[1]) / size
+        for n, step in enumerate(data.entry_step[len(data.picture_step) :], len(data.picture_step)):
+            value[n][:, :dim] = after.shift(int(step) + 1) - before.shift(int(step) + 1)
         conjugate = self.prediction.conjugate
         name = "displacement" if data.control == "force" else "force"
         changed = after.conjugate(conjugate, name) - before.conjugate(conjugate, name)

@@ -120,13 +120,28 @@ class Replicates:
         repeated = replace(
             data,
             measured=measured,
-            points_displacement=base.points + self._gauss(base.points.shape, data.points_noise),
+            points_displacement=base.points + self._points_noise(),
             **{name: drawn},
         )
         return lambda delta: score(self.kind, self.model.at(delta, offset), repeated, self.bins)
 
     def _gauss(self, shape: tuple[int, ...], spread: float | np.ndarray) -> np.ndarray:
         return self.rng.normal(0.0, spread, shape) if np.any(spread) else np.zeros(shape)
+
+    def _points_noise(self) -> np.ndarray:
+        """Errors of points, alike at several steps, and a shift of all points of a step; shape (points, dim)."""
+        data, dim = self.data, self.model.base.points.shape[1]
+        noise = np.zeros((len(data.points_step), dim))
+        if not data.points_noise > 0:
+            return noise
+        used = np.unique(data.points_step)
+        parts = [np.flatnonzero(data.points_step == step) for step in used]
+        values, vectors = np.linalg.eigh(data.between_steps[np.ix_(used, used)])
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        drawn = self._gauss((max(map(len, parts)), dim, len(used)), 1.0) @ root.T
+        for n, part in enumerate(parts):
+            noise[part] = drawn[: len(part), :, n] + self._gauss((dim,), data.frame_noise)
+        return noise
 
     def _picture_noise(self, shape: tuple[int, ...]) -> np.ndarray:
         return smooth(self._gauss(shape, self.data.picture_noise), self.data.smooth)

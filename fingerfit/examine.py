@@ -114,8 +114,13 @@ def errors(examination: Examination) -> tuple[float, float | None]:
 
 def fitted_pictures(fit: Fit, data: Data) -> np.ndarray:
     """Which pictures the fit used, bool."""
+    return fitted_steps(fit, data)[: len(data.picture_step)]
+
+
+def fitted_steps(fit: Fit, data: Data) -> np.ndarray:
+    """Which fields of displacements, of pictures and of points, are of steps that the fit used, bool."""
     wanted = fit.settings.fit.steps
-    return np.array([wanted is None or int(data.step[step]) in wanted for step in data.picture_step], dtype=bool)
+    return np.array([wanted is None or int(data.step[step]) in wanted for step in data.entry_step], dtype=bool)
 
 
 def _errors_by_step(examination: Examination) -> tuple[float, float | None]:

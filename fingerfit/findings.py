@@ -9,7 +9,7 @@ import numpy as np
 
 from fingerfit.diagnose import Examination, summary
 from fingerfit.effects.catalogue import as_text
-from fingerfit.examine import Examined, errors, fitted_pictures
+from fingerfit.examine import Examined, errors, fitted_steps
 from fingerfit.files import read_json, write_json, write_npz
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
@@ -32,6 +32,12 @@ def write_compare(examination: Examination, path: Path) -> None:
     layer = np.zeros(mesh.element_count, dtype=int)
     for number, members in enumerate(mesh.element_sets.values()):
         layer[members] = number
+    entries = shown(examination)
+    fields = residual.value[:entries, ..., :dim]
+    noise = spread[: residual.value.size].reshape(residual.value.shape)[:entries, ..., :dim]
+    error, floor = residual.error, examination.floor
+    if not len(data.picture_step):  # of measured points: displacements, mm
+        error, floor = (np.array([_typical(one) for one in each]) for each in (fields, noise))
     conjugate = examination.prediction.conjugate
     moved, force = (conjugate, data.force) if data.control == "force" else (data.displacement, conjugate)
     write_npz(
@@ -39,19 +45,19 @@ def write_compare(examination: Examination, path: Path) -> None:
         {
             "measured": data.measured,
             "synthesized": examination.prediction.pictures,
-            "picture_step": data.picture_step,
-            "fitted": fitted_pictures(fit, data),
-            "error": residual.error,
-            "floor": examination.floor,
+            "picture_step": data.entry_step[:entries],
+            "fitted": fitted_steps(fit, data)[:entries],
+            "error": error,
+            "floor": floor,
             "spacing": data.spacing,
             "origin": data.origin,
             "direction": data.direction,
-            "moves": residual.value[..., :dim],
-            "moves_noise": spread[: residual.value.size].reshape(residual.value.shape)[..., :dim],
+            "moves": fields,
+            "moves_noise": noise,
             "patch_centre": examination.patches.centre,
             "patch_count": np.array(examination.patches.count),
             "mesh_points": mesh.points,
-            "mesh_moved": mesh.points + outcome.displacement[data.picture_step],
+            "mesh_moved": mesh.points + outcome.displacement[data.entry_step[:entries]],
             **_outlines(mesh, examination.patches.centre),
             "mesh_layer": layer,
             "layer_names": np.array(list(mesh.element_sets)),
@@ -74,6 +80,17 @@ def _outlines(mesh: Mesh, centres: np.ndarray) -> dict[str, np.ndarray]:
         inside = np.where(element >= 0, parts_of(mesh)[element], -1)
         return {"mesh_faces": faces, "mesh_face_part": part, "patch_layer": inside}
     return {"mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks])}
+
+
+def shown(examination: Examination) -> int:
+    """Fields of displacements that are drawn: those of pictures, or where there are none those of points."""
+    return len(examination.data.picture_step) or len(examination.residual.value)
+
+
+def _typical(values: np.ndarray) -> float:
+    """Root mean square of known values, 0 where there are none."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
 def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
@@ -117,7 +134,7 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
         whole = np.full(residual.kept.shape, np.nan)
         whole[residual.kept] = look.columns @ look.finding.size
         pattern = whole[: residual.value.size].reshape(residual.value.shape)
-        patterns[f"pattern_{look.suspect.effect.name}"] = pattern[..., :dim]
+        patterns[f"pattern_{look.suspect.effect.name}"] = pattern[: shown(found.examination), ..., :dim]
     write_npz(path.with_suffix(".npz"), patterns)
     write_json(path, data)
     return data

@@ -170,6 +170,11 @@ def figures(settings: Settings) -> list[str]:
     return ["force", *["search"][:searched], *["deformed_mesh", "pictures"][: 2 * pictured]]
 
 
+def has_refined(settings: Settings) -> bool:
+    """Whether there is a finer mesh: in the settings, or beside the mesh of the study."""
+    return settings.model.refined is not None or load_study(Path(settings.study)).body.refined is not None
+
+
 def write_settings(settings: Settings, path: Path) -> str:
     """Write the settings where they differ from what is there, and return the path."""
     text = json.dumps(settings.model_dump(mode="json"), indent=1) + "\n"

@@ -87,7 +87,8 @@ class Predictor:
         points = np.empty_like(data.points_displacement)
         for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
-            points[chosen] = self._probe.read(outcome.displacement[step])[chosen]
+            shift = 0.0 if seen is None else seen.shift(int(step) + 1)
+            points[chosen] = self._probe.read(outcome.displacement[step])[chosen] + shift
         measured = -conjugate[: len(data.step), axis]
         if seen is not None:
             measured = seen.conjugate(measured, "displacement" if data.control == "force" else "force")

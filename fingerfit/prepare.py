@@ -7,6 +7,7 @@ import numpy as np
 from fingerfit.data import Data
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.points import estimate_covariance
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import read_mesh
 from fingerfit.meshing import brick, layered_block
@@ -15,8 +16,8 @@ from fingerfit.settings import MeshSettings
 from fingerfit.study import ESTIMATED, Study
 
 
-def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
-    """The mesh of a study.
+def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) -> Mesh:
+    """The mesh of a study; of a study that brings its meshes, the finer one if wanted.
 
     Raises
     ------
@@ -40,7 +41,7 @@ def make_mesh(study: Study, settings: MeshSettings | None) -> Mesh:
             body.origin,
         )
     elif body.mesh is not None:
-        mesh = _named(read_mesh(body.mesh), study)
+        mesh = _named(read_mesh(body.refined if finer and body.refined else body.mesh), study)
         if mesh.dim == 2 and not body.thickness:
             raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
     else:
@@ -121,6 +122,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     except InputError as error:
         problems.append(error)
     points = _read_points(study, mesh, problems)
+    spread = _points_covariance(study, points, problems)
     chosen = np.array([steps is None or number in steps for number in numbers], dtype=bool)
     points = tuple(part[chosen[points[2]]] for part in points)
     if problems:
@@ -144,7 +146,9 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         force_noise=_force_noise(study, _noise(study, "force", column("force"), column("displacement"))),
         displacement_noise=_noise(study, "displacement", column("displacement"), column("force")),
         picture_noise=prepared.noise,
-        points_noise=float(study.noise.points or 0.0) if study.noise.points != ESTIMATED else 0.0,
+        points_noise=float(np.sqrt(spread.diagonal()[np.unique(points[2])].mean())) if len(points[2]) else 0.0,
+        points_covariance=spread,
+        frame_noise=study.noise.frame,
         before=prepared.before.values,
         coefficients=prepared.coefficients,
         measured=prepared.measured,
@@ -183,6 +187,21 @@ def _force_noise(study: Study, common: float) -> float | np.ndarray:
     if all(step.force_noise is None for step in study.steps):
         return common
     return np.array([common if step.force_noise is None else step.force_noise for step in study.steps])
+
+
+def _points_covariance(
+    study: Study, points: tuple[np.ndarray, np.ndarray, np.ndarray], problems: list[FingerfitError]
+) -> np.ndarray:
+    """Covariance of a point's error at two steps, mm^2: as given and independent, or estimated from all points."""
+    count = len(study.steps)
+    if study.noise.points != ESTIMATED:
+        return float(study.noise.points or 0.0) ** 2 * np.eye(count)
+    try:
+        return estimate_covariance(*points, count) if len(points[2]) else np.zeros((count, count))
+    except ValueError as error:
+        expected = "a number, or at least 9 points, the same at all steps"
+        problems.append(InputError(study.path, "noise.points", f"estimated, from {error}", expected))
+        return np.zeros((count, count))
 
 
 def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -46,7 +46,7 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
             "names": names,
             "matrix": np.round(found.correlation, 4).tolist(),
         },
-        "remarks": [*found.remarks, *_mesh_remarks(fit, mesh)],
+        "remarks": [*found.remarks, *_mesh_remarks(fit, mesh), *_thickness_remarks(fit)],
         "score": {
             "kind": settings.fit.score,
             "search": last.best["score"],
@@ -71,6 +71,12 @@ def _mesh_remarks(fit: Fit, mesh: str) -> list[str]:
     if REFINED in fit.mesh_files and mesh != REFINED:
         return ["the finer mesh has no solution at the best guess: the estimate is that of the search mesh"]
     return []
+
+
+def _thickness_remarks(fit: Fit) -> list[str]:
+    if fit.study.body.thick:
+        return []
+    return ["the thickness is not known: moduli are those of 1 mm; only modulus times thickness (N/mm) is identified"]
 
 
 def table_of(found: dict[str, Any]) -> str:

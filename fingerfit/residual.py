@@ -43,13 +43,18 @@ class Patches:
 
     @classmethod
     def over(cls, mesh: Mesh, across: int = 10, spacing: np.ndarray | None = None) -> Patches:
-        """Patches over the box around a mesh, nearly square, `across` along the first axis.
+        """The same over a mesh."""
+        return cls.around(mesh.points, across, spacing)
+
+    @classmethod
+    def around(cls, points: np.ndarray, across: int = 10, spacing: np.ndarray | None = None) -> Patches:
+        """Patches over the box around points, nearly square, `across` along the first axis.
 
         With the `spacing` of pictures, mm, there are fewer where each would hold less than twice the pixels it needs.
         """
-        low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+        low, high = points.min(axis=0), points.max(axis=0)
         if spacing is not None and spacing.any():
-            smallest = float(spacing.max()) * (2 * FEWEST) ** (1 / mesh.dim)
+            smallest = float(spacing.max()) * (2 * FEWEST) ** (1 / points.shape[1])
             across = max(1, min(across, int((high[0] - low[0]) / smallest)))
         count = np.maximum(1, np.rint((high - low) / ((high[0] - low[0]) / across))).astype(int)
         size = (high - low) / count
@@ -68,12 +73,13 @@ class Patches:
 class Residual:
     """What is left, as one vector with its covariance.
 
-    The vector has, for each picture and patch, a displacement (mm) and a brightness, then the conjugate quantity of
-    each step (N or mm). `kept` says which of them are known.
+    The vector has, for each picture and patch, a displacement (mm) and a brightness, then the same for each step with
+    measured points (mean of those of a patch, without a brightness), then the conjugate quantity of each step (N or
+    mm). `kept` says which of them are known.
 
     Parameters
     ----------
-    value : ndarray, shape (pictures, patches, dim + 1)
+    value : ndarray, shape (pictures + steps with points, patches, dim + 1)
         Measured minus predicted.
     conjugate : ndarray, shape (steps,)
     covariance : ndarray, shape (kept, kept)
@@ -128,7 +134,9 @@ def residual_of(
     for n, fit in enumerate(fits):
         value[n] = fit.values
     scale = np.concatenate([data.spacing, [1.0]])
-    value = value * scale
+    value = np.concatenate(
+        [value * scale, points_by_patch(data, data.points_displacement - prediction.points, patches)]
+    )
     measured, spread = data.conjugate
     conjugate = np.where(spread > 0, measured - prediction.conjugate, np.nan)
     vector = flat(value, conjugate)
@@ -140,11 +148,41 @@ def residual_of(
         rows = np.ravel([[(n * count + patch) * size + c for c in range(size)] for n in range(len(maps))]).astype(int)
         if len(rows):
             covariance[np.ix_(rows, rows)] = noise[patch]
+    _add_points_noise(covariance, data, patches)
     last = np.arange(len(vector) - len(conjugate), len(vector))
     shared = data.conjugate_gain * np.nan_to_num(measured)
     covariance[np.ix_(last, last)] = np.diag(spread**2) + np.outer(shared, shared)
     error = [float(np.sqrt(np.mean((s - m)[o >= 0] ** 2))) for s, m, o in pairs]
     return Residual(value, conjugate, covariance[np.ix_(kept, kept)], kept, np.array(error), floor, fits)
+
+
+def points_by_patch(data: Data, values: np.ndarray, patches: Patches) -> np.ndarray:
+    """Mean displacement of the points of each patch, shape (steps with points, patches, dim + 1); the last is NaN."""
+    steps, owner = np.unique(data.points_step), patches.of(data.points)
+    found = np.full((len(steps), len(patches.centre), values.shape[1] + 1), np.nan)
+    for n, step in enumerate(steps):
+        own = (data.points_step == step) & (owner >= 0)
+        count = np.bincount(owner[own], minlength=len(patches.centre))
+        for axis, component in enumerate(values[own].T):
+            total = np.bincount(owner[own], component, minlength=len(count))
+            found[n, :, axis] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return found
+
+
+def _add_points_noise(covariance: np.ndarray, data: Data, patches: Patches) -> None:
+    """Put the noise of points into the covariance: their own at all steps, and the shift of all points of a step."""
+    steps, dim = np.unique(data.points_step), data.points.shape[1]
+    count, owner, first = len(patches.centre), patches.of(data.points), len(data.picture_step)
+    own, between = [data.points_step == step for step in steps], data.between_steps
+    number = [np.bincount(owner[part & (owner >= 0)], minlength=count) for part in own]
+    rows = np.arange((first + len(steps)) * count * (dim + 1)).reshape(-1, count, dim + 1)[first:]
+    for n, step in enumerate(steps):
+        for axis in range(dim):
+            here = rows[n, :, axis]
+            covariance[np.ix_(here, here)] += data.frame_noise**2
+            for m, other in enumerate(steps):
+                share = between[step, other] / np.sqrt(np.maximum(number[n] * number[m], 1))
+                covariance[here, rows[m, :, axis]] += share
 
 
 def _owners(data: Data, frame: Picture, way: BackwardMap, patches: Patches) -> np.ndarray:
@@ -207,6 +245,8 @@ class Reader:
 
     def __init__(self, data: Data, mesh: Mesh, patches: Patches) -> None:
         self.data = data
+        self._points = Probe(mesh, data.points)
+        self._patches = patches
         offsets = np.stack([o.ravel() for o in np.meshgrid(*[(-0.25, 0.25)] * mesh.dim)], axis=1)
         points = (patches.centre[:, None] + offsets * patches.size).reshape(-1, mesh.dim)
         self._each = len(offsets)
@@ -219,5 +259,11 @@ class Reader:
             u = self._probe.read(outcome.displacement[step])
             u = u.reshape(-1, self._each, u.shape[1]).mean(axis=1)
             found.append(np.concatenate([u, np.zeros((len(u), 1))], axis=1))
+        if len(data.points_step):
+            at = np.empty_like(data.points_displacement)
+            for step in np.unique(data.points_step):
+                own = data.points_step == step
+                at[own] = self._points.read(outcome.displacement[step])[own]
+            found += list(points_by_patch(data, at, self._patches))
         conjugate = outcome.indenter if data.control == "force" else outcome.reaction
         return flat(np.array(found), -conjugate[: len(data.step), -1])

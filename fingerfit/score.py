@@ -92,5 +92,6 @@ def _deviations(prediction: Prediction, data: Data) -> tuple[np.ndarray, np.ndar
     known = np.isfinite(measured) & (noise > 0)
     points = np.zeros(0)
     if data.points.size and data.points_noise > 0:
-        points = ((prediction.points - data.points_displacement) / data.points_noise).ravel()
+        noise_of = np.sqrt(data.between_steps.diagonal())[data.points_step]
+        points = ((prediction.points - data.points_displacement) / noise_of[:, None]).ravel()
     return (prediction.conjugate - measured)[known] / noise[known], points

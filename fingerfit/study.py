@@ -60,8 +60,10 @@ class Body:
         Out of plane, mm; 0 where a mesh comes without it.
     brick : tuple of float or None
         Lengths of the sides, mm.
-    mesh : Path or None
-        Mesh file.
+    mesh, refined : Path or None
+        Mesh file, and that of a finer mesh of the same body.
+    thick : bool
+        Whether the thickness is known; when it is not, `thickness` is 1 mm.
     """
 
     layers: tuple[Layer, ...]
@@ -70,13 +72,16 @@ class Body:
     thickness: float = 1.0
     brick: tuple[float, float, float] | None = None
     mesh: Path | None = None
+    refined: Path | None = None
+    thick: bool = True
 
 
 @dataclass(frozen=True)
 class Noise:
     """Standard deviations: N, mm and intensity; None: not known; ``estimated``: from the data.
 
-    `force_gain` is that of a factor common to the forces of all steps, such as the stiffness of a specimen.
+    `force_gain` is that of a factor common to the forces of all steps, such as the stiffness of a specimen, `frame`
+    that of a shift common to all points of a step, such as that of the camera.
     """
 
     force: float | str | None = None
@@ -84,6 +89,7 @@ class Noise:
     points: float | str | None = None
     picture: float | str | None = None
     force_gain: float = 0.0
+    frame: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,10 @@ from fingerfit.units import factor
 COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
 
 
+UNKNOWN = "unknown"
+"""A thickness that is not known."""
+
+
 def study_path(path: Path) -> Path:
     """The study's file, from the file or its folder."""
     return path / "study.yaml" if path.is_dir() else path
@@ -95,9 +99,7 @@ def _side(boundary: Keys, key: str, kinds: tuple[str, ...], nodes: str) -> tuple
 
 
 def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
-    noise.known("force", "displacement", "points", "force_gain")
-    if noise.data.get("points") == ESTIMATED:
-        noise.wrong("points", ESTIMATED, "a number: the noise of points cannot be estimated")
+    noise.known("force", "displacement", "points", "force_gain", "frame")
 
     def spread(keys: Keys, name: str, size: float) -> float | str | None:
         if keys.data.get(name) in (None, ESTIMATED):
@@ -111,6 +113,7 @@ def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
         spread(noise, "points", sizes["length"]),
         spread(pictures, "noise", 1.0) if pictures.data else None,
         (noise.number("force_gain", above=0.0) or 0.0) if "force_gain" in noise.data else 0.0,
+        (noise.number("frame", above=0.0) or 0.0) * sizes["length"] if "frame" in noise.data else 0.0,
     )
 
 
@@ -157,7 +160,7 @@ def _box(value: object, length: float) -> tuple[tuple[float, ...], tuple[float, 
 
 
 def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
-    body.known("layers", "width", "thickness", "origin", "brick", "mesh")
+    body.known("layers", "width", "thickness", "origin", "brick", "mesh", "refined")
     size, layers, names = sizes["length"], [], set()
     mesh, brick = body.text("mesh", None), body.numbers("brick", 3, None)
     for number, entry in enumerate(body.items("layers")):
@@ -189,7 +192,12 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
     width = body.number("width", above=0.0) if mesh is None and brick is None else None
     origin = body.numbers("origin", 2, (0.0, 0.0)) or (0.0, 0.0)
     thickness: float | None = 1.0
-    if mesh is not None:  # which says later whether it is plane
+    thick, refined = body.data.get("thickness") != UNKNOWN, body.text("refined", None)
+    if refined and mesh is None:
+        body.wrong("refined", refined, "no such key: it is for a body with a mesh")
+    if not thick and mesh is not None:
+        thickness = 1.0 / size  # 1 mm
+    elif mesh is not None:  # which says later whether it is plane
         thickness = body.number("thickness", 0.0, above=0.0) if "thickness" in body.data else 0.0
     elif brick is None:
         thickness = body.number("thickness", above=0.0)
@@ -200,6 +208,8 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
         (thickness or 0.0) * size,
         (brick[0] * size, brick[1] * size, brick[2] * size) if brick else None,
         file.parent / mesh if mesh else None,
+        file.parent / refined if refined else None,
+        thick,
     )
 
 
@@ -299,8 +309,9 @@ def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
         problems.append(InputError(file, "pictures.before", "nothing", "the picture before compression"))
     if study.before is not None and not study.before.exists():
         problems.append(InputError(file, "pictures.before", study.before.name, "a file that exists"))
-    if study.body.mesh is not None and not study.body.mesh.exists():
-        problems.append(InputError(file, "body.mesh", study.body.mesh.name, "a file that exists"))
+    for key, path in (("mesh", study.body.mesh), ("refined", study.body.refined)):
+        if path is not None and not path.exists():
+            problems.append(InputError(file, f"body.{key}", path.name, "a file that exists"))
     conjugate = "displacement" if study.control == "force" else "force"
     measured = [step for step in study.steps if getattr(step, conjugate) is not None]
     if study.noise.force_gain and study.control == "force":

@@ -38,7 +38,8 @@ def finger_mesh(anatomy: Anatomy | None = None, size: float = 1.0, element: str 
     Mesh
         Element sets EPIDERMIS, DERMIS (where there is one), SUBCUTANEOUS, SKIN (the layers of the skin), SOFT (all
         three), DISTAL, MIDDLE, BONE (both), NAIL. Node sets END (end section), NAIL, BONE, BONE_SURFACE,
-        EPIDERMIS_INNER. Surfaces SKIN (all outside but the end section) and NAIL.
+        EPIDERMIS_OUTER and EPIDERMIS_INNER (each node opposite to that of the other set). Surfaces SKIN (all outside but the end
+        section) and NAIL.
 
     Raises
     ------
@@ -78,6 +79,7 @@ def finger_mesh(anatomy: Anatomy | None = None, size: float = 1.0, element: str 
         "NAIL": np.unique(nodes[sets["NAIL"]]),
         "BONE": np.unique(nodes[sets["BONE"]]),
         "BONE_SURFACE": fixed + offset,
+        "EPIDERMIS_OUTER": np.arange(count),
         "EPIDERMIS_INNER": np.arange(count) + count * counts[0],
     }
     mesh = Mesh(points, (Block("C3D4", nodes),), node_sets, sets)

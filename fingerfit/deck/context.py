@@ -49,8 +49,8 @@ def deck_context(
     dict
         ``title, mesh, dim, thickness, control, boundary, steps, increment, top, indenter, layers, effects, parts``,
         ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
-        ``aside(node)``, ``elements()``, ``node(set)`` and ``point(set)`` of a set of one node, ``ball(centre, radius,
-        count)`` and ``half_tube(axis, radius, count)`` of bricks.
+        ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``node(set)`` and ``point(set)`` of a
+        set of one node, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
     effects = catalogue() if effects is None else effects
     present = [effect for effect in effects.values() if effect.present(values)]
@@ -78,6 +78,8 @@ def deck_context(
         "areas": lambda name: _areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
         "elements": lambda: _elements(mesh),
+        "lengths": lambda name: _lengths(mesh, mesh.node_sets[name]),
+        "shares": lambda: _shares(mesh),
         "node": lambda name: _only(mesh, name) + 1,
         "point": lambda name: mesh.points[_only(mesh, name)].tolist(),
         "ball": lambda centre, radius, count: ball(centre, radius, count, len(mesh.points) + 1),
@@ -216,6 +218,31 @@ def _areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, f
         share[:-1] += length / 2
         share[1:] += length / 2
     return [(int(node) + 1, float(part * thickness)) for node, part in zip(order, share, strict=True)]
+
+
+def _lengths(mesh: Mesh, nodes: np.ndarray) -> list[tuple[int, float]]:
+    """Nodes, counted from 1, of any line of element edges of a plane mesh of linear elements, and their length, mm."""
+    length, chosen = np.zeros(len(mesh.points)), np.zeros(len(mesh.points), dtype=bool)
+    chosen[nodes] = True
+    for block in mesh.blocks:
+        pairs = np.stack([block.nodes, np.roll(block.nodes, -1, axis=1)], axis=-1).reshape(-1, 2)
+        pairs = pairs[chosen[pairs].all(axis=1)]
+        size = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
+        for side in pairs.T:
+            np.add.at(length, side, size / 2)
+    return [(int(node) + 1, float(length[node])) for node in nodes]
+
+
+def _shares(mesh: Mesh) -> list[tuple[float, list[int]]]:
+    """Areas, mm^2, that nodes of a plane mesh of linear elements stand for, and the nodes, counted from 1, of each."""
+    area = np.zeros(len(mesh.points))
+    for block in mesh.blocks:
+        x, y = np.moveaxis(mesh.points[block.nodes], -1, 0)
+        size = 0.5 * np.abs((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1))
+        for column in block.nodes.T:
+            np.add.at(area, column, size / block.nodes.shape[1])
+    sizes, which = np.unique(np.round(area, 6), return_inverse=True)
+    return [(float(a), [int(n) + 1 for n in np.flatnonzero(which == k)]) for k, a in enumerate(sizes) if a > 0]
 
 
 def _only(mesh: Mesh, name: str) -> int:

@@ -85,7 +85,7 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
         "versions": _versions(),
         "shown_rows": SHOWN_ROWS,
         "views": panels.view_data(),
-        "pictured": any(m["pictures"] for m in models),
+        "pictured": any(m["pictured"] for m in models),
         "data": {
             "uris": panels.uris,
             "panels": panels.keys,
@@ -104,7 +104,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
     compare, diagnosis = model.compare, model.diagnosis
     pictures, regions, rows = [], [], []
     if compare is not None:
-        for n in range(compare.pictures):
+        for n in range(compare.views):
             ratio = compare.ratio(n)
             pictures.append(
                 {"label": compare.label(n), "seen": compare.seen(n), "error": number(compare.error[n], 3)
@@ -121,6 +121,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "label": rung_label(model.rung or {"model": model.name}, index == 0),
         "model": model,
         "pictures": pictures,
+        "pictured": compare is not None and compare.pictures > 0,
         "regions": regions,
         "rows": rows,
         "forces": _forces(model),

@@ -102,6 +102,11 @@ class Compare:
         """Whether the pictures are volumes."""
         return self.measured.ndim == 4
 
+    @property
+    def views(self) -> int:
+        """Number of steps that can be looked at: with a picture, or without any pictures with measured points."""
+        return self.pictures or (len(self.moves) if self.moves.ndim == 3 and self.moves.shape[2] == 2 else 0)
+
     @cached_property
     def difference(self) -> np.ndarray:
         """Measured minus synthesized intensity, shape (pictures, ny, nx)."""
@@ -132,13 +137,13 @@ class Compare:
     @property
     def mapped(self) -> bool:
         """Whether there is a residual displacement to draw."""
-        shape = (self.pictures, int(np.prod(self.patch_count)), 3 if self.volumes else 2)
-        return self.moves.shape == shape and len(self.patch_centre) == shape[1] > 0 and self.pictures > 0
+        shape = (self.views, int(np.prod(self.patch_count)), 3 if self.volumes else 2)
+        return self.moves.shape == shape and len(self.patch_centre) == shape[1] > 0 and self.views > 0
 
     @property
     def meshed(self) -> bool:
         """Whether there is a deformed mesh for each picture."""
-        return len(self.mesh_rings) > 0 and self.mesh_moved.shape == (self.pictures, len(self.mesh_points), 2)
+        return len(self.mesh_rings) > 0 and self.mesh_moved.shape == (self.views, len(self.mesh_points), 2)
 
 
 def read_compare(path: Path) -> Compare:
@@ -210,7 +215,7 @@ class Model:
         found = {part: known.get(part) for part in ("fitted", "held_out")}
         if found["fitted"] is None and self.compare is not None:
             for part, chosen in (("fitted", "fitted"), ("held_out", "held out")):
-                own = [n for n in range(self.compare.pictures) if self.compare.seen(n) == chosen]
+                own = [n for n in range(self.compare.views) if self.compare.seen(n) == chosen]
                 ratio = np.array([self.compare.ratio(n) for n in own])
                 if len(ratio) and np.isfinite(ratio).all():
                     found[part] = float(np.sqrt(np.mean(ratio**2)))

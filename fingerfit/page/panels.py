@@ -61,7 +61,7 @@ class Panels:
         )
         every = np.concatenate([np.abs(c.difference).ravel() for c in pictured]) if pictured else np.ones(1)
         self.limit = float(np.nanquantile(every, 0.999)) or 1.0
-        self.reach = _limit([c.moves for c in pictured if c.mapped])
+        self.reach = _limit([m.compare.moves for m in models if m.compare is not None and m.compare.mapped])
         for model in models:
             if model.compare is not None:
                 self._draw(model, model.compare)
@@ -151,7 +151,7 @@ class Panels:
         patterns = {effect: _in_plane(model.patterns[effect], view) for effect in drawn}
         # of volumes one scale for all slices
         own = _limit([*([] if model.there is None else [model.there]), *(model.patterns[effect] for effect in drawn)])
-        for n in range(compare.pictures):
+        for n in range(compare.views):
             self.keys[f"map|{name}|{n}{after}"] = self.keep(map_panel(frame, compare, compare.moves[n], self.reach))
             if not drawn:
                 continue

@@ -99,7 +99,7 @@ def places(compare: Compare) -> list[Place]:
         own = np.flatnonzero((layer == key[0]) & (row == key[1]))
         name = str(compare.layer_names[key[0]]) if 0 <= key[0] < len(compare.layer_names) else OUTSIDE
         height = float(compare.patch_centre[own, -1].mean())
-        for picture in range(compare.pictures):
+        for picture in range(compare.views):
             place = _place(compare, picture, name, own, height, float(half))
             if place:
                 found.append(place)

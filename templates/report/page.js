@@ -80,7 +80,7 @@
       button.setAttribute("aria-pressed", String(button.dataset.model === state.model));
     }
     one("steps").hidden = count === 0;
-    one("viewer").hidden = count === 0;
+    one("viewer").hidden = !Object.keys(data.panels).some((key) => key.startsWith(`measured|${state.model}|`));
     for (const id of ["slider", "slider-2"]) {
       const slider = one(id);
       if (slider) { slider.max = Math.max(0, count - 1); slider.value = state.picture; slider.disabled = count < 2; }

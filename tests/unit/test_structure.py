@@ -19,6 +19,7 @@ ORDER = (
     ("deck", "meshing", "mesh_io", "tetrahedra", "anatomy"),
     ("solvers",),
     ("imaging", "data", "slices"),
+    ("morph",),
     ("score", "search", "uncertainty"),
     ("truth",),
     ("predict", "estimate", "rounds", "scan"),

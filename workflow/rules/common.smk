@@ -30,7 +30,7 @@ SETTINGS_FILE = layout.write_settings(SETTINGS, Path(MODEL) / "settings.json")
 WALK = Walk(Path(STUDY), Path(MODEL))
 FIGURES = [f"{MODEL}/figures/{name}.png" for name in FIGURE_NAMES]
 MESHES = {"mesh": f"{MODEL}/mesh.inp"}
-if SETTINGS.model.refined:
+if layout.has_refined(SETTINGS):
     MESHES["refined"] = f"{MODEL}/refined.inp"
 MESH_OPTIONS = " ".join(f"--{name} {path}" for name, path in MESHES.items())
 

@@ -1,0 +1,187 @@
+"""Extension of skin between two glued pads (Elouneg and others) as a study of measured points and forces.
+
+The pads lie along the last axis of the study's frame, the one of the moving pad, which is pulled downwards, below:
+the direction in which indenters push. The measured x runs along it, and the measured y to the left.
+"""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.errors import InputError
+from fingerfit.files import write_text
+from fingerfit.mesh import Block, Mesh
+from fingerfit.mesh_io import format_mesh
+
+FRAMES = (6, 12, 18, 24, 30, 36, 42, 49)
+"""Of the fifty, those that become steps: as far apart as the authors' filter in time is wide."""
+MARK = 2.0
+"""How far inside the moving pad's inner edge the authors put the mark that positions count from, mm."""
+FORCE_NOISE, FRAME_NOISE = 0.002, 0.02
+"""N: what the authors' filters leave of a scatter of 0.012 N; mm: of the marks on the pads, as of two points."""
+FINE, COARSE = 1.4, 5.0
+"""Elements between and around the pads and at the border, mm; those of the finer mesh are `FINER` times as small."""
+FINER = 0.6
+NAMES = ("L0", "H0", "L", "H", "l_pad", "h_pad", "dL_pad")
+
+
+def read_numbers(path: Path) -> dict[str, float]:
+    """Lengths in mm of the authors' .geo file: body, pads, distance between the pads.
+
+    Raises
+    ------
+    InputError
+        When one of them is missing.
+    """
+    text = _text(path)
+    found = {m[1]: float(m[2]) for m in re.finditer(r"^\s*(\w+)\s*=\s*([\d.]+)\s*;", text, re.MULTILINE)}
+    missing = [name for name in NAMES if name not in found]
+    if missing:
+        raise InputError(path, "lengths", f"no {', '.join(missing)}", "lines such as dL_pad = 32.0;")
+    return {name: found[name] for name in NAMES}
+
+
+def read_table(path: Path, columns: int) -> np.ndarray:
+    """Numbers of one of the authors' .out files, shape (rows, columns).
+
+    Raises
+    ------
+    InputError
+        When they are no such table.
+    """
+    try:
+        table = np.array([[float(cell) for cell in line.split()] for line in _text(path).splitlines() if line.strip()])
+    except ValueError as error:
+        raise InputError(path, "rows", error, f"{columns} numbers each") from error
+    if table.ndim != 2 or table.shape[1] != columns or not np.isfinite(table).all():
+        raise InputError(path, "rows", "shape " + " x ".join(map(str, table.shape)), f"{columns} finite numbers each")
+    return table
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, "file", getattr(error, "strerror", None) or error, "a readable text file") from error
+
+
+def lines(edges: list[float], fine: float, coarse: float) -> np.ndarray:
+    """Positions of mesh lines through given ones: `fine` between the inner ones, growing to `coarse` at both ends."""
+    inner = edges[1:-1]
+    found = [inner[0]]
+    for a, b in pairwise(inner):
+        found += list(np.linspace(a, b, max(1, round((b - a) / fine)) + 1)[1:])
+    for end, sign in ((edges[0], -1.0), (edges[-1], 1.0)):
+        start = inner[0] if sign < 0 else inner[-1]
+        sizes = [fine]
+        while sum(sizes) < abs(end - start):
+            sizes.append(min(1.3 * sizes[-1], coarse))
+        outer = start + sign * np.cumsum(sizes) * abs(end - start) / sum(sizes)
+        found = [*outer[::-1], *found] if sign < 0 else [*found, *outer]
+    return np.array(found)
+
+
+def membrane(numbers: dict[str, float], fine: float, coarse: float) -> Mesh:
+    """Membrane with a hole for each pad, of CPS4.
+
+    Parameters
+    ----------
+    numbers : dict
+        As `read_numbers` gives them.
+    fine, coarse : float
+        Sizes of elements, mm.
+
+    Returns
+    -------
+    Mesh
+        In the study's frame, with the mark on the moving pad at the origin. Node sets ``TOP``, the edge of the moving
+        pad, ``BOTTOM``, that of the fixed one, and ``BORDER``; element set ``SKIN``.
+    """
+    n = numbers
+    half, apart = n["h_pad"] / 2, n["dL_pad"]
+    moving, fixed = (MARK - n["l_pad"], MARK), (MARK + apart, MARK + apart + n["l_pad"])
+    middle = MARK + apart / 2
+    x = lines([-n["H"] / 2, -half, half, n["H"] / 2], fine, coarse)
+    y = lines([middle - n["L"] / 2, *moving, *fixed, middle + n["L"] / 2], fine, coarse)
+    grid = np.arange(len(x) * len(y)).reshape(len(y), len(x))
+    points = np.stack([np.tile(x, len(y)), np.repeat(y, len(x))], axis=1)
+    quads = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=-1).reshape(-1, 4)
+    centre = points[quads].mean(axis=1)
+
+    def within(places: np.ndarray, pad: tuple[float, float], edge: float) -> np.ndarray:
+        beside = np.abs(places[:, 0]) < half + edge
+        return np.asarray(beside & (places[:, 1] > pad[0] - edge) & (places[:, 1] < pad[1] + edge))
+
+    quads = quads[~within(centre, moving, 0.0) & ~within(centre, fixed, 0.0)]
+    used = np.unique(quads)
+    number = np.full(len(points), -1)
+    number[used] = np.arange(len(used))
+    points = points[used]
+    low, high = points.min(axis=0), points.max(axis=0)
+    sets = {
+        "TOP": np.flatnonzero(within(points, moving, 1e-6)),
+        "BOTTOM": np.flatnonzero(within(points, fixed, 1e-6)),
+        "BORDER": np.flatnonzero(((points < low + 1e-6) | (points > high - 1e-6)).any(axis=1)),
+    }
+    return Mesh(points, (Block("CPS4", number[quads]),), sets, {"SKIN": np.arange(len(quads))})
+
+
+def turned(places: np.ndarray) -> np.ndarray:
+    """Measured x and y in the study's frame, shape (points, 2)."""
+    return np.stack([-places[:, 1], places[:, 0]], axis=1)
+
+
+def make_study(folder: Path, out: Path) -> None:
+    """Write a study of the authors' files.
+
+    Parameters
+    ----------
+    folder : Path
+        With ``healthy_skin.geo``, ``displacement`` and ``reactionforce``.
+    out : Path
+        Folder of the study.
+
+    Raises
+    ------
+    InputError
+        When a file is missing or something else.
+    """
+    numbers = read_numbers(folder / "healthy_skin.geo")
+    pad = read_table(folder / "displacement/xt_pad_mov.out", 2)
+    moved = -read_table(folder / "reactionforce/ux_pad_mov.out", 1)[:, 0]
+    force = -read_table(folder / "reactionforce/fx_pad_mov.out", 1)[:, 0]
+    first = read_table(folder / "displacement/xt_dic_0000.out", 2)
+    if len(pad) <= FRAMES[-1]:
+        raise InputError(folder / "displacement/xt_pad_mov.out", "rows", len(pad), f"{FRAMES[-1] + 1} frames")
+    rows = []
+    for number, frame in enumerate(FRAMES, 1):
+        path = folder / f"displacement/xt_dic_{frame:04d}.out"
+        now = read_table(path, 2)
+        if len(now) != len(first):
+            raise InputError(path, "rows", len(now), f"{len(first)}, as in the first frame")
+        table = np.concatenate([turned(first), turned(now - first)], axis=1)
+        text = "\n".join(",".join(f"{value:.5f}" for value in row) for row in table)
+        write_text(out / f"points/{number}.csv", f"x,y,ux,uy\n{text}\n")
+        pull = -pad[frame, 0]
+        rows.append(f"{number},{pull:.5f},{np.interp(pull, moved, force):.5f},points/{number}.csv")
+    write_text(out / "steps.csv", "\n".join(["step,displacement,force,points", *rows]) + "\n")
+    for name, share in (("membrane", 1.0), ("membrane_fine", FINER)):
+        write_text(out / f"{name}.inp", format_mesh(membrane(numbers, share * FINE, share * COARSE)))
+    write_text(
+        out / "study.yaml",
+        "title: Skin stretched between two pads; thickness not known\n"
+        "units: {length: mm, force: N, time: s}\n"
+        "control: displacement   # of the moving pad, away from the fixed one\n"
+        "steps: steps.csv\n"
+        f"noise: {{points: estimated, frame: {FRAME_NOISE:g}, displacement: {FRAME_NOISE:g}, force: {FORCE_NOISE:g}}}\n"
+        "body:\n"
+        "  mesh: membrane.inp\n"
+        "  refined: membrane_fine.inp\n"
+        "  thickness: unknown\n"
+        "  layers: [{name: skin, elements: SKIN}]\n"
+        "boundary: {base: held, indenter: glued}   # the fixed pad; the moving pad\n",
+    )

@@ -1,0 +1,150 @@
+"""The recipe for skin between two pads, on files of the authors' format that are made here."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.reader import read_deck
+from fingerfit.deck.render import render_deck
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.errors import InputError
+from fingerfit.fit import TEMPLATES
+from fingerfit.imaging.points import estimate_covariance
+from fingerfit.mesh_io import format_mesh, read_mesh
+from fingerfit.prepare import make_mesh, prepare
+from fingerfit.recipes.skin import FRAMES, make_study, membrane, read_numbers
+from fingerfit.study_file import load_study
+
+DATA = Path(__file__).resolve().parents[3] / "shared/real/skin_extension"
+STUDY = Path(__file__).resolve().parents[2] / "studies/skin"
+GEO = "L0 = 100;\nH0 = 40;\nL = 100;\nH = 50;\nl_pad = 8.0; // length\nh_pad = 8.0;\ndL_pad = 32.0;\n"
+NUMBERS = {"L0": 100.0, "H0": 40.0, "L": 100.0, "H": 50.0, "l_pad": 8.0, "h_pad": 8.0, "dL_pad": 32.0}
+NOISE = 0.01
+
+
+def authors_files(folder):
+    """Points between the pads that follow the moving one less the farther they are from it; noise of `NOISE` mm."""
+    rng = np.random.default_rng(3)
+    for name in ("displacement", "reactionforce"):
+        (folder / name).mkdir(parents=True)
+    (folder / "healthy_skin.geo").write_text(GEO)
+    x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(11, 28, 18), np.linspace(-4, 4, 9)))
+    pad = np.linspace(0, 4, 50)
+    for frame, pull in enumerate(pad):
+        moved = np.stack([x - pull * (1 - x / 36), y * (1 - 0.01 * pull)], axis=1)
+        moved += rng.normal(0, NOISE, moved.shape) * (frame > 0)
+        np.savetxt(folder / f"displacement/xt_dic_{frame:04d}.out", moved)
+    np.savetxt(folder / "displacement/xt_pad_mov.out", np.stack([-pad, 0 * pad], axis=1))
+    far = np.linspace(0, 8, 100)
+    np.savetxt(folder / "reactionforce/ux_pad_mov.out", -far)
+    np.savetxt(folder / "reactionforce/fx_pad_mov.out", -0.02 * far)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("skin")
+    make_study(authors_files(folder / "authors"), folder / "study")
+    return load_study(folder / "study")
+
+
+def test_the_study_turns_the_pull_downwards(study):
+    assert len(study.steps) == len(FRAMES)
+    assert study.steps[0].displacement == pytest.approx(4 * FRAMES[0] / 49, abs=1e-4)
+    assert study.steps[0].force == pytest.approx(0.02 * study.steps[0].displacement, abs=1e-5)
+    data = prepare(study, make_mesh(study, None), None, 1.0, 0.3)
+    last = data.points_step == len(FRAMES) - 1
+    # the measured x, along the pull, is the study's y; all points move towards the moving pad, downwards
+    assert data.points[last][:, 1].min() == pytest.approx(11.0, abs=1e-4)
+    assert (data.points_displacement[last][:, 1] < 0).all()
+
+
+def test_noise_is_what_no_smooth_field_can_do(study):
+    data = prepare(study, make_mesh(study, None), None, 1.0, 0.3)
+    assert data.points_noise == pytest.approx(NOISE, rel=0.05)
+    between = data.between_steps / NOISE**2
+    assert np.abs(between - np.eye(len(FRAMES))).max() < 0.3
+
+
+def test_only_some_steps_are_fitted(study):
+    data = prepare(study, make_mesh(study, None), [1, 3], 1.0, 0.3)
+    assert np.unique(data.points_step).tolist() == [0, 2]
+    assert np.flatnonzero(np.isfinite(data.force)).tolist() == [0, 2]
+    assert np.isfinite(data.displacement).all()
+
+
+def test_errors_of_a_point_at_two_steps_are_alike():
+    rng = np.random.default_rng(1)
+    points = rng.uniform(0, 10, (400, 2))
+    common, own = rng.normal(0, 0.02, (400, 2)), rng.normal(0, 0.01, (2, 400, 2))
+    moved = np.concatenate([points @ [[0.1, 0], [0.02, -0.05]] + common + part for part in own])
+    found = estimate_covariance(np.tile(points, (2, 1)), moved, np.repeat([0, 2], 400), 3)
+    assert found[0, 0] == pytest.approx(5e-4, rel=0.15)
+    assert found[0, 2] == pytest.approx(4e-4, rel=0.15)
+    assert not found[1].any()
+    with pytest.raises(ValueError, match="different points"):
+        estimate_covariance(points, points, np.repeat([0, 1], 200), 2)
+    with pytest.raises(ValueError, match="4 points"):
+        estimate_covariance(points[:4], points[:4], np.zeros(4, int), 1)
+
+
+def test_membrane_has_a_hole_for_each_pad():
+    mesh = membrane(NUMBERS, 2.0, 6.0)
+    corners = mesh.points[mesh.blocks[0].nodes]
+    x, y = np.moveaxis(corners, -1, 0)
+    area = 0.5 * (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(100 * 50 - 2 * 8 * 8)
+    moving, fixed = (mesh.points[mesh.node_sets[name]] for name in ("TOP", "BOTTOM"))
+    assert moving.min(axis=0) == pytest.approx([-4, -6])
+    assert moving.max(axis=0) == pytest.approx([4, 2])
+    assert fixed.min(axis=0) == pytest.approx([-4, 34])
+    # nodes of the mesh beside each other on the border, none within a pad
+    assert len(mesh.node_sets["BORDER"]) == 2 * (len(np.unique(x)) + len(np.unique(y))) - 4
+
+
+def deck(study, mesh, values):
+    effects = catalogue(STUDY)
+    context = deck_context(study, mesh, "mesh.inp", {"mu": 0.01, **values}, {"alpha": 2, "poisson": 0.495}, effects)
+    return render_deck("block.inp.j2", context, [STUDY, TEMPLATES])
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in (STUDY / "effects").glob("*.yaml")))
+def test_effects_of_the_study(study, name, tmp_path):
+    mesh = membrane(NUMBERS, 4.0, 10.0)
+    mesh.node_sets["INDENTER"] = mesh.node_sets["TOP"][:1]
+    effect = catalogue(STUDY)[name]
+    place = effect.places()[0]
+    assert deck(study, mesh, {**effect.null(), **place}) == deck(study, mesh, {})
+    first = effect.parameters[0]
+    changed = deck(study, mesh, {**effect.null(), **place, effect.key(first.name): first.null + first.step})
+    assert changed != deck(study, mesh, {})
+    (tmp_path / "mesh.inp").write_text(format_mesh(mesh))
+    (tmp_path / "deck.inp").write_text(changed)
+    assert len(read_deck(tmp_path / "deck.inp").steps) >= len(FRAMES)
+
+
+def test_what_is_wrong_is_told(tmp_path):
+    with pytest.raises(InputError, match=r"healthy_skin.geo"):
+        make_study(tmp_path, tmp_path / "out")
+    (tmp_path / "healthy_skin.geo").write_text("L0 = 100;\n")
+    with pytest.raises(InputError, match="dL_pad"):
+        read_numbers(tmp_path / "healthy_skin.geo")
+    folder = authors_files(tmp_path / "authors")
+    (folder / "displacement/xt_dic_0006.out").write_text("1 2\n")
+    with pytest.raises(InputError, match="as in the first frame"):
+        make_study(folder, tmp_path / "out")
+
+
+def test_the_authors_files(tmp_path):
+    if not DATA.is_dir():
+        pytest.skip("the measured data (shared/real/skin_extension) are not here")
+    make_study(DATA, tmp_path)
+    study = load_study(tmp_path)
+    data = prepare(study, make_mesh(study, None), None, 1.0, 0.3)
+    assert len(data.points) == 8 * 537
+    assert 0.015 < data.points_noise < 0.025
+    fine = make_mesh(study, None, finer=True)
+    assert len(fine.points) > 2 * len(read_mesh(tmp_path / "membrane.inp").points)

@@ -1,0 +1,79 @@
+"""Diagnosis of forces alone, on made-up tests in the format of docs/ecoflex.md."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerfit.examine import errors, examine
+from fingerfit.fit import Fit
+from fingerfit.mesh_io import format_mesh
+from fingerfit.prepare import make_mesh, prepare
+from fingerfit.recipes.ecoflex import make_study, spread_of
+from fingerfit.settings import load_settings
+from fingerfit.simulate import run_fit
+from fingerfit.study_file import load_study
+
+CONFIG = Path(__file__).resolve().parents[2] / "studies/ecoflex/fixed.yaml"
+MU, ALPHA = 0.01, 3.0
+
+
+def uniaxial(moved, alpha):
+    """Force in N of an incompressible Ogden cylinder of 50 mm by 30 mm."""
+    stretch = 1 - moved / 30
+    return -2 * MU / alpha * (stretch ** (alpha - 1) - stretch ** (-alpha / 2 - 1)) * np.pi * 25**2
+
+
+def three_tests(folder, alpha, seed=1):
+    """Three tests whose specimens differ by a factor of 3 %, and by 1 % in each force."""
+    rng, moved = np.random.default_rng(seed), np.linspace(0, 15, 61)
+    paths = []
+    for number, factor in enumerate((0.97, 1.0, 1.03)):
+        force = factor * uniaxial(moved, alpha) * (1 + rng.normal(0, 0.01, moved.shape))
+        rows = [f"{t},{d},{f}" for t, (d, f) in enumerate(zip(moved, force, strict=True))]
+        paths.append(folder / f"{number}.csv")
+        paths[-1].write_text("made up;\nTime (s),Compression (mm),Load (N)\n" + "\n".join(rows) + "\n")
+    return paths
+
+
+def examined(folder, alpha):
+    make_study(three_tests(folder, alpha), folder / "study")
+    settings = load_settings(CONFIG)
+    settings = settings.model_copy(update={"study": str(folder / "study")})
+    study = load_study(folder / "study")
+    mesh = make_mesh(study, settings.model.mesh)
+    (folder / "mesh.inp").write_text(format_mesh(mesh))
+    data = prepare(study, mesh, settings.fit.steps, 1.0, 0.3)
+    fit = Fit(settings, data, {"search": folder / "mesh.inp"}, folder / "results/sims")
+    last, _ = run_fit(fit, 1)
+    return examine(fit, last, prepare(study, mesh, None, 1.0, 0.3))
+
+
+def test_the_factor_between_specimens_is_taken_apart():
+    shape = np.arange(1.0, 11.0)
+    own = np.array([[0.01], [-0.01], [0.0]]) * (-1.0) ** np.arange(10)
+    noise, factor = spread_of(np.array([[0.95], [1.0], [1.05]]) * shape * (1 + own))
+    assert factor == pytest.approx(0.05, rel=0.02)
+    assert noise / shape == pytest.approx(0.01, rel=0.2)
+
+
+def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
+    found = examined(tmp_path, ALPHA)
+    fitted, held_out = errors(found.examination)
+    assert fitted > 2
+    assert held_out > 2
+    assert found.verdict.effects[0] == "stiffening"
+    refit = found.refits["stiffening"]
+    assert refit.values["stiffening.shift"] + 1.4 == pytest.approx(ALPHA, abs=0.25)
+    assert refit.fitted < 1.5
+    assert refit.held_out < 1.5
+    # effects of pictures and of layers are no suspects of one brick without pictures
+    names = {one.suspect.effect.name for one in found.looks}
+    assert "plate_friction" in names
+    assert not names & {"bias_field", "intensity_drift", "misregistration", "tilt", "skin", "gradient", "coarse_mesh"}
+
+
+def test_nothing_is_missing_where_nothing_is(tmp_path):
+    found = examined(tmp_path, 1.4)
+    assert found.verdict.kind == "adequate"
+    assert errors(found.examination)[0] < 1.5
