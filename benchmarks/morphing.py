@@ -46,11 +46,11 @@ COLUMNS = (
 HEAD = f"""# Morphing
 
 Made by `python benchmarks/morphing.py`; do not edit. The reference finger ({{elements}} tetrahedra, {{nodes}} nodes) is
-brought to {{count}} others from their volumes (voxels of {{voxel}} mm, texture of 10 %, Rician noise of 3 %, other contrast
-than the reference's), each with numbers of its own (standard deviations of 5 to 18 %), turned by up to 8 degrees and
-shifted by up to 3 mm. Distances in mm from the nodes of the mesh to the true surface: of the rigidly moved reference,
-that is with the true turn and shift, and of the morphed mesh. *Poor* is the smallest radius ratio of an element (1 is
-regular).
+brought to {{count}} others from their volumes (voxels of {{voxel}} mm, texture of 10 %, Rician noise of 3 %, other
+contrast than the reference's), each with numbers of its own (standard deviations of 5 to 18 %), turned by up to 8
+degrees and shifted by up to 3 mm. Distances in mm from the nodes of the mesh to the true surface: of the rigidly moved
+reference, that is with the true turn and shift, and of the morphed mesh. *Poor* is the smallest radius ratio of an
+element (1 is regular).
 
 Measured on {{machine}}; one thread, beside other work.
 

@@ -100,6 +100,7 @@ def settings_of(settings: Settings, stage: str) -> str:
         "estimate": {"model": every["model"], "fit": fit},
         "plot": {},
         "ladder": {},
+        "export": {},
         "diagnose": {"solver": get_solver(settings.solver).identity(), "model": every["model"], "fit": fit},
     }
     return json.dumps(chosen[stage], sort_keys=True)

@@ -44,7 +44,7 @@ class Patches:
     @classmethod
     def over(cls, mesh: Mesh, across: int = 10, spacing: np.ndarray | None = None) -> Patches:
         """The same over a mesh."""
-        return cls.around(mesh.points, across, spacing)
+        return cls.around(mesh.body, across, spacing)
 
     @classmethod
     def around(cls, points: np.ndarray, across: int = 10, spacing: np.ndarray | None = None) -> Patches:

@@ -38,8 +38,8 @@ def finger_mesh(anatomy: Anatomy | None = None, size: float = 1.0, element: str 
     Mesh
         Element sets EPIDERMIS, DERMIS (where there is one), SUBCUTANEOUS, SKIN (the layers of the skin), SOFT (all
         three), DISTAL, MIDDLE, BONE (both), NAIL. Node sets END (end section), NAIL, BONE, BONE_SURFACE,
-        EPIDERMIS_OUTER and EPIDERMIS_INNER (each node opposite to that of the other set). Surfaces SKIN (all outside but the end
-        section) and NAIL.
+        EPIDERMIS_OUTER and EPIDERMIS_INNER (each node opposite to that of the other set). Surfaces SKIN (all outside
+        but the end section) and NAIL.
 
     Raises
     ------

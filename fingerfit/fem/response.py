@@ -64,6 +64,12 @@ class Points:
         """Whether there is any part with directions."""
         return bool(self.tensors) or self.increment is not None or self.initial is not None
 
+    def hardly_compressed(self, count: int) -> bool:
+        """Whether any of `count` points has a Poisson's ratio above 0.475, at small strain."""
+        second = self.isotropic(np.ones((count, 3)))[1]
+        shear = (second[:, 0, 0] - second[:, 0, 1]) / 2
+        return bool((second[:, 0, 1] + 2 * shear / 3 > 20 * shear).any())
+
     def energy(self, squared: np.ndarray, frame: np.ndarray | None) -> np.ndarray:
         """Energy density in MPa, shape (points,), for squared stretches (points, 3) with their directions."""
         stretch = np.sqrt(squared)

@@ -122,22 +122,25 @@ def _search(
 
 def _winners(claims: Claims, shape: tuple[int, ...], inverted: int) -> BackwardMap:
     """One claim for each pixel: the deepest, then that of the first element."""
-    times = np.bincount(claims.pixel, minlength=1)
-    several = np.take(times, claims.pixel) > 1
-    rival = np.flatnonzero(several)
-    pixel, depth = claims.pixel[rival], claims.depth[rival]
-    order = np.lexsort((claims.element[rival], depth, pixel))
-    won = np.ones(len(order), dtype=bool)
-    won[1:] = pixel[order][1:] != pixel[order][:-1]
-    kept = np.concatenate([np.flatnonzero(~several), rival[order[won]]])
+    index = np.arange(len(claims.pixel), dtype=np.int32)
+    # the picture filled with its claims: those that are not found there again have rivals
+    owner = np.full(int(np.prod(shape)), -1, dtype=np.int32)
+    owner[claims.pixel] = index
+    lost = claims.pixel[owner[claims.pixel] != index]
+    overlaps = 0
+    if len(lost):
+        disputed = np.zeros(len(owner), dtype=bool)
+        disputed[lost] = True
+        rival = np.flatnonzero(disputed[claims.pixel])
+        pixel, depth = claims.pixel[rival], claims.depth[rival]
+        order = np.lexsort((claims.element[rival], depth, pixel))
+        won = np.ones(len(order), dtype=bool)
+        won[1:] = pixel[order][1:] != pixel[order][:-1]
+        owner[pixel[order][won]] = rival[order[won]]
+        overlaps = int((np.bincount(pixel[depth < _DEEP], minlength=1) > 1).sum())
     # in the order of the picture: what is read there lies close together
-    place = np.full(len(times), -1)
-    place[claims.pixel[kept]] = kept
-    kept = place[place >= 0]
-    deep = np.bincount(pixel[depth < _DEEP], minlength=1)
-    return BackwardMap(
-        claims.pixel[kept], claims.source[kept], claims.element[kept], shape, inverted, int((deep > 1).sum())
-    )
+    kept = owner[owner >= 0]
+    return BackwardMap(claims.pixel[kept], claims.source[kept], claims.element[kept], shape, inverted, overlaps)
 
 
 def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> int:

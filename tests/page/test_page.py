@@ -159,7 +159,7 @@ def test_in_a_browser(whole, tmp_path, width):
     run = subprocess.run(
         [binary, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},1000",
          "--virtual-time-budget=8000", "--dump-dom", path.as_uri()],
-        capture_output=True, text=True, timeout=120, check=True,
+        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
     )  # fmt: skip
     found = json.loads(html.unescape(re.search(r'<pre id="result">(.*?)</pre>', run.stdout, re.S)[1]))
     assert found.pop("mesh") == 9 and found.pop("framed") == 10
@@ -176,7 +176,7 @@ def test_its_own_policy_lets_the_page_run(whole, tmp_path):
     run = subprocess.run(
         [binary, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=3000",
          "--dump-dom", (tmp_path / "report.html").as_uri()],
-        capture_output=True, text=True, timeout=120, check=True,
+        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
     )  # fmt: skip
     assert 'id="step-name" for="slider">step 7 (fitted)<' in run.stdout or re.search(
         r"<output[^>]*step-name[^>]*>step 7 \(fitted\)<", run.stdout

@@ -191,7 +191,7 @@ def test_in_a_browser(whole, tmp_path):
     run = subprocess.run(
         [binary, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
          "--virtual-time-budget=8000", "--dump-dom", path.as_uri()],
-        capture_output=True, text=True, timeout=120, check=True,
+        capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
     )  # fmt: skip
     found = json.loads(html.unescape(re.search(r'<pre id="result">(.*?)</pre>', run.stdout, re.S)[1]))
     assert found == {

@@ -86,3 +86,13 @@ def test_a_fit_depends_on_what_was_measured_only(monkeypatch):
     names = {Path(path).name for path in study_files(load_settings(ROOT / "config.yaml"))}
     pictures = {"before.nii.gz", *(f"step_{n}.nii.gz" for n in (1, 3, 5, 7))}
     assert names == {"study.yaml", "steps.csv"} | pictures
+
+
+def test_every_part_of_the_workflow_knows_its_settings_and_sources():
+    from fingerfit.layout import SOURCES, fingerprint, settings_of
+    from fingerfit.settings import load_settings
+
+    settings = load_settings(ROOT / "config.yaml")
+    for stage in SOURCES:
+        assert json.loads(settings_of(settings, stage)) is not None
+        assert len(fingerprint(stage)) == 20
