@@ -27,8 +27,8 @@ FAR = 0.12
 """A longer move needs new slopes."""
 AGAIN, AGAIN_ADDED = 3, 15
 """How often slopes are taken at most: after a search, and in a model with effects, which has none."""
-FALL = 0.5
-"""Predicted fall of a likelihood from which new slopes are taken where no pictures make them costly."""
+FALL, FALL_SHARE = 0.5, 1e-3
+"""Predicted fall of a likelihood, and share of it, from which new slopes are taken where no pictures make them costly."""
 TRUST = 0.3
 """Longest move by one set of slopes."""
 CLOSE = 0.05
@@ -135,7 +135,7 @@ def _half_way_back(fit: Fit, last: Round, found: Minimum) -> tuple[dict[str, flo
 
 def _promises(fit: Fit, found: Minimum) -> bool:
     """Whether forces and points alone, cheap and exact, still see a move that is short."""
-    return fit.exact and found.fall > FALL
+    return fit.exact and found.fall > max(FALL, FALL_SHARE * fit.score(found.model.base))
 
 
 def minimum(fit: Fit, last: Round) -> Minimum:
