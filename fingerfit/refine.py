@@ -28,7 +28,7 @@ FAR = 0.12
 AGAIN, AGAIN_ADDED = 3, 15
 """How often slopes are taken at most: after a search, and in a model with effects, which has none."""
 FALL, FALL_SHARE = 0.5, 1e-3
-"""Promised fall of a likelihood, and share of it, from which slopes are taken again where no pictures make them dear."""
+"""Promised fall of a likelihood, and share of it, from which slopes are taken again in studies without pictures."""
 TRUST = 0.3
 """Longest move by one set of slopes."""
 CLOSE = 0.05
