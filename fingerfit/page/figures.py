@@ -208,7 +208,8 @@ def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
     )
     for at, height, value, weight in zip(x, y, change, evidence, strict=True):
         colour = "white" if abs(weight) > 0.7 * limit else "#111111"
-        text = f"{100 * np.expm1(value):+.0f}"
+        percent = round(100 * np.expm1(value))
+        text = f"{percent:+d}" if percent else "0"
         axes.annotate(text, (at, height), ha="center", va="center", fontsize=7, color=colour)
     _scale(figure, shown, scale, "evidence in standard deviations\n(softer: negative, stiffer: positive)")
     return figure
