@@ -23,8 +23,8 @@ from fingerfit.uncertainty import minimise
 
 ANCHOR = "anchor"
 """Role of a guess that is solved on the search mesh to be compared with the finest one."""
-FAR = 0.12
-"""A longer move needs new slopes."""
+FAR, FIRST = 0.12, 0.005
+"""A longer move needs new slopes: at any time, and after the first slopes of a model with effects."""
 AGAIN, AGAIN_ADDED = 3, 15
 """How often slopes are taken at most: after a search, and in a model with effects, which has none."""
 FALL, FALL_SHARE = 0.5, 1e-3
@@ -81,7 +81,9 @@ def refine_round(fit: Fit, last: Round) -> Round:
         back, trust = _half_way_back(fit, last, found)
         if back is not None:
             return _slopes_again(fit, last, back, {"before": (last.best or {})["before"], "trust": trust})
-        if found.move > FAR or _promises(fit, found):
+        # no search came before the first slopes of a model with effects: they are taken where it was predicted to be
+        far = FAR if last.history or last.slopes > 1 else FIRST
+        if found.move > far or _promises(fit, found):
             before = {"values": dict(found.base.values), "score": fit.score(found.model.base), "fall": found.fall}
             return _slopes_again(fit, last, found.values, {"before": before, "trust": trust})
     asked = fit.ask(found.values, FINAL)
