@@ -7,7 +7,7 @@ from typing import Any
 from fingerfit.beside import side_by_side
 from fingerfit.fit import FINAL, SEARCH, SENSITIVITY, Fit
 from fingerfit.predict import Predictor
-from fingerfit.refine import around_best, refine_round
+from fingerfit.refine import ADDED, around_best, refine_round
 from fingerfit.rounds import Asked, Round
 from fingerfit.search import Evaluation, propose
 
@@ -36,7 +36,7 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
             "meshes": _meshes(fit),
             "best": {"values": start, "score": None},
         }
-        return around_best(fit, base, start, "effects added")
+        return around_best(fit, base, start, ADDED)
     names = [parameter.name for parameter in parameters]
     history = list(last.history) if last else []
     if last:

@@ -23,6 +23,8 @@ from fingerfit.uncertainty import minimise
 
 ANCHOR = "anchor"
 """Role of a guess that is solved on the search mesh to be compared with the finest one."""
+ADDED = "effects added"
+"""Reason for the slopes of a model with effects: it starts where the model without the last one ended."""
 FAR, FIRST = 0.12, 0.005
 """A longer move needs new slopes: at any time, and after the first slopes of a model with effects."""
 AGAIN, AGAIN_ADDED = 3, 15
@@ -82,7 +84,7 @@ def refine_round(fit: Fit, last: Round) -> Round:
         if back is not None:
             return _slopes_again(fit, last, back, {"before": (last.best or {})["before"], "trust": trust})
         # no search came before the first slopes of a model with effects: they are taken where it was predicted to be
-        far = FAR if last.history or last.slopes > 1 else FIRST
+        far = FIRST if last.reason == ADDED and last.slopes == 1 else FAR
         if found.move > far or _promises(fit, found):
             before = {"values": dict(found.base.values), "score": fit.score(found.model.base), "fall": found.fall}
             return _slopes_again(fit, last, found.values, {"before": before, "trust": trust})
