@@ -47,8 +47,8 @@ def deck_context(
     Returns
     -------
     dict
-        ``title, mesh, dim, thickness, control, boundary, steps, increment, top, indenter, layers, effects, parts``,
-        ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
+        ``title, mesh, dim, quadratic, thickness, control, boundary, steps, increment, top, indenter, layers, effects,
+        parts``, ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
         ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``node(set)`` and ``point(set)`` of a
         set of one node, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
@@ -64,6 +64,7 @@ def deck_context(
         "title": study.title,
         "mesh": mesh_name,
         "dim": mesh.dim,
+        "quadratic": _quadratic(mesh),
         "thickness": study.thickness if mesh.dim == 2 else None,
         "control": study.control,
         "boundary": {"base": study.base, "indenter": study.indenter},
@@ -202,13 +203,17 @@ def _nodes_of(mesh: Mesh, element: int) -> np.ndarray:
     raise IndexError(element)
 
 
+def _quadratic(mesh: Mesh) -> bool:
+    """Whether elements have nodes in the middle of their edges."""
+    return any(block.nodes.shape[1] in ((6, 8) if mesh.dim == 2 else (10, 20)) for block in mesh.blocks)
+
+
 def _areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, float]]:
     """Nodes, counted from 1, of a straight edge of a plane mesh and the area that each stands for, mm^2."""
     order = nodes[np.argsort(mesh.points[nodes, 0])]
     x = mesh.points[order, 0]
     share = np.zeros(len(x))
-    quadratic = any(block.nodes.shape[1] in (6, 8) for block in mesh.blocks)
-    if quadratic:
+    if _quadratic(mesh):
         length = x[2::2] - x[:-2:2]
         share[:-2:2] += length / 6
         share[2::2] += length / 6
