@@ -218,10 +218,9 @@ def _study_in_space(truth: Truth, solved: Solved, folder: Path) -> str:
     body = dict(given.get("body") or {"brick": list(truth.brick or ()), "layers": layers})
     if "mesh" in body:
         mesh = truth.folder / str(body["mesh"])
-        if not mesh.is_file():
-            raise InputError(truth.folder, "study.body.mesh", body["mesh"], "a file that exists")
         body["mesh"] = mesh.name
-        shutil.copyfile(mesh, folder / mesh.name)
+        if mesh.is_file():  # one that is morphed to the first picture comes later
+            shutil.copyfile(mesh, folder / mesh.name)
     spread = {"force": truth.force_noise * solved.force.max(), "displacement": truth.displacement_noise}
     data = {
         "title": truth.title,
