@@ -191,7 +191,7 @@ def summarise(
 def _ends(parameter: Parameter, value: float, half: float) -> tuple[float, float]:
     if parameter.log:
         return value * float(np.exp(-half)), value * float(np.exp(half))
-    size = parameter.upper - parameter.lower
+    size = parameter.scale
     return value - half * size, value + half * size
 
 
@@ -223,7 +223,7 @@ def as_json(uncertainty: Uncertainty, parameters: Sequence[Parameter], values: S
     """Entries of estimate.json by parameter."""
     entries = {}
     for n, (parameter, value) in enumerate(zip(parameters, values, strict=True)):
-        size = value if parameter.log else parameter.upper - parameter.lower
+        size = value if parameter.log else parameter.scale
         low, high = uncertainty.interval[n]
         entries[parameter.name] = {
             "value": float(value),
