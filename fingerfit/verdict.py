@@ -129,11 +129,15 @@ def _common_limit(one: Judge | Refit) -> float:
 
 def explained_share(judge: Judge, refit: Refit) -> float:
     """Share of the misfit beyond the noise that a refit explains; if less, of that common to a step."""
-    share = (judge.misfit - refit.misfit) / max(judge.misfit - judge.freedom, 1.0)
+    share = _whole_share(judge, refit)
     if judge.common_misfit <= _common_limit(judge) or refit.common_misfit <= _common_limit(refit):
         return share
     common = judge.common_misfit - refit.common_misfit
     return min(share, common / (judge.common_misfit - judge.common_freedom))
+
+
+def _whole_share(judge: Judge, refit: Refit) -> float:
+    return (judge.misfit - refit.misfit) / max(judge.misfit - judge.freedom, 1.0)
 
 
 def half_explained(judge: Judge, looks: Sequence[Look], refits: Mapping[str, Refit], tests: int) -> Look | None:
@@ -195,7 +199,10 @@ def decide(
         return Verdict(kind, (), text, limit)
     if half_explained(judge, looks, refits, tests) is not None:
         if partner is None or not explains(partner[1]):
-            nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of it"
+            whole = _whole_share(judge, refits[best])
+            nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * whole:.0f} % of it"
+            if whole >= ENOUGH:
+                nearest += ", and not what the values of a step have in common"
             return Verdict("unexplained", (), f"something is missing; {nearest}", limit)
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
         return Verdict(
