@@ -97,11 +97,21 @@ def to_refit(judge: Judge, looks: Sequence[Look], tests: int, known: Collection[
         for look in looks
         if look.suspect.effect.acts != NUMERICS
         and look.finding.fall > threshold(judge, looks, tests, look.columns.shape[1])
-        and look.finding.visible > (SEEN if judge.freedom > FEW else SEEN_OF_FEW)
+        and look.finding.visible > _seen(judge)
     ]
     if known:
         return [look for look in found if look.suspect.effect.name not in known][:TRIED]
     return [look for look in found if look.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
+
+
+def _seen(judge: Judge) -> float:
+    return SEEN if judge.freedom > FEW else SEEN_OF_FEW
+
+
+def unseen(judge: Judge, looks: Sequence[Look]) -> list[Look]:
+    """Effects that may be there without a trace: the model's own constants imitate them."""
+    found = [look for look in looks if look.suspect.effect.acts != NUMERICS]
+    return [look for look in found if look.finding.visible <= _seen(judge) and look.finding.signal > 0]
 
 
 def good(freedom: int) -> float:
@@ -189,7 +199,9 @@ def decide(
         if candidates or not adequate:
             text = "something is missing, but none of the known effects explains it"
             return Verdict("unexplained", (), text, limit)
-        return Verdict("adequate", (), "the model explains the measurements to within their noise", limit)
+        text = "the model explains the measurements to within their noise"
+        hidden = ", ".join(_title(look) for look in unseen(judge, looks))
+        return Verdict("adequate", (), f"{text}; these data would not show: {hidden}" if hidden else text, limit)
     best = min(tried, key=lambda name: refits[name].misfit)
     after = refits[best].misfit
     share = explained_share(judge, refits[best])

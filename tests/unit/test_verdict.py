@@ -67,6 +67,14 @@ def test_noise_alone_is_adequate(world):
     assert "to within their noise" in found.sentence
 
 
+def test_adequate_says_what_these_data_would_not_show(world):
+    """An effect that moves everything as a constant of the model does, but for a hundredth of its signal."""
+    gain = 0.995 * world.basis[:, 0] + 0.1 * world.signal(2)
+    found = answer(world, 0 * gain, tilt=world.signal(0), force_gain=gain)
+    assert found.kind == "adequate"
+    assert found.sentence.endswith("within their noise; these data would not show: wrong gain of the force sensor")
+
+
 def test_one_effect_is_missing(world):
     found = answer(world, 30 * world.signal(0), tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
     assert (found.kind, found.effects) == ("missing", ("tilt",))
