@@ -12,6 +12,7 @@ import argparse
 import json
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -146,6 +147,50 @@ def run_case(hidden: dict[str, Any], seed: int, threads: int, keep: Path | None,
     return {"hidden": hidden, "seed": seed, "mesh": truth.mesh["across"], "rungs": rungs, **times}
 
 
+def counts(cases: dict[str, dict[str, Any]]) -> list[str]:
+    """How often each group of cases came out as it should, and which did not."""
+
+    def line(title: str, group: dict[str, Any], right: Callable[[dict[str, Any], set[str]], bool]) -> str:
+        there = {name: cases[name] for name in group if name in cases}
+        missed = [name for name, case in there.items() if not right(case, set(case["hidden"]))]
+        listed = f": {', '.join(missed)}" if missed else ""
+        return f"| {title} | {len(there) - len(missed)} of {len(there)} | {len(missed)}{listed} |"
+
+    def first(case: dict[str, Any]) -> tuple[str, set[str]]:
+        return case["rungs"][0]["verdict"], set(case["rungs"][0]["blamed"])
+
+    def reached(case: dict[str, Any], hidden: set[str]) -> bool:
+        """Whether what is hidden was added in the end, and nothing is missing any more."""
+        return hidden <= set(case["rungs"][-1]["effects"]) and case["rungs"][-1]["verdict"] == "adequate"
+
+    def after(case: dict[str, Any], hidden: set[str]) -> dict[str, Any] | None:
+        """The first rung that has all that is hidden."""
+        return next((rung for rung in case["rungs"] if hidden <= set(rung["effects"])), None)
+
+    clear = {name: hidden for name, hidden in CLEAR.items() if name in cases}
+    added = {name: hidden for name, hidden in clear.items() if hidden and after(cases[name], set(hidden))}
+    return [
+        "| what is asked | so it is | not |",
+        "| --- | --- | --- |",
+        line("clear: the hidden effect is named, or is in the set that these data cannot tell apart", CLEAR,
+             lambda case, hidden: hidden <= first(case)[1]),
+        line("clear: its name alone", CLEAR, lambda case, hidden: first(case) == ("missing", hidden)),
+        line("clear: adequate once what was blamed first is added", CLEAR,
+             lambda case, hidden: len(case["rungs"]) == 2 and case["rungs"][1]["verdict"] == "adequate"),
+        line("right effect added: held-out error at most 1.1 of the noise", added,
+             lambda case, hidden: (after(case, hidden) or {})["held_out"] <= 1.1),
+        line("right effect added: constants within 3 % of the truth", added,
+             lambda case, hidden: max(map(abs, (after(case, hidden) or {})["errors"].values())) <= 0.03),
+        line("nothing hidden: adequate", NOTHING, lambda case, hidden: first(case)[0] == "adequate"),
+        line("two hidden: both found, then adequate", TWO, reached),
+        line("not in the catalogue: unexplained", UNKNOWN, lambda case, hidden: first(case)[0] == "unexplained"),
+        line("weak: no wrong name alone", WEAK,
+             lambda case, hidden: first(case)[0] != "missing" or first(case)[1] == hidden),
+        line("weak: named, or in the set", WEAK, lambda case, hidden: hidden <= first(case)[1]),
+        "",
+    ]  # fmt: skip
+
+
 def table(cases: dict[str, dict[str, Any]]) -> str:
     """What was hidden, what was said, and how the error fell."""
     lines = [
@@ -153,9 +198,10 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
         "",
         "Made by `benchmarks/hidden_effects.py` (`make benchmark-hidden`). Errors are root mean square differences of",
         "the pictures in multiples of what noise alone leaves, fitted / held-out steps; mu errors are those of the",
-        "three layers against the truth, before and after the blamed effects were added; times hold for two threads",
+        "three layers against the truth, before and after the blamed effects were added; times hold for one thread",
         "beside other work. Cases of the script that are not in the table have not been run yet.",
         "",
+        *counts(cases),
         "| hidden | verdict | blamed | error before | after | mu before | after | numbers found | at last | time |",
         "|" + " --- |" * 10,
     ]
