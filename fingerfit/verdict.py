@@ -138,15 +138,7 @@ def _common_limit(one: Judge | Refit) -> float:
 
 
 def explained_share(judge: Judge, refit: Refit) -> float:
-    """Share of the misfit beyond the noise that a refit explains; if less, of that common to a step."""
-    share = _whole_share(judge, refit)
-    if judge.common_misfit <= _common_limit(judge) or refit.common_misfit <= _common_limit(refit):
-        return share
-    common = judge.common_misfit - refit.common_misfit
-    return min(share, common / (judge.common_misfit - judge.common_freedom))
-
-
-def _whole_share(judge: Judge, refit: Refit) -> float:
+    """Share of the misfit beyond the noise that a refit explains."""
     return (judge.misfit - refit.misfit) / max(judge.misfit - judge.freedom, 1.0)
 
 
@@ -211,10 +203,7 @@ def decide(
         return Verdict(kind, (), text, limit)
     if half_explained(judge, looks, refits, tests) is not None:
         if partner is None or not explains(partner[1]):
-            whole = _whole_share(judge, refits[best])
-            nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * whole:.0f} % of it"
-            if whole >= ENOUGH:
-                nearest += ", and not what the values of a step have in common"
+            nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of it"
             return Verdict("unexplained", (), f"something is missing; {nearest}", limit)
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
         return Verdict(
