@@ -22,7 +22,7 @@ import yaml
 
 from fingerfit.diagnose import Examination
 from fingerfit.errors import FingerfitError, SolverError
-from fingerfit.examine import Examined, errors, examine, widened
+from fingerfit.examine import Examined, added, errors, examine
 from fingerfit.experiment import Solved, Truth, read_truth, solve, write_study
 from fingerfit.files import write_json, write_text
 from fingerfit.fit import Fit
@@ -140,8 +140,7 @@ def run_case(hidden: dict[str, Any], seed: int, threads: int, keep: Path | None,
             rungs.append(rung(fit, last, found, truth))
             if not found.verdict.effects or len(rungs) == highest:
                 break
-            named = next(one for one in found.looks if one.suspect.effect.name == found.verdict.effects[0])
-            fit = widened(fit, last, named)
+            fit = added(fit, last, found, found.verdict.effects[0])
             last = run_fit(fit, threads)[0]
     times = {"made": made - began, "found": time.perf_counter() - made}
     return {"hidden": hidden, "seed": seed, "mesh": truth.mesh["across"], "rungs": rungs, **times}

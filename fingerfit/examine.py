@@ -184,7 +184,7 @@ def _refit(fit: Fit, last: Round, one: Look, everything: Data, before: float, th
     fitted, held_out = errors(ended.examination)
     judge, values = ended.judge, minimum(ended.fit, ended.last).values
     common = judge.common_misfit, judge.common_freedom
-    return Refit(judge.misfit, judge.freedom, fitted, held_out, values, *common), run
+    return Refit(judge.misfit, judge.freedom, fitted, held_out, values, *common, ended.share), run
 
 
 @dataclass(frozen=True)
@@ -195,6 +195,7 @@ class _Ended:
     last: Round
     examination: Examination
     judge: Judge
+    share: float
 
 
 def _ended(fit: Fit, last: Round, one: Look, everything: Data, before: float, threads: int) -> tuple[_Ended, int]:
@@ -202,18 +203,25 @@ def _ended(fit: Fit, last: Round, one: Look, everything: Data, before: float, th
 
     A prediction from slopes can be far too large, and a search that starts there finds another valley.
     """
-    ended, run = _fitted(widened(fit, last, one), everything, threads)
+    ended, run = _fitted(fit, last, one, everything, threads, 1.0)
     if ended.judge.misfit >= before:
-        other, more = _fitted(widened(fit, last, one, 0.1), everything, threads)
+        other, more = _fitted(fit, last, one, everything, threads, 0.1)
         ended, run = min(ended, other, key=lambda each: each.judge.misfit), run + more
     return ended, run
 
 
-def _fitted(wider: Fit, everything: Data, threads: int) -> tuple[_Ended, int]:
+def _fitted(fit: Fit, last: Round, one: Look, everything: Data, threads: int, share: float) -> tuple[_Ended, int]:
+    wider = widened(fit, last, one, share)
     end, run = run_fit(wider, threads)
     run += solve_missing(wider, [anchor_of(wider, end)], threads)
     examination = Examination(wider, end, everything)
-    return _Ended(wider, end, examination, judge_of(examination)), run
+    return _Ended(wider, end, examination, judge_of(examination), share), run
+
+
+def added(fit: Fit, last: Round, found: Examined, name: str) -> Fit:
+    """Fit of the model with an effect that was blamed, on the way of its refit: none of its simulations is new."""
+    one = next(look for look in found.looks if look.suspect.effect.name == name)
+    return widened(fit, last, one, found.refits[name].share)
 
 
 def widened(fit: Fit, last: Round, one: Look, share: float = 1.0) -> Fit:

@@ -44,6 +44,8 @@ class Refit:
     common_misfit : float
     common_freedom : int
         Of what all values of a step have in common.
+    share : float
+        Of the predicted size, from which the refit went out.
     """
 
     misfit: float
@@ -53,6 +55,7 @@ class Refit:
     values: Mapping[str, float]
     common_misfit: float = 0.0
     common_freedom: int = 0
+    share: float = 1.0
 
 
 @dataclass(frozen=True)

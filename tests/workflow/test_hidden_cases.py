@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from test_hidden import CONFIG, DESCRIPTION
 
-from fingerfit.examine import Examined, examine, widened
+from fingerfit.examine import Examined, added, examine
 from fingerfit.experiment import read_truth, solve, write_study
 from fingerfit.files import write_json
 from fingerfit.settings import load_settings
@@ -41,7 +41,7 @@ def climbed(folder, effects, highest=3) -> list[Examined]:
         blamed = rungs[-1].verdict.effects
         if not blamed or len(rungs) == highest:
             return rungs
-        fit = widened(fit, last, next(one for one in rungs[-1].looks if one.suspect.effect.name == blamed[0]))
+        fit = added(fit, last, rungs[-1], blamed[0])
 
 
 def test_nothing_hidden(tmp_path):
