@@ -24,7 +24,7 @@ from fingerfit.judge import Judge
 from fingerfit.refine import finest, minimum
 from fingerfit.rounds import Round
 from fingerfit.simulate import run_fit, solve_missing
-from fingerfit.verdict import Refit, Verdict, decide, doubted, half_explained, to_refit
+from fingerfit.verdict import Refit, Verdict, decide, doubted, explains, half_explained, to_refit
 
 BATCHES = 2
 """How often the next best effects are refitted, as long as none explains what is left."""
@@ -77,15 +77,17 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     found = _look(fit, last, everything, threads)
     run, refits = found.run, dict[str, Refit]()
     judge, looks, tests = found.judge, found.looks, found.tests
+    halves: set[str] = set()
     for _ in range(BATCHES):
         run += _refit_best(fit, last, everything, found, refits, threads)
         verdict = doubted(decide(judge, looks, refits, tests), errors(found.examination)[0])
+        half = half_explained(judge, looks, refits, tests)
+        if half is not None and half.suspect.effect.name not in halves:
+            halves.add(half.suspect.effect.name)
+            partner, more = _partner(fit, last, half, everything, judge.misfit, threads)
+            verdict, run = decide(judge, looks, refits, tests, partner), run + more
         if verdict.kind != "unexplained":
             break
-    half = half_explained(judge, looks, refits, tests)
-    if half is not None:
-        partner, more = _partner(fit, last, half, everything, judge.misfit, threads)
-        verdict, run = decide(judge, looks, refits, tests, partner), run + more
     measurements: list[tuple[str, float]] = []
     if verdict.kind == "indistinguishable":
         blamed = {one.suspect.effect.name: one for one in looks}
@@ -135,12 +137,16 @@ def _partner(
     It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are.
     """
     ended, run = _ended(fit, last, half, everything, before, threads)
-    found, refits = _look(ended.fit, ended.last, everything, threads), dict[str, Refit]()
-    run += found.run + _refit_best(ended.fit, ended.last, everything, found, refits, threads)
-    if not refits:
-        return None, run
-    best = min(refits, key=lambda name: refits[name].misfit)
-    return (next(one for one in found.looks if one.suspect.effect.name == best), refits[best]), run
+    found, best = _look(ended.fit, ended.last, everything, threads), None
+    run += found.run
+    for candidate in to_refit(found.judge, found.looks, found.tests):
+        refit, more = _refit(ended.fit, ended.last, candidate, everything, found.judge.misfit, threads)
+        run += more
+        if best is None or refit.misfit < best[1].misfit:
+            best = candidate, refit
+        if explains(refit):
+            break
+    return best, run
 
 
 def errors(examination: Examination) -> tuple[float, float | None]:
