@@ -137,7 +137,7 @@ class Fit:
     def seen(self, values: Mapping[str, float]) -> Observation | None:
         """Effects on the observation that a guess has."""
         everything = {**self.settings.fixed(), **values}
-        return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].points, len(self.data.step))
+        return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].body, len(self.data.step))
 
     def mesh_of(self, asked: Asked) -> str:
         """Which of the meshes a guess is solved on."""

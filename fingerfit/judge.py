@@ -58,7 +58,9 @@ class Judge:
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Columns in units of the noise."""
-        return np.linalg.solve(self._root, columns)
+        from scipy.linalg import solve_triangular
+
+        return np.asarray(solve_triangular(self._root, columns, lower=True, check_finite=False))
 
     def _without_own(self, columns: np.ndarray) -> np.ndarray:
         return columns - self._own @ (self._own.T @ columns)
