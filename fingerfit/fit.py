@@ -165,7 +165,13 @@ class Fit:
         return self._predictions[key]
 
     def predict_all(self, batch: Sequence[Asked], processes: int) -> None:
-        """Keep the predictions of all guesses that have a solution, made beside each other."""
+        """Keep the predictions of all guesses that have a solution, made beside each other, and no others.
+
+        Those of an earlier round are not asked for again; of volumes each takes as much memory as was measured.
+        """
+        wanted = {_key(asked) for asked in batch}
+        for key in self._predictions.keys() - wanted:
+            del self._predictions[key]
         new = list({_key(asked): asked for asked in batch if _key(asked) not in self._predictions}.values())
         self.seen({})  # what is read here is not read again by each process
         for asked, made in zip(new, side_by_side(self._synthesis, new, processes), strict=True):
