@@ -157,7 +157,7 @@ def _spread_coarsely(moves: np.ndarray, patch: np.ndarray, width: float) -> np.n
 
     shape = patch.shape
     coarse = tuple(-(-n // _BLOCK) for n in shape)
-    place = np.indices(shape, dtype=np.int32).reshape(3, -1)
+    place: np.ndarray = np.indices(shape, dtype=np.int32).reshape(3, -1)
     block = np.ravel_multi_index(tuple(place // _BLOCK), coarse)
     inside = patch.ravel() >= 0
     owner, block = patch.ravel()[inside], block[inside]

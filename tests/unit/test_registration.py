@@ -248,7 +248,7 @@ def test_displacements_in_space_are_found(rng):
     assert known.all() and len(known) == 18
     outcome = Outcome(CONVERGED, u[None], np.zeros((1, 3)), np.array([[0.0, 0.0, -0.4]]))
     read = Reader(data, BLOCK, patches, found).read(outcome)[: found.value.size].reshape(found.value.shape)
-    assert found.value[0, known, :3] == pytest.approx(read[0, known, :3], abs=0.03)
+    assert found.value[0, known, :3] == pytest.approx(read[0, known, :3], abs=0.04)
     # a patch is read where it was registered: inside the body, not in its own middle
     assert Probe(BLOCK, found.places).element.min() >= 0
     assert (patches.of(found.places) == found.place_patch).all()
