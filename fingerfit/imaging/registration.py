@@ -138,7 +138,7 @@ def _gradient(picture: np.ndarray) -> list[np.ndarray]:
 def _spread(moves: np.ndarray, patch: np.ndarray) -> np.ndarray:
     """Moves of the patches as a smooth field, shape (pixels, dim)."""
     inside = patch >= 0
-    width = 0.5 * np.sqrt(inside.sum() / max(1, len(np.unique(patch[inside]))))
+    width = 0.5 * (inside.sum() / max(1, len(np.unique(patch[inside])))) ** (1 / patch.ndim)
     if patch.ndim == 3 and width >= 2 * _BLOCK:
         return _spread_coarsely(moves, patch, width)
     weight = smooth(inside.astype(float), width) + 1e-6
