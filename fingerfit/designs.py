@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerfit.diagnose import Examination, Look, Suspect
+from fingerfit.diagnose import Examination, Look
 from fingerfit.estimate import STEP, sensitivity_values
 from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.judge import Judge
@@ -17,6 +17,7 @@ from fingerfit.rounds import Asked
 from fingerfit.simulate import solve_missing
 from fingerfit.study import Study
 from fingerfit.study_file import with_gain
+from fingerfit.suspects import Suspect
 
 HALF = "half"
 """The search mesh with an indenter over one half of the upper side."""

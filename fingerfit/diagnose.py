@@ -10,18 +10,20 @@ from typing import Any
 import numpy as np
 
 from fingerfit.data import Data
+from fingerfit.deck.context import comes_down
 from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.effects.observe import Observation
 from fingerfit.estimate import STEP
 from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.imaging.pictures import Picture
 from fingerfit.judge import Finding, Judge, likeness
+from fingerfit.mesh import Mesh
 from fingerfit.predict import Predictor, positions
 from fingerfit.refine import ANCHOR, finest, left_over
 from fingerfit.residual import Patches, Reader, Residual, common_modes, flat, residual_of
 from fingerfit.rounds import Asked, Round
 from fingerfit.solvers.contract import CONVERGED
-from fingerfit.study import Study
+from fingerfit.suspects import Suspect
 
 SMOOTH = 3.0
 """Length over which the error of a mesh is alike, mm."""
@@ -33,24 +35,6 @@ ALIKE = 0.9
 
 Slope = Callable[[str], np.ndarray]
 """From the name of a constant, or ``control``, to the slope of displacements and conjugate quantity."""
-
-
-@dataclass(frozen=True)
-class Suspect:
-    """An effect at one place, with the simulations that show it.
-
-    Parameters
-    ----------
-    effect : Effect
-    place : dict
-        Its scanned numbers.
-    asked : tuple of Asked
-        One for each parameter; none for effects on the observation.
-    """
-
-    effect: Effect
-    place: dict[str, float]
-    asked: tuple[Asked, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -66,60 +50,6 @@ class Look:
         """Predicted numbers of the effect, by their short names."""
         parameters = zip(self.suspect.effect.parameters, self.finding.size, strict=True)
         return {p.name: float(p.null + s) for p, s in parameters}
-
-
-def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
-    """Effects that make sense in this study and are not in the model, with their simulations at small sizes."""
-    study, found = fit.study, []
-    there = what_is_there(study, fit.meshes[SEARCH].dim)
-    for effect in fit.effects.values():
-        if effect.name in fit.settings.model.effects or not there.issuperset(effect.needs):
-            continue
-        if effect.control and effect.control != study.control:
-            continue
-        if _is_fitted(effect, fit):
-            continue
-        if effect.name == "coarse_mesh" and REFINED not in fit.mesh_files:
-            continue
-        for place in effect.places():
-            if "layer" in effect.scan and place[effect.key("layer")] > len(study.layer_names):
-                continue
-            asked = []
-            for parameter in effect.parameters if effect.acts != OBSERVATION and effect.name != "coarse_mesh" else ():
-                trial = {**effect.null(), **place, effect.key(parameter.name): parameter.null + parameter.step}
-                asked.append(fit.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
-            found.append(Suspect(effect, place, tuple(asked)))
-    return found
-
-
-def _is_fitted(effect: Effect, fit: Fit) -> bool:
-    """Whether all that an effect changes are constants that the model fits in every layer."""
-    model = fit.settings.model.parameters
-    names = fit.study.layer_names
-    return (
-        set(effect.changes) <= {"alpha", "poisson"}
-        and bool(effect.changes)
-        and not effect.part
-        and all(
-            quantity in model or all(f"{quantity}_{name}" in model for name in names) for quantity in effect.changes
-        )
-    )
-
-
-def what_is_there(study: Study, dim: int) -> set[str]:
-    """Which of the needs of effects a study meets."""
-    pictured = any(step.picture for step in study.steps)
-    return {
-        name
-        for name, there in (
-            ("time", all(step.time is not None for step in study.steps)),
-            ("pictures", pictured),
-            ("displacements", pictured or any(step.points for step in study.steps)),
-            ("layers", study.body.width is not None),
-            ("plane", dim == 2),
-        )
-        if there
-    }
 
 
 class Examination:
@@ -151,7 +81,9 @@ class Examination:
         assert made is not None
         self.prediction = made.prediction
         self.residual: Residual = residual_of(everything, made.prediction, made.maps, self.patches)
-        self._readers = {name: Reader(everything, mesh, self.patches) for name, mesh in fit.meshes.items()}
+        self._readers = {
+            name: Reader(everything, mesh, self.patches, self.residual) for name, mesh in fit.meshes.items()
+        }
         self._read: dict[str, np.ndarray | None] = {}
 
     def read(self, asked: Asked) -> np.ndarray | None:
@@ -290,21 +222,22 @@ class Examination:
     def _observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
         """Slope of an effect on the observation by one of its parameters."""
         parameter = next(p for p in effect.parameters if p.name == name)
-        data, dim, points = self.data, self.fit.meshes[SEARCH].dim, self.fit.meshes[SEARCH].points
+        data, dim, points = self.data, self.fit.meshes[SEARCH].dim, self.fit.meshes[SEARCH].body
         now = {**effect.null(), **values}
         further = {**now, effect.key(name): now[effect.key(name)] + parameter.step}
         before, after = (
             Observation((effect,), guess, points.min(axis=0), points.max(axis=0), len(data.step))
             for guess in (now, further)
         )
-        x, y = positions(Picture(data.before, data.spacing, data.origin, data.direction))
+        frame = Picture(data.before, data.spacing, data.origin, data.direction)
         value: np.ndarray = np.zeros(self.residual.value.shape)
         for n, (step, picture, way) in enumerate(
             zip(data.picture_step, self.prediction.pictures, self.residual.fits, strict=True)
         ):
             k = int(step) + 1
             value[n][:, :dim] = after.shift(k) - before.shift(k)
-            change = (after.intensity(picture, k, x, y) - before.intensity(picture, k, x, y)).ravel()[way.pixel]
+            at, seen = positions(frame, way.pixel), picture.ravel()[way.pixel]
+            change = after.intensity(seen, k, *at) - before.intensity(seen, k, *at)
             size = np.maximum(np.bincount(way.patch, minlength=value.shape[1]), 1)
             value[n][:, dim] = np.bincount(way.patch, change, minlength=value.shape[1]) / size
         for n, step in enumerate(data.entry_step[len(data.picture_step) :], len(data.picture_step)):
@@ -360,16 +293,28 @@ def stiffness_map(examination: Examination, looks: Sequence[Look]) -> np.ndarray
         Position in mm; predicted change of log mu there; the evidence for it in standard deviations, negative where
         the place wants to be softer.
     """
-    points = examination.fit.meshes[SEARCH].points
-    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    mesh = examination.fit.meshes[SEARCH]
     rows = []
     for one in looks:
-        effect, place = one.suspect.effect, one.suspect.place
-        if set(effect.scan) == {"across", "along"} and "field" in effect.changes:
-            share = np.array([place[effect.key("across")], *[0.5] * (len(low) - 2), place[effect.key("along")]])
+        at = _position(one.suspect, mesh) if "field" in one.suspect.effect.changes else None
+        if at is not None:
             change = float(one.finding.size[0])
-            rows.append([*(low + share * size), change, np.sign(change) * np.sqrt(one.finding.fall)])
-    return np.array(rows).reshape(-1, len(low) + 2)
+            rows.append([*at, change, np.sign(change) * np.sqrt(one.finding.fall)])
+    return np.array(rows).reshape(-1, mesh.dim + 2)
+
+
+def _position(suspect: Suspect, mesh: Mesh) -> np.ndarray | None:
+    """Where in the undeformed body a suspect was tried, mm; None where it has no place.
+
+    Places are given in shares of the body's width and height, or in space from where the indenter comes down.
+    """
+    place = {key.split(".")[1]: value for key, value in suspect.place.items()}
+    if set(place) == {"across", "along"} and mesh.dim == 2:
+        low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+        return low + np.array([place["across"], place["along"]]) * (high - low)
+    if set(place) == {"x", "y", "below"} and mesh.dim == 3:
+        return comes_down(mesh) + np.array([place["x"], place["y"], -place["below"]])
+    return None
 
 
 def alike(judge: Judge, a: Look, b: Look) -> float:

@@ -15,7 +15,6 @@ from fingerfit.diagnose import (
     best_places,
     judge_of,
     stiffness_map,
-    suspects,
     try_suspects,
 )
 from fingerfit.extend import extended
@@ -24,6 +23,7 @@ from fingerfit.judge import Judge
 from fingerfit.refine import finest, minimum
 from fingerfit.rounds import Round
 from fingerfit.simulate import run_fit, solve_missing
+from fingerfit.suspects import suspects
 from fingerfit.verdict import Refit, Verdict, decide, doubted, explains, half_explained, to_refit
 
 BATCHES = 2

@@ -93,7 +93,7 @@ def solve(truth: Truth, folder: Path, threads: int = 2) -> Solved:
         outcome = _run(truth, replace(study, control="force", steps=loaded), mesh, folder, threads)
         outcome = since_first_picture(outcome, len(steps))
     moved = -outcome.indenter[:, -1]
-    seen = Observation.of(_present(truth), truth.values, mesh.points, len(steps))
+    seen = Observation.of(_present(truth), truth.values, mesh.body, len(steps))
     if seen is not None:
         moved = seen.conjugate(moved, "displacement")
     return Solved(_as_measured(truth, force), *take_pictures(truth, mesh, outcome, seen), moved)

@@ -146,7 +146,7 @@ class Fit:
     def seen(self, values: Mapping[str, float]) -> Observation | None:
         """Effects on the observation that a guess has."""
         everything = {**self.settings.fixed(), **values}
-        return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].points, len(self.data.step))
+        return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].body, len(self.data.step))
 
     def mesh_of(self, asked: Asked) -> str:
         """Which of the meshes a guess is solved on."""
@@ -174,7 +174,13 @@ class Fit:
         return self._predictions[key]
 
     def predict_all(self, batch: Sequence[Asked], processes: int) -> None:
-        """Keep the predictions of all guesses that have a solution, made beside each other."""
+        """Keep the predictions of all guesses that have a solution, made beside each other, and no others.
+
+        Those of an earlier round are not asked for again; of volumes each takes as much memory as was measured.
+        """
+        wanted = {_key(asked) for asked in batch}
+        for key in self._predictions.keys() - wanted:
+            del self._predictions[key]
         new = list({_key(asked): asked for asked in batch if _key(asked) not in self._predictions}.values())
         self.seen({})  # what is read here is not read again by each process
         for asked, made in zip(new, side_by_side(self._synthesis, new, processes), strict=True):

@@ -65,6 +65,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "prepare.py",
         "residual.py",
         "simulate.py",
+        "suspects.py",
         "verdict.py",
         "uncertainty.py",
     ),

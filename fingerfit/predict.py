@@ -76,9 +76,9 @@ class Predictor:
         # smoothed after the warp: its border is then as soft as that of the measured picture
         synthesized = [warp(data.coefficients, data.background, way, data.smooth) for way in maps]
         if seen is not None and synthesized:
-            x, y = positions(self._frame)
+            at = positions(self._frame)
             synthesized = [
-                seen.intensity(picture, int(step) + 1, x, y)
+                seen.intensity(picture, int(step) + 1, *at)
                 for picture, step in zip(synthesized, data.picture_step, strict=True)
             ]
         pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
@@ -104,12 +104,12 @@ class Predictor:
         ]
 
 
-def positions(frame: Picture) -> tuple[np.ndarray, np.ndarray]:
-    """First and last coordinate of all pixels, mm, in the shape of a picture."""
+def positions(frame: Picture, pixel: np.ndarray | None = None) -> tuple[np.ndarray, ...]:
+    """Coordinates x, y[, z] of pixels, mm: of all in the shape of a picture, or of some by their flat indices."""
     shape = frame.values.shape
-    index = np.indices(shape)[::-1].reshape(len(shape), -1).T.astype(float)
-    points = frame.to_points(index)
-    return points[:, 0].reshape(shape), points[:, -1].reshape(shape)
+    index = np.indices(shape) if pixel is None else np.array(np.unravel_index(pixel, shape))
+    points = frame.to_points(index[::-1].reshape(len(shape), -1).T.astype(float))
+    return tuple(column.reshape(shape if pixel is None else -1) for column in points.T)
 
 
 def since_first_picture(outcome: Outcome, steps: int) -> Outcome:

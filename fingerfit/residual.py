@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fingerfit.data import Data
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.preprocess import smooth
+from fingerfit.imaging.preprocess import reach_of, smooth
 from fingerfit.imaging.registration import FEWEST, Fit, register
 from fingerfit.imaging.warp import BackwardMap, Probe, spline_coefficients, warp
 from fingerfit.mesh import Mesh
@@ -16,6 +16,8 @@ from fingerfit.score import Prediction
 from fingerfit.solvers.contract import Outcome
 
 DRAWS = 40
+PLACES = 32
+"""Points of a patch in space at which solutions are read, at most."""
 FLOOR = 0.001
 """Error of a registered displacement that is not noise (interpolation), mm."""
 
@@ -89,6 +91,9 @@ class Residual:
         Root mean square difference of intensity inside the body, and what noise alone leaves of it.
     fits : tuple of Fit
         Registrations, by picture.
+    places, place_patch : ndarray, shapes (places, dim) and (places,)
+        Material points of the pixels that were registered, some of each patch, mm, and their patches; in space, where
+        bodies fill their patches in part only.
     """
 
     value: np.ndarray
@@ -98,6 +103,8 @@ class Residual:
     error: np.ndarray
     floor: np.ndarray
     fits: tuple[Fit, ...]
+    places: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    place_patch: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     @property
     def vector(self) -> np.ndarray:
@@ -178,7 +185,24 @@ def residual_of(
     shared = data.conjugate_gain * np.nan_to_num(measured)
     covariance[np.ix_(last, last)] = np.diag(spread**2) + np.outer(shared, shared)
     error = [float(np.sqrt(np.mean((s - m)[o >= 0] ** 2))) for s, m, o in pairs]
-    return Residual(value, conjugate, covariance[np.ix_(kept, kept)], kept, np.array(error), floor, fits)
+    places = _places(data, frame, maps, owners, count) if dim == 3 and len(maps) else ()
+    return Residual(value, conjugate, covariance[np.ix_(kept, kept)], kept, np.array(error), floor, fits, *places)
+
+
+def _places(
+    data: Data, frame: Picture, maps: list[BackwardMap], owners: list[np.ndarray], count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Material points of registered pixels, evenly spread over those of each patch, and their patches."""
+    own = [owner.ravel()[way.pixel] for way, owner in zip(maps, owners, strict=True)]
+    patch = np.concatenate(own)
+    order = np.argsort(patch, kind="stable")
+    order = order[patch[order] >= 0]
+    number = np.bincount(patch[order], minlength=count)
+    rank = np.arange(len(order)) - np.repeat(np.cumsum(number) - number, number)
+    every = np.maximum(1, -(-number // PLACES))
+    chosen = order[rank % every[patch[order]] == 0]
+    index = np.concatenate([way.index for way in maps])[chosen]
+    return frame.to_points(index), patch[chosen]
 
 
 def points_by_patch(data: Data, values: np.ndarray, patches: Patches) -> np.ndarray:
@@ -227,6 +251,8 @@ def _noise(
     The noise of each measured picture is its own; that of the first picture moves with the material into all
     synthesized ones.
     """
+    if data.before.ndim == 3 and fits:
+        return _noise_in_space(data, maps, fits, owners, scale, seed)
     rng = np.random.default_rng(seed)
     count = len(fits[0].values) if fits else 0
     size, pictures = len(scale), len(maps)
@@ -240,21 +266,78 @@ def _noise(
             carried = smooth(warp(before, 0.0, way), data.smooth)
             own[draw, n], first[draw, n] = fit.solve(mine) * scale, fit.solve(-carried) * scale
             power[n] += np.mean((mine - carried)[owner >= 0] ** 2) / DRAWS
+    covariance = np.zeros((2, pictures, count, size, size))
+    for n in range(pictures):
+        for patch in range(count):
+            covariance[0, n, patch] = np.cov(own[:, n, patch], rowvar=False)
+            covariance[1, n, patch] = np.cov(first[:, n, patch], rowvar=False)
+    return _joined(*covariance), np.sqrt(power)
+
+
+def _noise_in_space(
+    data: Data, maps: list[BackwardMap], fits: tuple[Fit, ...], owners: list[np.ndarray], scale: np.ndarray, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same for volumes, where draws cost minutes: expected values in place of their means.
+
+    Noise that was smoothed by S goes through the equations of a patch, u = N D' S e, so that its covariance is
+    N (S D)' (S D) N. What is carried into a synthesized volume is taken to be alike: interpolation and strain change it
+    by a few per cent. Only how much of it there is, for the floor, is drawn: once, since a body has many voxels.
+    """
+    from scipy.ndimage import find_objects, gaussian_filter
+
+    rng = np.random.default_rng(seed)
+    count, size, reach = len(fits[0].values), len(scale), reach_of(data.smooth)
+    found = np.full((len(maps), count, size, size), np.nan)
+    power = np.zeros(len(maps))
+    # the taps of the Gaussian, from what it makes of a single voxel
+    tap = np.zeros(2 * reach + 1)
+    tap[reach] = 1.0
+    taps = gaussian_filter(tap, data.smooth, mode="constant") if data.smooth > 0 else tap
+    mine = data.picture_noise**2 * float((taps**2).sum()) ** (size - 1)
+    first = spline_coefficients(rng.normal(0.0, data.picture_noise, data.before.shape)).astype(np.float32)
+    for n, (way, fit, owner) in enumerate(zip(maps, fits, owners, strict=True)):
+        power[n] = mine + np.mean(warp(first, 0.0, way, data.smooth)[owner >= 0] ** 2)
+        columns = np.zeros((size, owner.size), dtype=np.float32)
+        columns[:, fit.pixel] = fit.design.T
+        columns = columns.reshape(size, *owner.shape)
+        for patch, box in enumerate(find_objects(owner + 1, count)):
+            if box is None or not np.isfinite(fit.normal[patch]).all():
+                continue
+            design = np.where(owner[box] == patch, columns[(slice(None), *box)], 0.0)
+            if data.smooth > 0:
+                design = np.pad(design, [(0, 0), *[(reach, reach)] * (size - 1)])
+                design = gaussian_filter(design, (0, *[data.smooth] * (size - 1)), mode="constant")
+            flat_design = design.reshape(size, -1)
+            root = scale[:, None] * fit.normal[patch] @ flat_design * data.picture_noise
+            found[n, patch] = root @ root.T
+    return _joined(found, found), np.sqrt(power)
+
+
+def _joined(own: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Covariance of each patch over all pictures, shape (patches, pictures * size, pictures * size).
+
+    Parameters
+    ----------
+    own : ndarray, shape (pictures, patches, size, size)
+        By the noise of each measured picture.
+    first : ndarray, like `own`
+        By that of the first picture, which all synthesized ones have in common.
+    """
+    pictures, count, size, _ = own.shape
     found = np.zeros((count, pictures * size, pictures * size))
     bias = np.diag([FLOOR**2] * (size - 1) + [0.0])
     for patch in range(count):
         block = np.zeros((pictures, size, pictures, size))
         root = []
         for n in range(pictures):
-            block[n, :, n] = np.cov(own[:, n, patch], rowvar=False) + bias
-            shared = np.atleast_2d(np.cov(first[:, n, patch], rowvar=False))
-            values, vectors = np.linalg.eigh(np.nan_to_num(shared))
+            block[n, :, n] = own[n, patch] + bias
+            values, vectors = np.linalg.eigh(np.nan_to_num(np.atleast_2d(first[n, patch])))
             root.append((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
         for n in range(pictures):
             for m in range(pictures):
                 block[n, :, m] += root[n] @ root[m].T
         found[patch] = block.reshape(pictures * size, -1)
-    return found, np.sqrt(power)
+    return found
 
 
 class Reader:
@@ -266,23 +349,27 @@ class Reader:
     mesh : Mesh
         Of the solutions.
     patches : Patches
+    residual : Residual, optional
+        Its places are those where a patch is read, if it has some; else points within each patch.
     """
 
-    def __init__(self, data: Data, mesh: Mesh, patches: Patches) -> None:
+    def __init__(self, data: Data, mesh: Mesh, patches: Patches, residual: Residual | None = None) -> None:
         self.data = data
         self._points = Probe(mesh, data.points)
         self._patches = patches
-        offsets = np.stack([o.ravel() for o in np.meshgrid(*[(-0.25, 0.25)] * mesh.dim)], axis=1)
-        points = (patches.centre[:, None] + offsets * patches.size).reshape(-1, mesh.dim)
-        self._each = len(offsets)
+        if residual is not None and len(residual.places):
+            points, self._owner = residual.places, residual.place_patch
+        else:
+            offsets = np.stack([o.ravel() for o in np.meshgrid(*[(-0.25, 0.25)] * mesh.dim)], axis=1)
+            points = (patches.centre[:, None] + offsets * patches.size).reshape(-1, mesh.dim)
+            self._owner = np.repeat(np.arange(len(patches.centre)), len(offsets))
         self._probe = Probe(mesh, points)
 
     def read(self, outcome: Outcome) -> np.ndarray:
         """Displacements (mm), brightness 0, and the conjugate quantity of a solution since the first picture."""
         data, found = self.data, []
         for step in data.picture_step:
-            u = self._probe.read(outcome.displacement[step])
-            u = u.reshape(-1, self._each, u.shape[1]).mean(axis=1)
+            u = self._means(self._probe.read(outcome.displacement[step]))
             found.append(np.concatenate([u, np.zeros((len(u), 1))], axis=1))
         if len(data.points_step):
             at = np.empty_like(data.points_displacement)
@@ -292,3 +379,11 @@ class Reader:
             found += list(points_by_patch(data, at, self._patches))
         conjugate = outcome.indenter if data.control == "force" else outcome.reaction
         return flat(np.array(found), -conjugate[: len(data.step), -1])
+
+    def _means(self, values: np.ndarray) -> np.ndarray:
+        """Means by patch of what is read at its points, those outside the mesh left out; 0 where none is inside."""
+        count = len(self._patches.centre)
+        known = np.isfinite(values[:, 0])
+        number = np.maximum(np.bincount(self._owner[known], minlength=count), 1)
+        sums = [np.bincount(self._owner[known], column, minlength=count) for column in values[known].T]
+        return np.stack(sums, axis=1) / number[:, None]

@@ -28,8 +28,9 @@ def begin(settings: Settings, folder: Path) -> tuple[Fit, Data]:
         With one line for everything that is wrong with the study.
     """
     study = load_study(Path(settings.study))
-    wanted = {SEARCH: settings.model.mesh, REFINED: settings.model.refined}
-    meshes = {name: make_mesh(study, mesh) for name, mesh in wanted.items() if mesh}
+    meshes = {SEARCH: make_mesh(study, settings.model.mesh)}
+    if settings.model.refined or study.body.refined:
+        meshes[REFINED] = make_mesh(study, settings.model.refined, finer=True)
     files = {name: folder / f"{name}.inp" for name in meshes}
     for name, mesh in meshes.items():
         write_text(files[name], format_mesh(mesh))

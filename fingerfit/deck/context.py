@@ -11,6 +11,7 @@ from fingerfit.deck.patch import ball, half_tube
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.expression import evaluate
+from fingerfit.effects.observe import places
 from fingerfit.errors import InputError
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.mesh import Mesh
@@ -50,8 +51,9 @@ def deck_context(
     dict
         ``title, mesh, dim, quadratic, thickness, control, boundary, steps, increment, top, indenter, layers, effects,
         parts``, ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
-        ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``node(set)`` and ``point(set)`` of a
-        set of one node, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
+        ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``nodes(set)``, ``node(set)`` and
+        ``point(set)`` of a set of one node, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of
+        bricks.
     """
     effects = catalogue() if effects is None else effects
     present = [effect for effect in effects.values() if effect.present(values)]
@@ -82,6 +84,7 @@ def deck_context(
         "elements": lambda: _elements(mesh),
         "lengths": lambda name: _lengths(mesh, mesh.node_sets[name]),
         "shares": lambda: _shares(mesh),
+        "nodes": lambda name: [int(node) + 1 for node in _set(mesh, name)],
         "node": lambda name: _only(mesh, name) + 1,
         "point": lambda name: mesh.points[_only(mesh, name)].tolist(),
         "ball": lambda centre, radius, count: ball(centre, radius, count, len(mesh.points) + 1),
@@ -163,24 +166,25 @@ def _steps(study: Study, present: list[Effect], values: Mapping[str, float]) -> 
 def _pieces(
     layers: list[dict[str, Any]], mesh: Mesh, present: list[Effect], values: Mapping[str, float]
 ) -> list[dict[str, Any]]:
-    """Layers, or where an effect changes mu from place to place the parts of them with one mu each."""
+    """Layers, or where an effect changes mu from place to place the parts of them with one mu each.
+
+    Effects that change nothing, as that of a layer which is not there, leave the layers whole.
+    """
     if not any("field" in effect.changes for effect in present):
         return layers
     inside = _inside(mesh)
-    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    found = []
+    low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+    found, changed = [], False
     for number, layer in enumerate(layers, 1):
         members = np.asarray(mesh.element_sets[layer["name"]])
         count = np.array([len(inside[member]) for member in members])
-        place = np.concatenate([inside[member] for member in members]) - low
+        place = np.concatenate([inside[member] for member in members])
         # whole elements reach beyond these points: the layer's own top and bottom come from its nodes
         nodes = np.concatenate([np.ravel(_nodes_of(mesh, member)) for member in members])
-        bottom, top = mesh.points[nodes, -1].min() - low[-1], mesh.points[nodes, -1].max() - low[-1]
+        bottom, top = mesh.points[nodes, -1].min(), mesh.points[nodes, -1].max()
         names = {
-            "x": place[:, 0],
-            "y": place[:, -1],
-            "width": float(high[0] - low[0]),
-            "height": float(high[-1] - low[-1]),
+            **places(place, low, high),
+            **_from_indenter(place, mesh),
             "depth": (top - place[:, -1]) / (top - bottom),
             "number": number,
             "layers": len(layers),
@@ -191,11 +195,25 @@ def _pieces(
                 total = total + _changed("field", 0.0, names, [effect], values)
         field = np.bincount(np.repeat(np.arange(len(members)), count), total) / count
         levels, which = np.unique(np.round(field, 4), return_inverse=True)
+        changed = changed or bool(np.any(levels))
         for level, value in enumerate(levels, 1):
             mu = layer["mu"] * float(np.exp(value))
             piece = {"name": f"{layer['name']}_{level}", "mu": mu, "d": _compressibility(mu, layer["poisson"])}
             found.append({**layer, **piece, "elements": [int(m) + 1 for m in members[which == level - 1]]})
-    return found
+    return found if changed else layers
+
+
+def _from_indenter(points: np.ndarray, mesh: Mesh) -> dict[str, np.ndarray]:
+    """Names of places in space as seen from where the indenter comes down, mm; none in the plane."""
+    if mesh.dim == 2:
+        return {}
+    found = points - comes_down(mesh)
+    return {"aside_x": found[:, 0], "aside_y": found[:, 1], "beneath": -found[:, 2]}
+
+
+def comes_down(mesh: Mesh) -> np.ndarray:
+    """Where the indenter comes down on the undeformed body, mm: in the middle of its nodes, or at the only one."""
+    return np.asarray(mesh.points[mesh.node_sets["TOP"]].mean(axis=0))
 
 
 def _inside(mesh: Mesh) -> list[np.ndarray]:
@@ -264,6 +282,14 @@ def _shares(mesh: Mesh) -> list[tuple[float, list[int]]]:
             np.add.at(area, column, size / block.nodes.shape[1])
     sizes, which = np.unique(np.round(area, 6), return_inverse=True)
     return [(float(a), [int(n) + 1 for n in np.flatnonzero(which == k)]) for k, a in enumerate(sizes) if a > 0]
+
+
+def _set(mesh: Mesh, name: str) -> np.ndarray:
+    """Nodes of a set."""
+    nodes = mesh.node_sets.get(name, np.zeros(0, dtype=int))
+    if not len(nodes):
+        raise InputError("mesh", f"node set {name}", "nothing", "nodes")
+    return nodes
 
 
 def _only(mesh: Mesh, name: str) -> int:

@@ -13,7 +13,7 @@ from fingerfit.keys import Keys, read_yaml, unknown_key
 
 FOLDER = Path(__file__).resolve().parents[2] / "templates" / "effects"
 CHANGES = ("alpha", "poisson", "field", "force", "displacement", "before", "increment")
-OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y")
+OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 
 
 def catalogue(study: Path | None = None) -> dict[str, Effect]:

@@ -12,9 +12,9 @@ OBSERVATION = "observation"
 """Effects on what is measured: they need no new simulation."""
 ACTS = ("material", "structure", "boundary", "loading", NUMERICS, OBSERVATION)
 """Where an effect acts."""
-NEEDS = ("time", "pictures", "displacements", "layers", "plane")
+NEEDS = ("time", "pictures", "displacements", "layers", "plane", "space")
 """What an effect may need of a study: times of all steps, pictures, pictures or points, a block of layers in
-the plane between a base and an indenter, a body in the plane."""
+the plane between a base and an indenter, a body in the plane, a body in space."""
 
 
 LOOKS = 30
@@ -76,7 +76,7 @@ class Effect:
         ``increment`` (of the solver, as a share of a step).
     observes : mapping
         Formulas for what is measured: ``displacement``, ``force`` (the one that is not prescribed), ``intensity``,
-        ``shift_x``, ``shift_y`` (mm).
+        ``shift_x``, ``shift_y``, ``shift_z`` (mm).
     needs : tuple of str
         What a study must have, of `NEEDS`.
     control : str

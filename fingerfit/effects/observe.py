@@ -39,7 +39,7 @@ class Observation:
     def of(
         cls, effects: Iterable[Effect], values: Mapping[str, float], points: np.ndarray, steps: int
     ) -> Observation | None:
-        """Those that are present; None where there is none. `points` are the nodes of the mesh, mm."""
+        """Those that are present; None where there is none. `points` are those of the body, mm."""
         present = tuple(effect for effect in effects if effect.observes and effect.present(values))
         return cls(present, values, points.min(axis=0), points.max(axis=0), steps) if present else None
 
@@ -48,17 +48,9 @@ class Observation:
         names = [f"shift_{axis}" for axis in "xyz"[: len(self.low)]]
         return np.array([float(self._apply(name, 0.0, {"k": k, "n": self.steps})) for name in names])
 
-    def intensity(self, picture: np.ndarray, k: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """A picture at the k-th step as the scanner shows it; `x`, `y` in mm have its shape."""
-        size = self.high - self.low
-        names = {
-            "k": k,
-            "n": self.steps,
-            "x": x - self.low[0],
-            "y": y - self.low[-1],
-            "width": size[0],
-            "height": size[-1],
-        }
+    def intensity(self, picture: np.ndarray, k: int, *at: np.ndarray) -> np.ndarray:
+        """A picture at the k-th step as the scanner shows it; `at`, x, y[, z] in mm, have its shape."""
+        names = {"k": k, "n": self.steps, **places(np.stack(at, axis=-1), self.low, self.high)}
         return np.asarray(self._apply("intensity", picture, names))
 
     def conjugate(self, values: np.ndarray, name: str) -> np.ndarray:
@@ -76,3 +68,24 @@ class Observation:
                     f"effect {effect.name}", f"observes.{what}", error, "a formula of its names"
                 ) from error
         return value
+
+
+def places(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
+    """Names that formulas have for places, mm from the corner of the body.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., dim)
+    low, high : ndarray, shape (dim,)
+        Corners of the body.
+
+    Returns
+    -------
+    dict
+        ``x``, ``y`` and in space ``z``; ``up``, the last of them; ``width``, ``height`` and in space ``breadth``: the
+        body's extent along x, upwards, along y.
+    """
+    place, size = np.moveaxis(points - low, -1, 0), high - low
+    found: dict[str, Any] = dict(zip("xyz", place, strict=False))
+    found |= {"up": place[-1], "width": float(size[0]), "height": float(size[-1])}
+    return found | ({"breadth": float(size[1])} if len(size) == 3 else {})

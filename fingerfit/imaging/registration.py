@@ -8,7 +8,7 @@ can be sent through the same equations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from fingerfit.imaging.warp import sample, spline_coefficients
 
 COARSE = (4.0, 1.0, 0.0)
 """Extra smoothing of the passes, pixels."""
+FARTHEST = 4.0
+"""Longest move of a pass along an axis, pixels."""
 FEWEST = 30
 """Pixels that a patch needs."""
 
@@ -64,6 +66,26 @@ def register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, c
     count : int
         Number of patches.
     """
+    if synthesized.ndim == 3 and (patch >= 0).any():
+        # what is far from all patches takes no part
+        window = _window(patch >= 0, int(2 * FARTHEST))
+        found = _register(synthesized[window], measured[window], patch[window], count)
+        place = np.unravel_index(found.pixel, patch[window].shape)
+        place = tuple(index + part.start for index, part in zip(place, window, strict=True))
+        return replace(found, pixel=np.ravel_multi_index(place, patch.shape))
+    return _register(synthesized, measured, patch, count)
+
+
+def _window(inside: np.ndarray, margin: int) -> tuple[slice, ...]:
+    """The box around pixels, wider by a margin as far as the picture goes."""
+    found = []
+    for axis in range(inside.ndim):
+        used = np.flatnonzero(inside.any(axis=tuple(k for k in range(inside.ndim) if k != axis)))
+        found.append(slice(max(0, int(used[0]) - margin), min(inside.shape[axis], int(used[-1]) + margin + 1)))
+    return tuple(found)
+
+
+def _register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, count: int) -> Fit:
     dim = synthesized.ndim
     moves = np.zeros((count, dim))
     inside = patch.ravel() >= 0
@@ -81,7 +103,7 @@ def register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, c
             sums = [np.bincount(owner, column[inside], minlength=count) for column in field.T]
             moves = np.stack(sums, axis=1) / pixels[:, None]
         fit = _equations(smooth(moved, extra), smooth(measured, extra), patch, count)
-        step = np.clip(np.nan_to_num(fit.values[:, :dim]), -4.0, 4.0)
+        step = np.clip(np.nan_to_num(fit.values[:, :dim]), -FARTHEST, FARTHEST)
         moves = moves + step
     assert fit is not None
     values = fit.values.copy()
@@ -116,8 +138,35 @@ def _gradient(picture: np.ndarray) -> list[np.ndarray]:
 def _spread(moves: np.ndarray, patch: np.ndarray) -> np.ndarray:
     """Moves of the patches as a smooth field, shape (pixels, dim)."""
     inside = patch >= 0
-    width = 0.5 * np.sqrt(inside.sum() / max(1, len(np.unique(patch[inside]))))
+    width = 0.5 * (inside.sum() / max(1, len(np.unique(patch[inside])))) ** (1 / patch.ndim)
+    if patch.ndim == 3 and width >= 2 * _BLOCK:
+        return _spread_coarsely(moves, patch, width)
     weight = smooth(inside.astype(float), width) + 1e-6
     values = np.where(inside[..., None], moves[patch], 0.0)
     columns = [smooth(values[..., axis], width) / weight for axis in range(moves.shape[1])]
     return np.stack([column.ravel() for column in columns], axis=1)
+
+
+_BLOCK = 2
+"""Voxels along each side of a block in which a field that is much smoother is made."""
+
+
+def _spread_coarsely(moves: np.ndarray, patch: np.ndarray, width: float) -> np.ndarray:
+    """The same in space, where such wide Gaussians cost most: on blocks of voxels, then linear between them."""
+    from scipy.ndimage import map_coordinates
+
+    shape = patch.shape
+    coarse = tuple(-(-n // _BLOCK) for n in shape)
+    place: np.ndarray = np.indices(shape, dtype=np.int32).reshape(3, -1)
+    block = np.ravel_multi_index(tuple(place // _BLOCK), coarse)
+    inside = patch.ravel() >= 0
+    owner, block = patch.ravel()[inside], block[inside]
+    size = int(np.prod(coarse))
+    sigma = width / _BLOCK
+    weight = smooth(np.bincount(block, minlength=size).reshape(coarse).astype(float), sigma) + 1e-6
+    at = (place - (_BLOCK - 1) / 2) / _BLOCK
+    found = np.empty((patch.size, moves.shape[1]))
+    for axis, column in enumerate(moves.T):
+        total = np.bincount(block, column[owner], minlength=size).reshape(coarse)
+        found[:, axis] = map_coordinates(smooth(total, sigma) / weight, at, order=1, mode="nearest")
+    return found

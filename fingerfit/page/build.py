@@ -129,6 +129,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "has_force": panels.has("force", model.name),
         "force": panels.keys.get(f"force|{model.name}"),
         "stiffness": panels.keys.get(f"stiffness|{model.name}"),
+        "in_sections": compare is not None and compare.volumes,
         "diagnosis": diagnosis,
         "ranking": ranking,
         "first_effect": drawn[0] if drawn else "",

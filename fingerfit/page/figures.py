@@ -198,11 +198,55 @@ def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
         Position in mm, predicted change of log mu, evidence in standard deviations.
     """
     figure, axes, scale = map_frame(compare).panel()
-    for edge in borders(compare):
+    shown = _stiffness_map(axes, borders(compare), stiffness, _sure(stiffness))
+    _scale(figure, shown, scale, _EVIDENCE)
+    return figure
+
+
+def stiffness_in_space(sections: list[Compare], stiffness: np.ndarray) -> Figure:
+    """The same for a body in space: sections across x, one for each x of the places.
+
+    Parameters
+    ----------
+    sections : list of Compare
+        The body in these sections, from the lowest x on.
+    stiffness : ndarray, shape (places, 5)
+        Position in mm, predicted change of log mu, evidence in standard deviations.
+    """
+    levels, limit = np.unique(stiffness[:, 0]), _sure(stiffness)
+    frames = [map_frame(section) for section in sections]
+    wide, high = frames[0].inches
+    width, height = LEFT + len(frames) * (wide + 0.25) + RIGHT, frames[0].size[1] + 0.3
+    figure = Figure(figsize=(width, height))
+    bottom = BOTTOM / height
+    for n, (frame, section, level) in enumerate(zip(frames, sections, levels, strict=True)):
+        axes = figure.add_axes(((LEFT + n * (wide + 0.25)) / width, bottom, wide / width, high / height))
+        here = stiffness[stiffness[:, 0] == level]
+        shown = _stiffness_map(axes, borders(section), here[:, 1:], limit)
+        axes.set_xlim(*frame.limits[:2])
+        axes.set_ylim(*frame.limits[2:])
+        axes.set_title(f"x = {level:.1f} mm", fontsize=9)
+        axes.set_xlabel(frame.labels[0], fontsize=9, labelpad=2)
+        axes.tick_params(labelsize=8.5, labelleft=n == 0)
+    figure.axes[0].set_ylabel(frames[0].labels[1], fontsize=9, labelpad=2)
+    left = (LEFT + len(frames) * (wide + 0.25) - 0.15) / width
+    _scale(figure, shown, figure.add_axes((left, bottom, 0.14 / width, high / height)), _EVIDENCE)
+    return figure
+
+
+_EVIDENCE = "evidence in standard deviations\n(softer: negative, stiffer: positive)"
+
+
+def _sure(stiffness: np.ndarray) -> float:
+    """End of the scale of evidence: a chance finding stays pale."""
+    return max(6.0, float(np.abs(stiffness[:, -1]).max()))
+
+
+def _stiffness_map(axes: Any, edges: list[np.ndarray], stiffness: np.ndarray, limit: float) -> Any:
+    """Places, shape (places, 4), in a plane over the borders of the layers."""
+    for edge in edges:
         axes.plot(*edge.T, color="#777777", linewidth=0.8)
     x, y, change, evidence = stiffness.T
-    # a chance finding stays pale
-    limit = max(6.0, float(np.abs(evidence).max()))
     shown = axes.scatter(
         x, y, c=evidence, s=430, cmap="PuOr_r", vmin=-limit, vmax=limit, edgecolor="#555555", linewidth=0.6
     )
@@ -211,8 +255,7 @@ def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
         percent = round(100 * np.expm1(value))
         text = f"{percent:+d}" if percent else "0"
         axes.annotate(text, (at, height), ha="center", va="center", fontsize=7, color=colour)
-    _scale(figure, shown, scale, "evidence in standard deviations\n(softer: negative, stiffer: positive)")
-    return figure
+    return shown
 
 
 def force_figure(compare: Compare) -> Figure | None:

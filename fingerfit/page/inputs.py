@@ -186,7 +186,7 @@ class Model:
         Residual displacement, mm.
     patterns : dict of ndarray
         What each effect would leave, by its name, mm.
-    stiffness : ndarray, shape (places, 4)
+    stiffness : ndarray, shape (places, dim + 2)
         Position in mm, predicted change of log mu, and the evidence for it in standard deviations.
     """
 

@@ -15,11 +15,12 @@ from fingerfit.page.figures import (
     map_frame,
     map_panel,
     stiffness_figure,
+    stiffness_in_space,
     uri,
 )
 from fingerfit.page.inputs import Compare, Model
 from fingerfit.page.regions import patch_size
-from fingerfit.page.views import View, cuts_of, views_of
+from fingerfit.page.views import View, cuts_at, cuts_of, views_of
 from fingerfit.slices import Slice
 
 PATTERNS = 4
@@ -109,8 +110,8 @@ class Panels:
             if view is not None and any(view.lines):
                 mesh = self.meshes.setdefault(name, {"names": [str(n) for n in compare.layer_names], "lines": {}})
                 mesh["lines"] |= {f"{n}{after}": lines for n, lines in enumerate(view.lines)}
-        if compare.mapped and len(model.stiffness) and not compare.volumes:
-            self.keys[f"stiffness|{name}"] = self.keep(stiffness_figure(compare, model.stiffness))
+        if compare.mapped and len(model.stiffness):
+            self.keys[f"stiffness|{name}"] = self.keep(_stiffness(compare, model.stiffness))
         if compare.meshed:
             self._keep_mesh(name, compare)
         figure_or_none = force_figure(compare)
@@ -174,6 +175,13 @@ class Panels:
             centres = np.array([compare.mesh_points[ring].mean(axis=0) for ring in rings])
             index = np.clip(np.floor((centres - low) / size).astype(int), 0, compare.patch_count - 1)
             self._owners[name] = index[:, 0] * int(compare.patch_count[1]) + index[:, 1]
+
+
+def _stiffness(compare: Compare, stiffness: np.ndarray) -> Figure:
+    if not compare.volumes:
+        return stiffness_figure(compare, stiffness)
+    cuts = cuts_at(compare, stiffness[:, 0])
+    return stiffness_in_space([view.compare for view in views_of(compare, cuts)], stiffness)
 
 
 def _in_plane(moves: np.ndarray, view: View | None) -> np.ndarray:

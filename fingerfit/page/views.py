@@ -10,7 +10,7 @@ import numpy as np
 from fingerfit.imaging.pictures import Picture
 from fingerfit.page.inputs import Compare
 from fingerfit.page.regions import patch_size
-from fingerfit.slices import Slice, cut_faces, spread_slices
+from fingerfit.slices import Slice, cut_faces, slice_at, spread_slices
 
 COUNTS = {0: 5, 1: 3}
 """Slices across x (axial) and y (sagittal)."""
@@ -55,6 +55,17 @@ def cuts_of(compare: Compare) -> list[Slice]:
     for main, count in COUNTS.items():
         axis = int(np.argmax(np.abs(frame.direction[main])))
         found += spread_slices(frame, axis, index[:, axis].min(), index[:, axis].max(), count)
+    return found
+
+
+def cuts_at(compare: Compare, x: np.ndarray) -> list[Slice]:
+    """Axial slices at places along x, mm, each once."""
+    frame, found = _frame(compare), []
+    middle = compare.patch_centre.mean(axis=0)
+    axis = int(np.argmax(np.abs(frame.direction[0])))
+    for place in np.unique(x):
+        index = float(frame.to_index(np.array([[place, *middle[1:]]]))[0, axis])
+        found.append(slice_at(frame, axis, int(np.clip(np.rint(index), 0, frame.values.shape[-1 - axis] - 1))))
     return found
 
 

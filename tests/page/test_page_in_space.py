@@ -13,9 +13,10 @@ from fingerfit.files import write_json, write_npz
 from fingerfit.imaging.pictures import Picture
 from fingerfit.meshing import brick
 from fingerfit.page import write_page
+from fingerfit.page.figures import stiffness_in_space
 from fingerfit.page.inputs import read_compare
-from fingerfit.page.regions import places
-from fingerfit.page.views import COUNTS, cuts_of, views_of
+from fingerfit.page.regions import places as rows
+from fingerfit.page.views import COUNTS, cuts_at, cuts_of, views_of
 from fingerfit.slices import border_triangles
 
 SIZE = np.array([10.0, 8.0, 6.0])
@@ -119,7 +120,7 @@ def test_borders_of_the_mesh_in_a_slice(compare):
 
 
 def test_regions_are_rows_of_layers(compare):
-    found = places(compare)
+    found = rows(compare)
     assert {(p.layer, round(p.low, 3)) for p in found} == {("top", 4.0), ("bottom", 2.0), ("bottom", 0.0)}
     assert found[0].layer == "top"  # the moves grow with the height
     assert all(len(p.patches) == 20 for p in found)
@@ -132,6 +133,7 @@ def page(folder, done=True):
     write_npz(study / "base/compare.npz", found)
     rng = np.random.default_rng(4)
     patterns = {"there": found["moves"], "pattern_tilt": found["moves"] + rng.normal(0, 0.01, found["moves"].shape)}
+    patterns["stiffness"] = np.array([[x, y, 4.0, 0.2 * y - 0.7, x - 4.0] for x in (2.0, 5.0) for y in (3.0, 6.0)])
     write_npz(study / "base/diagnosis.npz", patterns)
     ranking = [
         {"effect": "tilt", "title": "tilt", "predicted_fall": 3.0, "share_of_excess": 0.5, "size": {}, "units": {}}
@@ -160,6 +162,22 @@ def test_every_slice_of_every_picture_is_there(whole):
         assert all(f"{panel}|base|{n}@{v}" in data["panels"] for n in range(2) for v in range(count))
     assert all(f"pattern|base|{n}@{v}|tilt" in data["panels"] for n in range(2) for v in range(count))
     assert set(data["meshes"]["base"]["lines"]) == {f"{n}@{v}" for n in range(2) for v in range(count)}
+
+
+def test_stiffness_is_shown_in_a_section_for_each_x(compare, whole):
+    places = np.array([[x, y, 4.0, 0.2 * y - 0.7, x - 4.0] for x in (2.0, 5.0) for y in (3.0, 6.0)])
+    cuts = cuts_at(compare, places[:, 0])
+    assert [cut.position for cut in cuts] == pytest.approx([2.0, 5.0], abs=0.5)
+    assert {cut.name for cut in cuts} == {"axial"}
+    figure = stiffness_in_space([view.compare for view in views_of(compare, cuts)], places)
+    assert [axes.get_title() for axes in figure.axes] == ["x = 2.0 mm", "x = 5.0 mm", ""]
+    for axes, own in zip(figure.axes, (places[:2], places[2:]), strict=False):
+        assert np.asarray(axes.collections[0].get_offsets()) == pytest.approx(own[:, 1:3])
+        assert [text.get_text() for text in axes.texts] == ["-10", "+65"]
+        outline = np.concatenate([line.get_xydata() for line in axes.lines])
+        assert outline.min(axis=0) == pytest.approx([0, 0], abs=0.011)
+        assert outline.max(axis=0) == pytest.approx([8, 6], abs=0.011)
+    assert "map of the places that want to be stiffer or softer" in whole
 
 
 CLICKS = """

@@ -10,8 +10,8 @@ from fingerfit.data import Data
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.registration import FEWEST, register
-from fingerfit.imaging.warp import backward_map, sample, spline_coefficients, warp
-from fingerfit.meshing import layered_block
+from fingerfit.imaging.warp import Probe, backward_map, sample, spline_coefficients, warp
+from fingerfit.meshing import brick, layered_block
 from fingerfit.residual import FLOOR, Patches, Reader, residual_of
 from fingerfit.score import Prediction
 from fingerfit.solvers.contract import CONVERGED, Outcome
@@ -210,3 +210,68 @@ def test_a_solution_is_read_as_such_a_vector(world):
     assert value[1, :, 0] == pytest.approx(0.04 * (x - 6) * y / 12)
     assert value[1, :, 1] == pytest.approx(-0.1 * y)
     assert np.abs(value[..., 2]).max() == 0
+
+
+# --- in space
+
+BLOCK = brick((12.0, 11.0, 9.0), (3, 3, 3), element="C3D8")
+
+
+def block_of(rng, sigma=0.8):
+    """A textured block that is moved and compressed by known amounts, as data, with its map and patches."""
+    frame = Picture(np.zeros((26, 30, 32)), np.full(3, 0.5), np.array([-2.0, -2.0, -2.0]), np.eye(3))
+    u = np.stack([0.02 * BLOCK.points[:, 0], 0.1 + 0.0 * BLOCK.points[:, 1], -0.04 * BLOCK.points[:, 2]], axis=1)
+    still = backward_map(BLOCK, np.zeros(u.shape), frame)
+    raw = np.zeros(frame.values.size)
+    field = gaussian_filter(rng.normal(size=frame.values.shape), 1.3)
+    raw[still.pixel] = (0.5 + 0.15 * field / field.std()).ravel()[still.pixel]
+    coefficients = spline_coefficients(raw.reshape(frame.values.shape))
+    nothing = np.zeros((0, 3))
+    data = Data(
+        step=np.array([1]), force=np.array([1.0]), displacement=np.array([0.4]), control="force", force_noise=0.01,
+        displacement_noise=0.01, picture_noise=0.02, points_noise=0.0, before=smooth(raw.reshape(frame.values.shape), sigma),
+        coefficients=coefficients, measured=warp(coefficients, 0.0, backward_map(BLOCK, u, frame), sigma)[None],
+        picture_step=np.array([0]), spacing=frame.spacing, origin=frame.origin, direction=frame.direction, background=0.0,
+        smooth=sigma, points=nothing, points_displacement=nothing, points_step=np.zeros(0, int),
+    )  # fmt: skip
+    return data, frame, u
+
+
+def test_displacements_in_space_are_found(rng):
+    data, frame, u = block_of(rng)
+    patches = Patches.over(BLOCK, 3)
+    still = backward_map(BLOCK, np.zeros(u.shape), frame, 1.5)
+    made = Prediction(np.array([warp(data.coefficients, 0.0, still, data.smooth)]), np.array([0.4]), np.zeros((0, 3)))
+    found = residual_of(data, made, [still], patches)
+    # patches that lie in the body for the most part
+    known = np.bincount(found.fits[0].patch, minlength=len(patches.centre)) > 5 * FEWEST
+    assert known.all() and len(known) == 18
+    outcome = Outcome(CONVERGED, u[None], np.zeros((1, 3)), np.array([[0.0, 0.0, -0.4]]))
+    read = Reader(data, BLOCK, patches, found).read(outcome)[: found.value.size].reshape(found.value.shape)
+    assert found.value[0, known, :3] == pytest.approx(read[0, known, :3], abs=0.04)
+    # a patch is read where it was registered: inside the body, not in its own middle
+    assert Probe(BLOCK, found.places).element.min() >= 0
+    assert (patches.of(found.places) == found.place_patch).all()
+
+
+def test_the_expected_noise_in_space_is_that_of_draws(rng):
+    data, frame, u = block_of(rng)
+    patches = Patches.over(BLOCK, 2)
+    way = backward_map(BLOCK, u, frame, 1.5)
+    true = warp(data.coefficients, 0.0, way, data.smooth)
+    count = len(patches.centre)
+    first = residual_of(data, Prediction(true[None], np.array([0.4]), np.zeros((0, 3))), [way], patches)
+    fit, draws, power = first.fits[0], [], 0.0
+    owner = np.full(true.size, -1)
+    owner[fit.pixel] = fit.patch
+    for _ in range(300):
+        mine = smooth(rng.normal(0.0, data.picture_noise, true.shape), data.smooth)
+        noise = spline_coefficients(rng.normal(0.0, data.picture_noise, true.shape))
+        carried = smooth(warp(noise, 0.0, way), data.smooth)
+        draws.append(fit.solve(mine - carried) * [0.5, 0.5, 0.5, 1.0])
+        power += np.mean((mine - carried).ravel()[owner >= 0] ** 2) / 300
+    assert first.floor[0] == pytest.approx(np.sqrt(power), rel=0.02)
+    spread = np.std(draws, axis=0)
+    said = np.sqrt(np.diag(first.covariance)[:-1].reshape(count, 4) - np.array([FLOOR**2] * 3 + [0.0]))
+    assert np.median(said / spread, axis=0) == pytest.approx(1.0, abs=0.1)
+    assert said == pytest.approx(spread, rel=0.25)

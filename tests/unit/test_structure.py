@@ -28,7 +28,7 @@ ORDER = (
     ("prepare", "fit", "experiment", "settings_check"),
     ("residual",),
     ("refine",),
-    ("course", "judge", "extend"),
+    ("course", "judge", "extend", "suspects"),
     ("diagnose",),
     ("verdict", "simulate"),
     ("designs",),

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerfit.diagnose import Look, Suspect, alike, summary
+from fingerfit.diagnose import Look, alike, summary
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.judge import Judge
+from fingerfit.suspects import Suspect
 from fingerfit.verdict import LEVEL, TRIED, Refit, confusions, decide, doubted, half_explained, threshold, to_refit
 
 EFFECTS = catalogue()

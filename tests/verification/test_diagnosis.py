@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fingerfit.designs import designs, half_indenter, separation
-from fingerfit.diagnose import Examination, anchor_of, best_places, judge_of, stiffness_map, suspects, try_suspects
+from fingerfit.diagnose import Examination, anchor_of, best_places, judge_of, stiffness_map, try_suspects
 from fingerfit.experiment import read_truth, solve, write_study
 from fingerfit.files import write_json
 from fingerfit.fit import SEARCH
@@ -13,6 +13,7 @@ from fingerfit.refine import finest
 from fingerfit.residual import common_modes
 from fingerfit.settings import load_settings
 from fingerfit.simulate import begin, run_fit, solve_missing
+from fingerfit.suspects import suspects
 
 PLACE = (0.32, 0.42)
 NAMES = ("inclusion", "tilt", "misregistration", "gradient")

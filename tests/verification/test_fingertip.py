@@ -1,5 +1,6 @@
 """The deck of the fingertip: both solvers, its parts, and that they can be exchanged."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,16 @@ from fingerfit.deck.context import deck_context
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.render import render_deck
 from fingerfit.deck.write import format_deck
+from fingerfit.effects.catalogue import catalogue
 from fingerfit.mesh_io import format_mesh
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.calculix import CalculixSolver
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.study import Body, Layer, Noise, Step, Study
 
-TEMPLATES = Path(__file__).resolve().parents[2] / "templates"
+ROOT = Path(__file__).resolve().parents[2]
+TEMPLATES = ROOT / "templates"
+EFFECTS = catalogue(ROOT / "studies/fingertip")
 MU = {"mu_epidermis": 0.138, "mu_subcutaneous": 0.00798}
 
 
@@ -27,13 +31,16 @@ def finger():
     return add_fixtures(finger_mesh(size=3.0, element="C3D4"), (Anatomy().pulp_centre, 0.0))
 
 
-def write(folder, mesh, control, loads, template="fingertip.inp.j2", values=MU, folders=(TEMPLATES,)):
+LAYERS = ("epidermis", "subcutaneous")
+
+
+def write(folder, mesh, control, loads, template="fingertip.inp.j2", values=MU, layers=LAYERS):
     steps = tuple(Step(n, **{control: load}) for n, load in enumerate(loads, 1))
-    body = Body((Layer("epidermis"), Layer("subcutaneous")))
+    body = Body(tuple(Layer(name) for name in layers))
     study = Study(folder, "finger", control, steps, None, Noise(), body, "held", "slides")
     (folder / "mesh.inp").write_text(format_mesh(mesh))
-    context = deck_context(study, mesh, "mesh.inp", values, {"alpha": 1.4, "poisson": 0.45})
-    (folder / "deck.inp").write_text(render_deck(template, context, folders))
+    context = deck_context(study, mesh, "mesh.inp", values, {"alpha": 1.4, "poisson": 0.45}, EFFECTS)
+    (folder / "deck.inp").write_text(render_deck(template, context, (TEMPLATES,)))
     return folder / "deck.inp"
 
 
@@ -78,24 +85,96 @@ def test_bone_moves_as_one_unless_it_is_fixed(finger, pressed, tmp_path):
     turn, _, other = np.linalg.svd((before - before.mean(axis=0)).T @ (after - after.mean(axis=0)))
     rigid = (before - before.mean(axis=0)) @ turn @ other + after.mean(axis=0)
     assert np.abs(rigid - after).max() < 1e-3 * np.abs(after - before).max()
-    own = tmp_path / "own"
-    own.mkdir()
-    (own / "mine.inp.j2").write_text(
-        '{% extends "fingertip.inp.j2" %}{% block phalanx %}{% include "boundary/phalanx_fixed.inp.j2" %}{% endblock %}'
-    )
-    fixed = solve(tmp_path, finger, "displacement", [1.0], "mine.inp.j2", folders=(own, TEMPLATES))
+    fixed = solve(tmp_path, finger, "displacement", [1.0], "fingertip_fixed.inp.j2")
     assert not fixed.displacement[:, bone].any()
     assert fixed.reaction[0, 2] < 1.01 * pressed.reaction[-1, 2]
+    # springs are between both: stiff ones hold the bones nearly, soft ones hardly
+    held = {**MU, "bone_mobility.compliance": 1e-3}
+    loose = {**MU, "bone_mobility.compliance": 1e3}
+    hardly, nearly = (
+        solve(tmp_path, finger, "displacement", [1.0], "fingertip_fixed.inp.j2", each) for each in (loose, held)
+    )
+    assert np.abs(nearly.displacement[0, distal]).max() < 1e-3
+    assert np.allclose(hardly.displacement[0], pressed.displacement[-1], atol=2e-3)
 
 
 def test_friction_holds_the_skin(finger, pressed, tmp_path):
-    rubbed = solve(tmp_path, finger, "displacement", [0.5], values={**MU, "friction": 0.3})
+    rubbed = solve(tmp_path, finger, "displacement", [0.5], values={**MU, "friction.coefficient": 0.3})
     palmar = np.unique(finger.blocks[0].nodes[finger.surfaces["PALMAR"][:, 0]])
     under = palmar[np.hypot(*(finger.points[palmar, :2] - finger.points[finger.node_sets["TOP"][0], :2]).T) < 1.5]
     aside = [np.abs(o.displacement[0, under, :2]).max() for o in (rubbed, pressed)]
     assert aside[0] < 0.9 * aside[1]
     assert rubbed.reaction[0, 2] < pressed.reaction[0, 2]
     assert "*FRICTION" not in write(tmp_path, finger, "displacement", [1.0]).read_text()
+
+
+@pytest.mark.parametrize("template", ["fingertip.inp.j2", "fingertip_fixed.inp.j2"])
+@pytest.mark.parametrize("name", sorted(EFFECTS))
+def test_absent_an_effect_leaves_the_deck_byte_for_byte(finger, tmp_path, name, template):
+    effect = EFFECTS[name]
+    plain = write(tmp_path, finger, "force", [0.01], template).read_text()
+    for place in effect.places()[:2]:
+        nothing = {**MU, **effect.null(), **place}
+        assert write(tmp_path, finger, "force", [0.01], template, nothing).read_text() == plain
+
+
+def text_at(folder, mesh, numbers, template="fingertip.inp.j2", layers=LAYERS):
+    return write(folder, mesh, "force", [0.01], template, {**MU, **numbers}, layers).read_text()
+
+
+def test_present_it_changes_what_its_words_say(finger, tmp_path):
+    plain, fixed = text_at(tmp_path, finger, {}), text_at(tmp_path, finger, {}, "fingertip_fixed.inp.j2")
+    stiff = text_at(tmp_path, finger, {"layers.contrast": 0.5})
+    mu = MU["mu_epidermis"] * np.exp(0.5)
+    assert cards(stiff, "HYPERELASTIC")[0][0] == pytest.approx(mu)
+    assert cards(stiff, "HYPERELASTIC")[1] == cards(plain, "HYPERELASTIC")[1]
+    assert sets(stiff)["EPIDERMIS_1"] == (finger.element_sets["EPIDERMIS"] + 1).tolist()
+    # of two layers none is a dermis, and bones that are not fixed cannot be let go
+    assert text_at(tmp_path, finger, {"dermis.contrast": 0.5}) == plain
+    assert text_at(tmp_path, finger, {"bone_mobility.compliance": 0.1}) == plain
+    loose = text_at(tmp_path, finger, {"bone_mobility.compliance": 0.1}, "fingertip_fixed.inp.j2")
+    assert "BONE, 1, 3" in fixed and "BONE, 1, 3" not in loose
+    count = len(finger.node_sets["BONE"])
+    springs = [cards(loose, f"SPRING, ELSET=BONE_SPRINGS_{axis}") for axis in (1, 2, 3)]
+    assert [own[0] for own in springs] == [1.0, 2.0, 3.0]
+    assert [own[1] * count for own in springs] == pytest.approx([10.0] * 3, rel=1e-5)
+    assert "*FRICTION" in text_at(tmp_path, finger, {"friction.coefficient": 0.2})
+
+
+def test_a_dermis_is_the_layer_between(tmp_path):
+    shape = Anatomy(dermis=0.8, bone_height=3.2)
+    mesh = add_fixtures(finger_mesh(shape, size=4.0, element="C3D4"), (shape.pulp_centre, 0.0))
+    three = ("epidermis", "dermis", "subcutaneous")
+    found = cards(text_at(tmp_path, mesh, {"mu": 0.01, "dermis.contrast": 0.7}, layers=three), "HYPERELASTIC")
+    assert [row[0] for row in found] == pytest.approx([MU["mu_epidermis"], 0.01 * np.exp(0.7), MU["mu_subcutaneous"]])
+
+
+def test_an_inclusion_lies_below_the_indenter(finger):
+    values = {**MU, "inclusion_in_space.contrast": 1.0, "inclusion_in_space.x": -5.0, "inclusion_in_space.below": 2.0}
+    body = Body((Layer("epidermis"), Layer("subcutaneous")))
+    study = Study(Path(), "finger", "force", (Step(1, force=0.01),), None, Noise(), body, "held", "slides")
+    context = deck_context(study, finger, "mesh.inp", values, {"alpha": 1.4, "poisson": 0.45})
+    change = np.zeros(finger.element_count)
+    for piece in context["layers"]:
+        own = piece["name"].split("_")[0].lower()
+        change[np.array(piece["elements"], dtype=int) - 1] = np.log(piece["mu"] / MU[f"mu_{own}"])
+    centre = np.concatenate([finger.points[block.nodes].mean(axis=1) for block in finger.blocks])
+    touch = finger.points[finger.node_sets["INDENTER"][0]]
+    soft = finger.element_sets["SOFT"]
+    distance = np.linalg.norm(centre - touch - [-5.0, -4.0, -2.0], axis=1)
+    assert change[soft] == pytest.approx(np.exp(-(distance[soft] ** 2) / 4.0), abs=1e-4)
+
+
+def cards(text, keyword):
+    """Numbers below each card of a keyword."""
+    found = re.findall(rf"^\*{keyword}(?:,[^\n]*)?\n((?:[^*][^\n]*\n)*)", text, re.MULTILINE)
+    rows = [[float(x) for x in line.split(",")] for block in found for line in block.splitlines()]
+    return [row[0] for row in rows] if keyword.startswith("SPRING") else rows
+
+
+def sets(text):
+    found = re.findall(r"^\*ELSET, ELSET=(\w+)\n((?:[^*][^\n]*\n)*)", text, re.MULTILINE)
+    return {name: [int(m) for m in re.findall(r"\d+", block)] for name, block in found}
 
 
 def test_calculix_agrees(finger, tmp_path, needs_ccx):

@@ -1,0 +1,87 @@
+"""Effects that make sense in a study and are not in its model, each with the simulations that show it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fingerfit.effects.contract import OBSERVATION, Effect
+from fingerfit.fit import REFINED, SEARCH, Fit
+from fingerfit.rounds import Asked
+from fingerfit.study import Study
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """An effect at one place, with the simulations that show it.
+
+    Parameters
+    ----------
+    effect : Effect
+    place : dict
+        Its scanned numbers.
+    asked : tuple of Asked
+        One for each parameter; none for effects on the observation.
+    """
+
+    effect: Effect
+    place: dict[str, float]
+    asked: tuple[Asked, ...] = ()
+
+
+def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
+    """Effects that make sense in this study and are not in the model, with their simulations at small sizes."""
+    study, found = fit.study, []
+    there = what_is_there(study, fit.meshes[SEARCH].dim)
+    without = fit.ask(values).sim
+    for effect in fit.effects.values():
+        if effect.name in fit.settings.model.effects or not there.issuperset(effect.needs):
+            continue
+        if effect.control and effect.control != study.control:
+            continue
+        if _is_fitted(effect, fit):
+            continue
+        if effect.name == "coarse_mesh" and REFINED not in fit.mesh_files:
+            continue
+        for place in effect.places():
+            if "layer" in effect.scan and place[effect.key("layer")] > len(study.layer_names):
+                continue
+            asked = []
+            for parameter in effect.parameters if effect.acts != OBSERVATION and effect.name != "coarse_mesh" else ():
+                trial = {**effect.null(), **place, effect.key(parameter.name): parameter.null + parameter.step}
+                asked.append(fit.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
+            if asked and all(one.sim == without for one in asked):
+                continue  # no part of this study's deck: friction where nothing is in contact
+            found.append(Suspect(effect, place, tuple(asked)))
+    return found
+
+
+def _is_fitted(effect: Effect, fit: Fit) -> bool:
+    """Whether all that an effect changes are constants that the model fits in every layer."""
+    model = fit.settings.model.parameters
+    names = fit.study.layer_names
+    return (
+        set(effect.changes) <= {"alpha", "poisson"}
+        and bool(effect.changes)
+        and not effect.part
+        and all(
+            quantity in model or all(f"{quantity}_{name}" in model for name in names) for quantity in effect.changes
+        )
+    )
+
+
+def what_is_there(study: Study, dim: int) -> set[str]:
+    """Which of the needs of effects a study meets."""
+    pictured = any(step.picture for step in study.steps)
+    return {
+        name
+        for name, there in (
+            ("time", all(step.time is not None for step in study.steps)),
+            ("pictures", pictured),
+            ("displacements", pictured or any(step.points for step in study.steps)),
+            ("layers", study.body.width is not None),
+            ("plane", dim == 2),
+            ("space", dim == 3),
+        )
+        if there
+    }
