@@ -60,8 +60,10 @@ class Judge:
         common: np.ndarray | None = None,
     ) -> None:
         self._root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
-        basis, sizes, _ = np.linalg.svd(self.whiten(own), full_matrices=False)
-        self._own = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)]
+        basis, sizes, turn = np.linalg.svd(self.whiten(own), full_matrices=False)
+        seen = sizes > 1e-6 * sizes.max(initial=0.0)
+        self._own = basis[:, seen]
+        self._inverse = (turn[seen].T / sizes[seen]) @ self._own.T
         self.rest = self._without_own(self.whiten(residual))
         self.misfit = float(self.rest @ self.rest)
         self.freedom = len(residual) - self._own.shape[1]
@@ -85,6 +87,10 @@ class Judge:
     def signature(self, columns: np.ndarray) -> np.ndarray:
         """What the own constants cannot imitate of columns, in units of the noise."""
         return self._without_own(self.whiten(columns))
+
+    def follow(self, signal: np.ndarray) -> np.ndarray:
+        """How the own constants follow a signal, shape (values,), to make up for it, shape (parameters,)."""
+        return np.asarray(-self._inverse @ self.whiten(signal))
 
     def test(self, columns: np.ndarray, low: np.ndarray, high: np.ndarray) -> Finding:
         """Test an effect.

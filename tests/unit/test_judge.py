@@ -53,6 +53,14 @@ def test_the_signal_is_what_the_constants_leave_of_it(columns):
     assert finding.fall == pytest.approx(0.0, abs=1e-12)
 
 
+def test_the_constants_follow_as_in_a_refit(columns, rng):
+    own, effect, nuisance, covariance = columns
+    judge = Judge(rng.normal(size=VALUES), covariance, own, nuisance)
+    for signal in effect.T:
+        # what is left of a signal when the constants make up for it
+        assert judge.follow(signal) == pytest.approx(-refit(signal, covariance + nuisance @ nuisance.T, own)[1])
+
+
 def test_falls_by_chance_are_chi_square(columns, rng):
     own, effect, nuisance, covariance = columns
     root, one, two = np.linalg.cholesky(covariance + nuisance @ nuisance.T), [], []
