@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp setup lint clean
+.PHONY: help run test fast fingertip fingertip-data benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp setup lint clean
 
 PYTHON ?= python3
 CORES ?= 2
@@ -13,6 +13,26 @@ run: setup  ## set up and identify the phantom study
 
 test: setup  ## set up and run the tests
 	$(BIN)/python -m pytest -n $(CORES)
+
+FINGERTIP := studies/fingertip
+fingertip-data: $(FINGERTIP)/subject.inp  ## make the volumes of the virtual fingertip and its mesh: 4 minutes
+
+$(FINGERTIP)/study.yaml: .venv/ready $(FINGERTIP)/experiment.yaml $(FINGERTIP)/anatomy.yaml
+	$(BIN)/fingerfit finger --anatomy $(FINGERTIP)/anatomy.yaml --element C3D10 --size 1.7 --out $(FINGERTIP)/sealed/true.inp
+	$(BIN)/fingerfit experiment $(FINGERTIP)/experiment.yaml --out $(FINGERTIP)
+
+$(FINGERTIP)/subject.inp: $(FINGERTIP)/study.yaml
+	$(BIN)/fingerfit finger --out $(FINGERTIP)/reference.inp
+	$(BIN)/fingerfit morph $(FINGERTIP)/reference.inp $(FINGERTIP)/pictures/before.nii.gz --at 25.49 0 --out $@
+
+fast: .venv/fast  ## install PARDISO (650 MB): large systems in space in a fraction of the time
+
+.venv/fast: .venv/ready requirements-fast.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-fast.lock
+	touch $@
+
+fingertip: fast fingertip-data  ## identify both tissues of the virtual fingertip: a quarter of an hour
+	$(BIN)/snakemake --cores $(CORES) --configfile $(FINGERTIP)/config.yaml
 
 benchmark: setup  ## make benchmarks/*.md again: about an hour, needs ccx
 	$(BIN)/python benchmarks/phantom.py

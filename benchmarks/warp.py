@@ -28,6 +28,7 @@ SIZE = (40.0, 18.0, 16.0)
 WHOLE, HALF = (256, 128, 128), (128, 64, 64)
 CASES = (
     ("finger C3D4", (), WHOLE),
+    ("finger C3D10 3", (), WHOLE),
     ("finger C3D10", (), WHOLE),
     ("C3D4", (36, 18, 9), WHOLE),
     ("C3D10", (18, 9, 5), WHOLE),
@@ -35,7 +36,8 @@ CASES = (
     ("C3D4", (36, 18, 9), HALF),
     ("C3D10", (18, 9, 5), HALF),
 )
-"""The reference finger or the element type of a brick, elements along its axes before the cut into six, voxels."""
+"""The reference finger (and the size of its elements) or the element type of a brick; elements along its axes before
+the cut into six; voxels."""
 HEAD = """# Warping a volume
 
 Made by `make benchmark-warp`; do not edit. Processor seconds on one core, the best of five: *map* finds where each
@@ -79,7 +81,11 @@ def search(mesh: Mesh, u: np.ndarray, frame: Picture) -> Any:
 
 def measure(kind: str, cells: tuple[int, int, int], voxels: tuple[int, int, int]) -> str:
     """A row of the table."""
-    mesh = brick(SIZE, cells, element=kind) if cells else finger_mesh(element=kind.split()[1])
+    if cells:
+        mesh = brick(SIZE, cells, element=kind)
+    else:
+        _, element, *size_of = kind.split()
+        mesh = finger_mesh(element=element, size=float(size_of[0] if size_of else 1))
     low, size = mesh.points.min(axis=0), np.ptp(mesh.points, axis=0)
     u = displacement(mesh.points - low, size)
     spacing = 1.4 * size / voxels

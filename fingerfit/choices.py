@@ -42,7 +42,7 @@ class Choices:
             given = self.model.effects[effect.name]
             for p in effect.parameters:
                 start = given.get(p.name, p.null)
-                added.append(Parameter(effect.key(p.name), p.unit, p.lower, p.upper, start, log=False))
+                added.append(Parameter(effect.key(p.name), p.unit, p.lower, p.upper, start, False, p.scale))
             for name, (lower, upper) in effect.refine.items():
                 start = min(max(given.get(name, effect.scan[name][0]), lower), upper)
                 added.append(Parameter(effect.key(name), "1", lower, upper, start, log=False))

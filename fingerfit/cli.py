@@ -29,6 +29,27 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("description", type=Path, help="experiment.yaml")
     sub.add_argument("--out", type=Path, required=True, help="folder of the study")
 
+    sub = command("finger", "mesh a finger, the reference one or another (docs/fingertip.md)")
+    sub.add_argument("--out", type=Path, required=True, help="the mesh (.inp)")
+    sub.add_argument(
+        "--anatomy", type=Path, metavar="YAML", help="numbers of the finger where they are not the reference's"
+    )
+    sub.add_argument("--size", type=float, default=3.0, help="of elements, relative to 35 000 tetrahedra (3)")
+    sub.add_argument("--element", default="C3D10H", help="C3D4, C3D4H, C3D10 or C3D10H (C3D10H)")
+    sub.add_argument("--across", type=int, default=1, help="elements through each layer of the skin (1)")
+    sub.add_argument(
+        "--at", type=float, nargs=2, metavar=("X", "Y"), help="where the indenter comes down, mm (the pulp)"
+    )
+
+    sub = command("morph", "bring the mesh of a finger to the shape in a volume (docs/fingertip.md)")
+    sub.add_argument("reference", type=Path, help="mesh of the reference finger")
+    sub.add_argument("volume", type=Path, help="subject before compression; the finger along x, its tip at the end")
+    sub.add_argument("--out", type=Path, required=True, help="the subject's mesh (.inp)")
+    sub.add_argument(
+        "--at", type=float, nargs=2, metavar=("X", "Y"), required=True, help="where the indenter comes down, mm"
+    )
+    sub.add_argument("--labels", metavar="1=EPIDERMIS,...", help="the volume is a segmentation with these labels")
+
     sub = command("ecoflex", "make a study of uniaxial compression tests (docs/ecoflex.md)")
     sub.add_argument("tests", type=Path, nargs="+", help="the authors' CSV files, one for each test")
     sub.add_argument("--out", type=Path, required=True, help="folder of the study")

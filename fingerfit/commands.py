@@ -198,6 +198,31 @@ def experiment(args: argparse.Namespace) -> None:
     run_experiment(args.description, args.out)
 
 
+def finger(args: argparse.Namespace) -> None:
+    """Mesh a finger."""
+    from fingerfit.anatomy.description import write_finger
+
+    at = tuple(args.at) if args.at else None
+    print(write_finger(args.out, args.anatomy, args.size, args.element.upper(), args.across, at))
+
+
+def morph(args: argparse.Namespace) -> None:
+    """Bring a finger's mesh to a subject."""
+    from fingerfit.anatomy.description import read_finger, tissues_of
+    from fingerfit.anatomy.fixtures import add_fixtures
+    from fingerfit.files import write_text
+    from fingerfit.imaging.pictures import read_picture
+    from fingerfit.mesh_io import format_mesh
+    from fingerfit.morph.morph import labelled, morph
+
+    subject = read_picture(args.volume)
+    if args.labels:
+        subject = labelled(subject, tissues_of(args.labels))
+    found = morph(read_finger(args.reference), subject)
+    write_text(args.out, format_mesh(add_fixtures(found.mesh, args.at)))
+    print(f"{args.out}: {found}")
+
+
 def docs(args: argparse.Namespace) -> None:
     """Write the schema and the table of the keys of config.yaml."""
     from fingerfit.files import write_json, write_text

@@ -20,7 +20,7 @@ from fingerfit.judge import Finding, Judge, likeness
 from fingerfit.mesh import Mesh
 from fingerfit.predict import Predictor, positions
 from fingerfit.refine import ANCHOR, finest, left_over
-from fingerfit.residual import Patches, Reader, Residual, flat, residual_of
+from fingerfit.residual import Patches, Reader, Residual, common_modes, flat, residual_of
 from fingerfit.rounds import Asked, Round
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.suspects import Suspect
@@ -257,7 +257,8 @@ def judge_of(examination: Examination) -> Judge:
     """Judge of what a model leaves."""
     residual = examination.residual
     covariance = residual.covariance + examination.mesh_covariance()
-    return Judge(residual.vector, covariance, examination.own(), examination.nuisance())
+    common = common_modes(residual, examination.data.entry_step, examination.slope("control"))
+    return Judge(residual.vector, covariance, examination.own(), examination.nuisance(), common)
 
 
 def try_suspects(examination: Examination, judge: Judge, found: Sequence[Suspect]) -> list[Look]:

@@ -20,18 +20,18 @@ from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
 from fingerfit.score import Prediction, score
 
 STEP = 0.03
-"""Step of the sensitivities: in the logarithm, or as a share of the distance of the bounds."""
+"""Step of the sensitivities: in the logarithm, or as a share of the scale of a parameter."""
 
 
 def coordinates(parameters: tuple[Parameter, ...], values: Mapping[str, float]) -> np.ndarray:
-    """Logarithms, or shares of the distance of the bounds, shape (parameters,)."""
-    return np.array([np.log(values[p.name]) if p.log else values[p.name] / (p.upper - p.lower) for p in parameters])
+    """Logarithms, or multiples of the scale of a parameter, shape (parameters,)."""
+    return np.array([np.log(values[p.name]) if p.log else values[p.name] / p.scale for p in parameters])
 
 
 def moved(parameters: tuple[Parameter, ...], values: Mapping[str, float], delta: np.ndarray) -> dict[str, float]:
     """Values at a distance in those coordinates, within the bounds, with the digits of a guess."""
     z = coordinates(parameters, values) + delta
-    found = (float(np.exp(x) if p.log else x * (p.upper - p.lower)) for p, x in zip(parameters, z, strict=True))
+    found = (float(np.exp(x) if p.log else x * p.scale) for p, x in zip(parameters, z, strict=True))
     return {p.name: round_value(min(max(x, p.lower), p.upper)) for p, x in zip(parameters, found, strict=True)}
 
 
@@ -104,7 +104,7 @@ class Replicates:
         """Score of one repetition as a function of delta, shape (parameters,)."""
         data, base = self.data, self.model.base
         relative = self._control_noise()
-        shift = self._scale_by_step(self.model.control, relative)
+        shift = self.model.control.by_step(relative, data)
         pictures = shift.pictures
         measured = base.pictures
         if data.measured.size:
@@ -150,12 +150,3 @@ class Replicates:
         size = np.abs(self.data.controlled)
         spread = self._gauss(size.shape, self.data.control_noise)
         return np.divide(spread, size, out=np.zeros_like(spread), where=size > 0)
-
-    def _scale_by_step(self, slope: Prediction, relative: np.ndarray) -> Prediction:
-        per_picture = relative[self.data.picture_step]
-        per_picture = per_picture.reshape(-1, *[1] * (slope.pictures.ndim - 1))
-        return Prediction(
-            slope.pictures * per_picture,
-            slope.conjugate * relative,
-            slope.points * relative[self.data.points_step][:, None],
-        )

@@ -25,7 +25,17 @@ from fingerfit.refine import finest, minimum
 from fingerfit.rounds import Asked, Round
 from fingerfit.simulate import run_fit, solve_missing
 from fingerfit.suspects import suspects
-from fingerfit.verdict import SEEN, Refit, Verdict, decide, doubted, threshold, to_refit
+from fingerfit.verdict import (
+    SEEN,
+    Refit,
+    Verdict,
+    decide,
+    doubted,
+    explains,
+    half_explained,
+    threshold,
+    to_refit,
+)
 
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
@@ -77,6 +87,43 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     threads : int
         Simulations beside each other.
     """
+    found = _look(fit, last, everything, threads)
+    run, refits = found.run, dict[str, Refit]()
+    judge, looks, tests = found.judge, found.looks, found.tests
+    halves: set[str] = set()
+    for _ in range(BATCHES):
+        run += _refit_best(fit, last, everything, found, refits, threads)
+        verdict = doubted(decide(judge, looks, refits, tests), errors(found.examination)[0])
+        half = half_explained(judge, looks, refits, tests)
+        if half is not None and half.suspect.effect.name not in halves:
+            halves.add(half.suspect.effect.name)
+            partner, more = _partner(fit, last, half, everything, judge.misfit, threads)
+            verdict, run = decide(judge, looks, refits, tests, partner), run + more
+        if verdict.kind != "unexplained":
+            break
+    measurements: list[tuple[str, float]] = []
+    if verdict.kind == "indistinguishable":
+        blamed = {one.suspect.effect.name: one for one in looks}
+        first, second = (blamed[name] for name in verdict.effects[:2])
+        measurements, more = separation(found.examination, first, second, threads)
+        run += more
+    stiffness = stiffness_map(found.examination, found.everywhere)
+    return Examined(found.examination, judge, looks, refits, verdict, run, measurements, stiffness)
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """All suspects tested against what a model leaves: at all places, and the best place of each."""
+
+    examination: Examination
+    judge: Judge
+    everywhere: list[Look]
+    looks: list[Look]
+    tests: int
+    run: int
+
+
+def _look(fit: Fit, last: Round, everything: Data, threads: int) -> _Looked:
     found = suspects(fit, finest(fit, last).values)
     run = solve_missing(fit, [anchor_of(fit, last), *(asked for suspect in found for asked in suspect.asked)], threads)
     examination = Examination(fit, last, everything)
@@ -86,23 +133,37 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     if fit.meshes[SEARCH].dim == 3:
         looks, more = look_again(examination, judge, looks, len(found), threads)
         run += more
-    refits: dict[str, Refit] = {}
-    for _ in range(BATCHES):
-        for candidate in to_refit(judge, looks, len(found), refits):
-            refit, more = _refit(fit, last, candidate, everything, judge.misfit, threads)
-            refits[candidate.suspect.effect.name] = refit
-            run += more
-        verdict = doubted(decide(judge, looks, refits, len(found)), errors(examination)[0])
-        if verdict.kind != "unexplained":
-            break
-    measurements: list[tuple[str, float]] = []
-    if verdict.kind == "indistinguishable":
-        blamed = {one.suspect.effect.name: one for one in looks}
-        first, second = (blamed[name] for name in verdict.effects[:2])
-        measurements, more = separation(examination, first, second, threads)
+    return _Looked(examination, judge, everywhere, looks, len(found), run)
+
+
+def _refit_best(fit: Fit, last: Round, everything: Data, found: _Looked, refits: dict[str, Refit], threads: int) -> int:
+    """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
+    run = 0
+    for candidate in to_refit(found.judge, found.looks, found.tests, refits):
+        refit, more = _refit(fit, last, candidate, everything, found.judge.misfit, threads)
+        refits[candidate.suspect.effect.name] = refit
         run += more
-    stiffness = stiffness_map(examination, everywhere)
-    return Examined(examination, judge, looks, refits, verdict, run, measurements, stiffness)
+    return run
+
+
+def _partner(
+    fit: Fit, last: Round, half: Look, everything: Data, before: float, threads: int
+) -> tuple[tuple[Look, Refit] | None, int]:
+    """The effect that explains most of what another one leaves, and the refit of both.
+
+    It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are.
+    """
+    ended, run = _ended(fit, last, half, everything, before, threads)
+    found, best = _look(ended.fit, ended.last, everything, threads), None
+    run += found.run
+    for candidate in to_refit(found.judge, found.looks, found.tests):
+        refit, more = _refit(ended.fit, ended.last, candidate, everything, found.judge.misfit, threads)
+        run += more
+        if best is None or refit.misfit < best[1].misfit:
+            best = candidate, refit
+        if explains(refit):
+            break
+    return best, run
 
 
 def look_again(
@@ -185,24 +246,48 @@ def _errors_by_step(examination: Examination) -> tuple[float, float | None]:
 
 
 def _refit(fit: Fit, last: Round, one: Look, everything: Data, before: float, threads: int) -> tuple[Refit, int]:
-    """Refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
+    ended, run = _ended(fit, last, one, everything, before, threads)
+    fitted, held_out = errors(ended.examination)
+    judge, values = ended.judge, minimum(ended.fit, ended.last).values
+    common = judge.common_misfit, judge.common_freedom
+    return Refit(judge.misfit, judge.freedom, fitted, held_out, values, *common, ended.share), run
+
+
+@dataclass(frozen=True)
+class _Ended:
+    """A model with one effect more, fitted and compared with everything."""
+
+    fit: Fit
+    last: Round
+    examination: Examination
+    judge: Judge
+    share: float
+
+
+def _ended(fit: Fit, last: Round, one: Look, everything: Data, before: float, threads: int) -> tuple[_Ended, int]:
+    """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
 
     A prediction from slopes can be far too large, and a search that starts there finds another valley.
     """
-    refit, run = _fitted(widened(fit, last, one), everything, threads)
-    if refit.misfit >= before:
-        other, more = _fitted(widened(fit, last, one, 0.1), everything, threads)
-        refit, run = min(refit, other, key=lambda each: each.misfit), run + more
-    return refit, run
+    ended, run = _fitted(fit, last, one, everything, threads, 1.0)
+    if ended.judge.misfit >= before:
+        other, more = _fitted(fit, last, one, everything, threads, 0.1)
+        ended, run = min(ended, other, key=lambda each: each.judge.misfit), run + more
+    return ended, run
 
 
-def _fitted(wider: Fit, everything: Data, threads: int) -> tuple[Refit, int]:
+def _fitted(fit: Fit, last: Round, one: Look, everything: Data, threads: int, share: float) -> tuple[_Ended, int]:
+    wider = widened(fit, last, one, share)
     end, run = run_fit(wider, threads)
     run += solve_missing(wider, [anchor_of(wider, end)], threads)
     examination = Examination(wider, end, everything)
-    judge = judge_of(examination)
-    fitted, held_out = errors(examination)
-    return Refit(judge.misfit, judge.freedom, fitted, held_out, minimum(wider, end).values), run
+    return _Ended(wider, end, examination, judge_of(examination), share), run
+
+
+def added(fit: Fit, last: Round, found: Examined, name: str) -> Fit:
+    """Fit of the model with an effect that was blamed, on the way of its refit: none of its simulations is new."""
+    one = next(look for look in found.looks if look.suspect.effect.name == name)
+    return widened(fit, last, one, found.refits[name].share)
 
 
 def widened(fit: Fit, last: Round, one: Look, share: float = 1.0) -> Fit:

@@ -180,7 +180,7 @@ def _patches(compare: dict[str, np.ndarray], frame: Picture) -> np.ndarray:
 def write_tables(found: Results, folder: Path) -> list[Path]:
     """Forces, error of pictures by step, residual displacement by patch and by layer and step, as CSV."""
     compare, mesh = found.compare, found.mesh
-    names = list(mesh.element_sets)
+    names = list(mesh.parts)
     axes = "xyz"[: mesh.dim]
     forces = [
         ["step", "force_measured_N", "force_model_N", "displacement_measured_mm", "displacement_model_mm"],

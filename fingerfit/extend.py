@@ -9,7 +9,7 @@ from fingerfit.effects.contract import Effect
 from fingerfit.settings import Settings, load_settings
 
 EDGE = 0.02
-"""How near to a bound a start may be, as a share of the distance of the bounds."""
+"""How near to a bound a start may be, as a share of the scale of its parameter."""
 
 
 def extended(
@@ -39,7 +39,7 @@ def extended(
         numbers.update({key.split(".")[1]: v for key, v in values.items() if key.split(".")[0] == name})
     own = {key.split(".")[1]: value for key, value in place.items()}
     for p in effect.parameters:
-        edge = EDGE * (p.upper - p.lower)
+        edge = EDGE * p.scale
         own[p.name] = min(max(size.get(p.name, p.null), p.lower + edge), p.upper - edge)
     model["effects"][effect.name] = own
     return load_settings(data, "config.yaml")

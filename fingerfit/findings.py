@@ -30,7 +30,7 @@ def write_compare(examination: Examination, path: Path) -> None:
     spread = np.full(residual.kept.shape, np.nan)
     spread[residual.kept] = np.sqrt(np.diag(residual.covariance))
     layer = np.zeros(mesh.element_count, dtype=int)
-    for number, members in enumerate(mesh.element_sets.values()):
+    for number, members in enumerate(mesh.parts.values()):
         layer[members] = number
     entries = shown(examination)
     fields = residual.value[:entries, ..., :dim]
@@ -60,7 +60,7 @@ def write_compare(examination: Examination, path: Path) -> None:
             "mesh_moved": mesh.points + outcome.displacement[data.entry_step[:entries]],
             **_outlines(mesh, examination.patches.centre),
             "mesh_layer": layer,
-            "layer_names": np.array(list(mesh.element_sets)),
+            "layer_names": np.array(list(mesh.parts)),
             "step": data.step,
             "force": data.force,
             "displacement": data.displacement,

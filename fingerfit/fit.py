@@ -9,12 +9,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fingerfit.beside import side_by_side
 from fingerfit.data import Data
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
 from fingerfit.effects.catalogue import catalogue
-from fingerfit.effects.contract import Effect
+from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.effects.observe import Observation
 from fingerfit.errors import StateError
 from fingerfit.files import digest, write_text
@@ -83,6 +85,13 @@ class Fit:
     def exact(self) -> bool:
         """Whether forces and points alone are fitted, by their likelihood: cheap, smooth, with a scale of its own."""
         return self.settings.fit.score == "likelihood" and not len(self.data.picture_step)
+
+    @property
+    def observed(self) -> np.ndarray:
+        """Which parameters belong to effects on the observation that the score of pictures may not see, bool."""
+        blind = self.settings.fit.score != "likelihood"
+        mine = {e.key(p.name) for e in self.effects.values() if e.acts == OBSERVATION for p in e.parameters}
+        return np.array([blind and p.name in mine for p in self.settings.parameters()], dtype=bool)
 
     def predictor(self, mesh: str) -> Predictor:
         """Predictor of solutions on a mesh."""

@@ -27,6 +27,8 @@ class Parameter:
         Where the search starts.
     log : bool
         Whether the search walks in its logarithm.
+    unity : float, optional
+        What counts as 1 in the coordinate of a parameter without a logarithm; the distance of the bounds when left out.
     """
 
     name: str
@@ -35,6 +37,12 @@ class Parameter:
     upper: float
     start: float
     log: bool = True
+    unity: float | None = None
+
+    @property
+    def scale(self) -> float:
+        """What counts as 1 in the coordinate of a parameter without a logarithm, in its unit."""
+        return self.unity or self.upper - self.lower
 
     def __post_init__(self) -> None:
         if not self.lower <= self.start <= self.upper:

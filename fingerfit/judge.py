@@ -46,9 +46,19 @@ class Judge:
         Slopes of the model's constants.
     nuisance : ndarray, shape (values, nuisances)
         Signals of unknown size with standard deviation 1: force noise by step, error of the mesh by step.
+    common : ndarray, shape (values, modes), optional
+        What all values of a step have in common. Of thousands of values a few that are far off hardly raise the
+        misfit of all, so that these modes are looked at by themselves: `common_misfit`, with `common_freedom`.
     """
 
-    def __init__(self, residual: np.ndarray, covariance: np.ndarray, own: np.ndarray, nuisance: np.ndarray) -> None:
+    def __init__(
+        self,
+        residual: np.ndarray,
+        covariance: np.ndarray,
+        own: np.ndarray,
+        nuisance: np.ndarray,
+        common: np.ndarray | None = None,
+    ) -> None:
         self._root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
         basis, sizes, turn = np.linalg.svd(self.whiten(own), full_matrices=False)
         seen = sizes > 1e-6 * sizes.max(initial=0.0)
@@ -57,6 +67,13 @@ class Judge:
         self.rest = self._without_own(self.whiten(residual))
         self.misfit = float(self.rest @ self.rest)
         self.freedom = len(residual) - self._own.shape[1]
+        self.common_misfit, self.common_freedom = 0.0, 0
+        if common is not None:
+            columns = self.whiten(common)
+            columns = self._without_own(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
+            modes, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+            modes = modes[:, sizes > 1e-3]
+            self.common_misfit, self.common_freedom = float(((modes.T @ self.rest) ** 2).sum()), modes.shape[1]
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Columns in units of the noise."""

@@ -60,6 +60,17 @@ class Mesh:
         return self.points[used]
 
     @property
+    def parts(self) -> dict[str, np.ndarray]:
+        """Element sets that do not overlap, the smallest ones first taken: tissues without the sets of several."""
+        taken = np.zeros(self.element_count, dtype=bool)
+        chosen = set()
+        for name, members in sorted(self.element_sets.items(), key=lambda item: len(item[1])):
+            if len(members) and not taken[members].any():
+                taken[members] = True
+                chosen.add(name)
+        return {name: members for name, members in self.element_sets.items() if name in chosen}
+
+    @property
     def element_count(self) -> int:
         """Number of elements of all blocks."""
         return sum(len(block.nodes) for block in self.blocks)

@@ -45,7 +45,7 @@ def outline(count: int) -> np.ndarray:
 def draw_mesh(axes: Any, mesh: Mesh, points: np.ndarray, fill: bool = True, line: float = 0.4) -> None:
     """Draw a plane mesh, its layers in colours."""
     rings = _outlines(mesh, points)
-    for number, (name, members) in enumerate(mesh.element_sets.items()):
+    for number, (name, members) in enumerate(mesh.parts.items()):
         colour = COLOURS[number % len(COLOURS)]
         axes.add_collection(
             PolyCollection(

@@ -33,6 +33,8 @@ FALL, FALL_SHARE = 0.5, 1e-3
 """Promised fall of a likelihood, and share of it, from which slopes are taken again in studies without pictures."""
 TRUST = 0.3
 """Longest move by one set of slopes."""
+IN_TURN = 3
+"""How often constants, by the score, and effects on the observation, by least squares, follow each other."""
 CLOSE = 0.05
 """A longer move, in the logarithm, is checked by another solution."""
 SOLUTIONS = 4
@@ -193,12 +195,65 @@ def _minimum(fit: Fit, last: Round, base: Asked, trust: float = TRUST) -> Minimu
     low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
     high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
     low, high = np.maximum(low, -trust), np.minimum(high, trust)
-    if fit.exact:
-        delta = _least_squares(fit, model, low, high)
-    else:
-        delta = minimise(lambda d: fit.score(model.at(d)), len(parameters), low=low, high=high)
+    delta = _least_squares(fit, model, low, high) if fit.exact else _by_score(fit, model, low, high)
     fall = fit.score(model.base) - fit.score(model.at(delta))
     return Minimum(moved(parameters, base.values, delta), base, model, float(np.abs(delta).max(initial=0.0)), fall)
+
+
+def _by_score(fit: Fit, model: LinearModel, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Minimum of the score; the numbers of effects on the observation are those of the least squares.
+
+    A similarity of pictures does not see their common brightness, nor forces and displacements at all.
+    """
+    observed = fit.observed
+    delta: np.ndarray = np.zeros(len(low))
+    for _ in range(IN_TURN if observed.any() else 1):
+        delta = _constants(fit, model, delta, low, high)
+        if observed.any():
+            delta[observed] = 0.0
+            delta[observed] = _brightness_and_shifts(fit, model.at(delta), model, low, high)
+    return delta
+
+
+def _constants(fit: Fit, model: LinearModel, delta: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """`delta`, moved to the minimum of the score along all but the numbers of effects on the observation."""
+    free = np.flatnonzero(~fit.observed)
+
+    def at(step: np.ndarray) -> np.ndarray:
+        found: np.ndarray = delta.copy()
+        found[free] += step
+        return found
+
+    def objective(step: np.ndarray) -> float:
+        return fit.score(model.at(at(step)))
+
+    return at(minimise(objective, len(free), low=(low - delta)[free], high=(high - delta)[free]))
+
+
+def _brightness_and_shifts(
+    fit: Fit, left: Prediction, model: LinearModel, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Numbers of effects on the observation that leave the least squares of pictures, conjugate quantity and points.
+
+    The noise of the prescribed quantity moves pictures and conjugate quantity together: one unknown for each step.
+    """
+    from scipy.optimize import lsq_linear
+
+    data, number = fit.data, np.flatnonzero(fit.observed)
+    scale, steps = np.sqrt(2.0) * data.picture_noise or 1.0, len(data.step)
+
+    def values(one: Prediction) -> np.ndarray:
+        return np.concatenate([((one.pictures - data.measured) / scale).ravel(), deviations(one, data)])
+
+    base = values(left)
+    noise = np.divide(data.control_noise, np.abs(data.controlled), out=np.zeros(steps), where=data.controlled != 0)
+    unknown = [model.control.by_step(share, data) for share in np.diag(noise)]
+    columns = np.stack([values(left + one) - base for one in [*(model.slopes[n] for n in number), *unknown]], axis=1)
+    likely = np.concatenate([np.zeros((steps, len(number))), np.eye(steps)], axis=1)
+    ends = np.full(steps, np.inf)
+    bounds = np.concatenate([low[number] - 1e-9, -ends]), np.concatenate([high[number] + 1e-9, ends])
+    found = lsq_linear(np.concatenate([columns, likely]), -np.concatenate([base, np.zeros(steps)]), bounds)
+    return np.asarray(found.x[: len(number)])
 
 
 def _least_squares(fit: Fit, model: LinearModel, low: np.ndarray, high: np.ndarray) -> np.ndarray:

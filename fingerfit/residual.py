@@ -117,6 +117,31 @@ def flat(value: np.ndarray, conjugate: np.ndarray) -> np.ndarray:
     return np.concatenate([value.ravel(), conjugate])
 
 
+def common_modes(residual: Residual, entry_step: np.ndarray, control: np.ndarray) -> np.ndarray:
+    """What all values of a step have in common, shape (kept, modes).
+
+    Of each step the slope by the prescribed quantity, a displacement of everything along each axis, a change of
+    brightness, and the conjugate quantity.
+
+    Parameters
+    ----------
+    residual : Residual
+    entry_step : ndarray of int, shape (pictures + steps with points,)
+        Index of the step of each.
+    control : ndarray, shape (all,)
+        Slope by the prescribed quantity.
+    """
+    columns, entries = [], residual.value.shape
+    for step in range(len(residual.conjugate)):
+        here, conjugate = (entry_step == step)[:, None, None], np.zeros(len(residual.conjugate))
+        conjugate[step] = 1.0
+        columns += [flat(np.zeros(entries), conjugate), control * flat(here & np.ones(entries, bool), conjugate)]
+        if here.any():
+            columns += [flat(here * np.ones((*entries[:2], 1)) * one, 0 * conjugate) for one in np.eye(entries[2])]
+    kept = np.stack(columns, axis=1)[residual.kept]
+    return kept[:, np.abs(kept).max(axis=0, initial=0.0) > 0]
+
+
 def residual_of(
     data: Data, prediction: Prediction, maps: list[BackwardMap], patches: Patches, seed: int = 1
 ) -> Residual:

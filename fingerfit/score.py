@@ -39,6 +39,12 @@ class Prediction:
     def __mul__(self, factor: float) -> Prediction:
         return Prediction(self.pictures * factor, self.conjugate * factor, self.points * factor)
 
+    def by_step(self, factor: np.ndarray, data: Data) -> Prediction:
+        """Each step times its own factor, shape (steps,)."""
+        per_picture = factor[data.picture_step].reshape(-1, *[1] * (self.pictures.ndim - 1))
+        per_point = factor[data.points_step][:, None]
+        return Prediction(self.pictures * per_picture, self.conjugate * factor, self.points * per_point)
+
 
 def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
     """Score of a prediction.

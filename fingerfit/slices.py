@@ -152,9 +152,9 @@ _FACES = {
 
 
 def parts_of(mesh: Mesh) -> np.ndarray:
-    """Number of the first element set that each element is in, shape (elements,); -1 in none."""
+    """Number of the part that each element belongs to, shape (elements,); -1 for none."""
     found = np.full(mesh.element_count, -1)
-    for number, members in reversed(list(enumerate(mesh.element_sets.values()))):
+    for number, members in enumerate(mesh.parts.values()):
         found[members] = number
     return found
 

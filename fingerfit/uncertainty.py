@@ -68,6 +68,7 @@ def minimise(
     """
     gradient, hessian = gradient_and_hessian(objective, size)
     hessian = _positive(hessian)
+    steepest = max(float(np.abs(np.diag(hessian)).max(initial=0.0)), 1e-300)
     low = np.full(size, -np.inf) if low is None else low
     high = np.full(size, np.inf) if high is None else high
     at, value = np.zeros(size), objective(np.zeros(size))
@@ -76,17 +77,29 @@ def minimise(
         free = ~(((at <= low) & (gradient > 0)) | ((at >= high) & (gradient < 0)))
         step = np.zeros(size)
         step[free] = -np.linalg.pinv(hessian[np.ix_(free, free)], rcond=FLAT, hermitian=True) @ gradient[free]
-        step = np.clip(at + step, low, high) - at
+        # shortened before it is cut: a long step that is cut along one axis alone points elsewhere
         step *= min(1.0, reach / max(np.abs(step).max(initial=0.0), 1e-300))
-        while np.abs(step).max(initial=0.0) > 1e-5 and not objective(at + step) < value:
-            step = step / 2
-        if np.abs(step).max(initial=0.0) <= 1e-5:
+        inside = np.clip(at + step, low, high) - at
+        cut, step = not np.array_equal(inside, at + step - at), _downhill(objective, at, value, inside)
+        if cut and not step.any():
+            # bounds have turned the step uphill: straight down, as far as they let it
+            down = np.where(free, -gradient / steepest, 0.0)
+            down *= min(1.0, reach / max(np.abs(down).max(initial=0.0), 1e-300))
+            step = _downhill(objective, at, value, np.clip(at + down, low, high) - at)
+        if not step.any():
             break
         at = at + step
         value = objective(at)
         steps = np.eye(size) * WIDTH
         gradient = np.array([(objective(at + s) - objective(at - s)) / (2 * WIDTH) for s in steps])
     return at
+
+
+def _downhill(objective: Callable[[np.ndarray], float], at: np.ndarray, value: float, step: np.ndarray) -> np.ndarray:
+    """A step, halved until the score falls; zero where it does not."""
+    while np.abs(step).max(initial=0.0) > 1e-5 and not objective(at + step) < value:
+        step = step / 2
+    return step if np.abs(step).max(initial=0.0) > 1e-5 else np.zeros(len(step))
 
 
 def repeat(
@@ -191,7 +204,7 @@ def summarise(
 def _ends(parameter: Parameter, value: float, half: float) -> tuple[float, float]:
     if parameter.log:
         return value * float(np.exp(-half)), value * float(np.exp(half))
-    size = parameter.upper - parameter.lower
+    size = parameter.scale
     return value - half * size, value + half * size
 
 
@@ -223,7 +236,7 @@ def as_json(uncertainty: Uncertainty, parameters: Sequence[Parameter], values: S
     """Entries of estimate.json by parameter."""
     entries = {}
     for n, (parameter, value) in enumerate(zip(parameters, values, strict=True)):
-        size = value if parameter.log else parameter.upper - parameter.lower
+        size = value if parameter.log else parameter.scale
         low, high = uncertainty.interval[n]
         entries[parameter.name] = {
             "value": float(value),

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from fingerfit.diagnose import Look, alike
 from fingerfit.effects.contract import NUMERICS
 from fingerfit.judge import Judge
@@ -43,6 +41,11 @@ class Refit:
         Error in units of the noise floor.
     values : mapping
         Constants and numbers of the effect.
+    common_misfit : float
+    common_freedom : int
+        Of what all values of a step have in common.
+    share : float
+        Of the predicted size, from which the refit went out.
     """
 
     misfit: float
@@ -50,6 +53,9 @@ class Refit:
     fitted: float
     held_out: float | None
     values: Mapping[str, float]
+    common_misfit: float = 0.0
+    common_freedom: int = 0
+    share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -94,11 +100,21 @@ def to_refit(judge: Judge, looks: Sequence[Look], tests: int, known: Collection[
         for look in looks
         if look.suspect.effect.acts != NUMERICS
         and look.finding.fall > threshold(judge, looks, tests, look.columns.shape[1])
-        and look.finding.visible > (SEEN if judge.freedom > FEW else SEEN_OF_FEW)
+        and look.finding.visible > _seen(judge)
     ]
     if known:
         return [look for look in found if look.suspect.effect.name not in known][:TRIED]
     return [look for look in found if look.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
+
+
+def _seen(judge: Judge) -> float:
+    return SEEN if judge.freedom > FEW else SEEN_OF_FEW
+
+
+def unseen(judge: Judge, looks: Sequence[Look]) -> list[Look]:
+    """Effects that may be there without a trace: the model's own constants imitate them."""
+    found = [look for look in looks if look.suspect.effect.acts != NUMERICS]
+    return [look for look in found if look.finding.visible <= _seen(judge) and look.finding.signal > 0]
 
 
 def good(freedom: int) -> float:
@@ -112,7 +128,44 @@ def good(freedom: int) -> float:
     return max(GOOD, float(chdtri(max(freedom, 1), LEVEL)) / max(freedom, 1))
 
 
-def decide(judge: Judge, looks: Sequence[Look], refits: Mapping[str, Refit], tests: int) -> Verdict:
+def explains(one: Judge | Refit) -> bool:
+    """Whether a model explains the data: all values together, and those few that all of a step have in common."""
+    whole = one.misfit <= good(one.freedom) * max(one.freedom, 1)
+    return whole and one.common_misfit <= _common_limit(one)
+
+
+def _common_limit(one: Judge | Refit) -> float:
+    from scipy.special import chdtri
+
+    return float(chdtri(one.common_freedom, LEVEL)) if one.common_freedom else 0.0
+
+
+def explained_share(judge: Judge, refit: Refit) -> float:
+    """Share of the misfit beyond the noise that a refit explains."""
+    return (judge.misfit - refit.misfit) / max(judge.misfit - judge.freedom, 1.0)
+
+
+def half_explained(judge: Judge, looks: Sequence[Look], refits: Mapping[str, Refit], tests: int) -> Look | None:
+    """The best refitted effect where it is one beyond chance, but does not explain enough alone."""
+    if not refits or judge.freedom < 1:
+        return None
+    best = min((look for look in looks if look.suspect.effect.name in refits), key=lambda look: _left(look, refits))
+    refit = refits[best.suspect.effect.name]
+    beyond = judge.misfit - refit.misfit >= threshold(judge, looks, tests)
+    return best if beyond and not explains(refit) and explained_share(judge, refit) < ENOUGH else None
+
+
+def _left(look: Look, refits: Mapping[str, Refit]) -> float:
+    return refits[look.suspect.effect.name].misfit
+
+
+def decide(
+    judge: Judge,
+    looks: Sequence[Look],
+    refits: Mapping[str, Refit],
+    tests: int,
+    partner: tuple[Look, Refit] | None = None,
+) -> Verdict:
     """The verdict on a model.
 
     Parameters
@@ -125,34 +178,40 @@ def decide(judge: Judge, looks: Sequence[Look], refits: Mapping[str, Refit], tes
         Refits of the best ones, by name of the effect.
     tests : int
         Number of tests that were made.
+    partner : (Look, Refit), optional
+        Where the best effect does not explain enough: the one that explains most of what it leaves, and the refit of
+        both.
     """
     if judge.freedom < 1:
         text = "there are as many constants as measured values: nothing can be said about what is missing"
         return Verdict("unexplained", (), text, 0.0)
     limit = threshold(judge, looks, tests)
-    before, adequate = judge.misfit / judge.freedom, good(judge.freedom)
+    adequate = explains(judge)
     by_name = {look.suspect.effect.name: look for look in looks}
     tried = [name for name in by_name if name in refits]
     if not tried:
         candidates = [look.suspect.effect.name for look in to_refit(judge, looks, tests)]
-        if candidates or before > adequate:
+        if candidates or not adequate:
             text = "something is missing, but none of the known effects explains it"
             return Verdict("unexplained", (), text, limit)
-        return Verdict("adequate", (), "the model explains the measurements to within their noise", limit)
+        text = "the model explains the measurements to within their noise"
+        hidden = ", ".join(_title(look) for look in unseen(judge, looks))
+        return Verdict("adequate", (), f"{text}; these data would not show: {hidden}" if hidden else text, limit)
     best = min(tried, key=lambda name: refits[name].misfit)
     after = refits[best].misfit
-    rest = after / refits[best].freedom
-    excess = max(judge.misfit - judge.freedom, 1.0)
-    share = (judge.misfit - after) / excess
+    share = explained_share(judge, refits[best])
     if judge.misfit - after < limit:
-        kind = "adequate" if before <= adequate else "unexplained"
+        kind = "adequate" if adequate else "unexplained"
         text = "no known effect improves the fit beyond chance"
         return Verdict(kind, (), text, limit)
-    if rest > good(refits[best].freedom) and share < ENOUGH:
-        partner, both = _partner(judge, by_name[best], looks)
-        if partner is None or both / excess < ENOUGH:
+    if half_explained(judge, looks, refits, tests) is not None:
+        if partner is None or not explains(partner[1]):
             nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of it"
             return Verdict("unexplained", (), f"something is missing; {nearest}", limit)
+        text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
+        return Verdict(
+            "missing", (best,), f"{text} the misfit beyond the noise, alone {100 * share:.0f} % of it", limit
+        )
     rivals = [name for name in tried if _rival(refits[name], refits[best])]
     rivals = [best, *(name for name in rivals if name != best)]
     if len(rivals) > 1:
@@ -184,25 +243,11 @@ def _rival(one: Refit, best: Refit) -> bool:
     behind = one.misfit - best.misfit
     if behind < RIVAL * max(1.0, best.misfit / best.freedom):
         return True
-    return one.misfit / one.freedom <= good(one.freedom) and behind < NEAR * one.freedom
+    return explains(one) and behind < NEAR * one.freedom
 
 
 def _title(look: Look) -> str:
     return look.suspect.effect.title
-
-
-def _partner(judge: Judge, best: Look, looks: Sequence[Look]) -> tuple[Look | None, float]:
-    """The effect that explains most together with the best one, and the fall of both."""
-    found, most = None, 0.0
-    for look in looks:
-        if look is best or look.finding.visible < 0.02:
-            continue
-        columns = np.concatenate([best.columns, look.columns], axis=1)
-        wide = np.full(columns.shape[1], np.inf)
-        fall = judge.test(columns, -wide, wide).fall
-        if fall > most:
-            found, most = look, fall
-    return found, most
 
 
 def confusions(judge: Judge, looks: Sequence[Look], count: int = 6) -> list[dict[str, float | str]]:

@@ -103,7 +103,7 @@ def draw_section(axes: Any, mesh: Mesh, points: np.ndarray, frame: Picture, cut:
 
 
 def _legend(figure: Figure, axes: Any, mesh: Mesh) -> None:
-    for number, name in enumerate(mesh.element_sets):
+    for number, name in enumerate(mesh.parts):
         axes.plot([], [], color=COLOURS[number % len(COLOURS)], label=name.lower())
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9, frameon=False)

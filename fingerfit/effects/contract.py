@@ -17,6 +17,10 @@ NEEDS = ("time", "pictures", "displacements", "layers", "plane", "space")
 the plane between a base and an indenter, a body in the plane, a body in space."""
 
 
+LOOKS = 30
+"""Slopes are taken over 3 % of a parameter's scale: no farther than about a first look, however wide the bounds are."""
+
+
 @dataclass(frozen=True)
 class EffectParameter:
     """One number of an effect.
@@ -41,6 +45,11 @@ class EffectParameter:
     lower: float
     upper: float
     step: float
+
+    @property
+    def scale(self) -> float:
+        """What a fit counts as 1: the distance of the bounds, or `LOOKS` first looks where that is less."""
+        return min(self.upper - self.lower, LOOKS * self.step)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,8 @@ from fingerfit.mesh import Block, Mesh
 from fingerfit.morph.edges import CLEAR, find_border, find_layers
 from fingerfit.morph.register import Deformation, Registration, register
 from fingerfit.morph.render import frame_around, render
-from fingerfit.morph.repair import mend, spread, with_corners
+from fingerfit.morph.repair import mend, spread
+from fingerfit.morph.straight import ease, straightened
 from fingerfit.tetrahedra import Quality, corners, faces_on, outer_faces, quality
 
 INTENSITY = {"EPIDERMIS": 0.45, "SUBCUTANEOUS": 0.9, "DISTAL": 0.65, "MIDDLE": 0.65, "NAIL": 0.15}
@@ -39,6 +40,8 @@ class Morphed:
     quality : Quality
     mended : ndarray of int
         Nodes that were moved to mend elements.
+    eased : int
+        Nodes in the middle of edges that were moved because an element was bent too much.
     similarity : float
         Of the registration.
     surface : dict
@@ -50,6 +53,7 @@ class Morphed:
     mesh: Mesh
     quality: Quality
     mended: np.ndarray
+    eased: int
     similarity: float
     surface: dict[str, float] = field(default_factory=dict)
     thickness: dict[str, float] = field(default_factory=dict)
@@ -57,7 +61,7 @@ class Morphed:
     def __str__(self) -> str:
         told = "measured" if self.thickness["measured"] else "of the reference, since the volume does not show it"
         return (
-            f"{self.quality}\n{len(self.mended)} nodes moved to mend elements\n"
+            f"{self.quality}\n{len(self.mended)} nodes moved to mend elements, {self.eased} to bend them less\n"
             f"skin to its edge in the volume: mean {self.surface['mean']:.3f}, 95 % below {self.surface['p95']:.3f},"
             f" largest {self.surface['max']:.3f} mm\n"
             f"epidermis {self.thickness['mean']:.3f} +- {self.thickness['spread']:.3f} mm, {told}"
@@ -136,18 +140,14 @@ def labelled(picture: Picture, tissues: Mapping[int, str], intensity: Mapping[st
 
 def fit_skin(mesh: Mesh, way: Deformation, subject: Picture) -> Morphed:
     """Nodes of the reference where a registration brings them, the skin on its edges in the volume."""
-    used = np.unique(np.concatenate([block.nodes[:, :4].ravel() for block in mesh.blocks]))
-    points = mesh.points.copy()
-    points[used] = way(mesh.points[used])
-    skin = np.setdiff1d(mesh.node_sets["EPIDERMIS_OUTER"], _middles(mesh))
-    pair = dict(
-        zip(mesh.node_sets["EPIDERMIS_OUTER"].tolist(), mesh.node_sets["EPIDERMIS_INNER"].tolist(), strict=True)
-    )
-    under = np.array([pair[node] for node in skin.tolist()])
+    whole, mesh = mesh, straightened(mesh)
+    points = way(mesh.points)
+    order = np.argsort(mesh.node_sets["EPIDERMIS_OUTER"])
+    skin, under = (mesh.node_sets[name][order] for name in ("EPIDERMIS_OUTER", "EPIDERMIS_INNER"))
     surfaces = np.concatenate([skin, under, mesh.node_sets["BONE_SURFACE"]])
     points, mended = mend(mesh, points, surfaces)
     found = points
-    bone = _apart(mesh, points, np.setdiff1d(mesh.node_sets["BONE_SURFACE"], _middles(mesh)), under)
+    bone = _apart(mesh, points, mesh.node_sets["BONE_SURFACE"], under)
     known = np.concatenate([skin, under, bone])
     for _ in range(LOOKS):
         layers, inward, near = _look(mesh, found, skin, under, subject)
@@ -155,9 +155,10 @@ def fit_skin(mesh: Mesh, way: Deformation, subject: Picture) -> Morphed:
         depth = (near @ layers.depth)[:, None] * inward
         deeper = (near @ layers.thickness - thickness)[:, None] * inward
         shift = np.concatenate([depth, depth + deeper, _bone_shift(mesh, found, bone, subject)])
-        found, more = mend(mesh, found + spread(with_corners(mesh, found), known, shift), surfaces)
+        found, more = mend(mesh, found + spread(replace(mesh, points=found), known, shift), surfaces)
         mended = np.union1d(mended, more)
-    moved = with_corners(mesh, found)
+    moved, eased = ease(replace(whole, points=found))
+    found = moved.points
     layers, _, _ = _look(mesh, found, skin, under, subject)
     left = np.abs(layers.depth)
     thick = np.linalg.norm(found[under] - found[skin], axis=1)
@@ -165,6 +166,7 @@ def fit_skin(mesh: Mesh, way: Deformation, subject: Picture) -> Morphed:
         moved,
         quality(moved),
         mended,
+        eased,
         way.similarity,
         {"mean": float(left.mean()), "p95": float(np.percentile(left, 95)), "max": float(left.max())},
         {"mean": float(thick.mean()), "spread": float(thick.std()), "measured": bool(layers.contrast > CLEAR)},
@@ -218,10 +220,6 @@ def _neighbours(points: np.ndarray, seen: np.ndarray, normals: np.ndarray) -> An
     nearest = seen[tree.query(points[lonely])[1]]
     near = near + csr_matrix((np.ones(len(lonely)), (lonely, nearest)), shape=near.shape)
     return csr_matrix(near.multiply(1 / np.asarray(near.sum(axis=1))))
-
-
-def _middles(mesh: Mesh) -> np.ndarray:
-    return np.unique(np.concatenate([block.nodes[:, 4:].ravel() for block in mesh.blocks]))
 
 
 def _look(

@@ -18,24 +18,6 @@ PATIENCE = 10
 """Rounds in which nodes of surfaces stay."""
 
 
-def with_corners(mesh: Mesh, points: np.ndarray) -> Mesh:
-    """The mesh with other places of its nodes; nodes in the middle of straight sides follow their corners.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Of tetrahedra.
-    points : ndarray, shape (nodes, 3)
-        mm; those of mid-side nodes do not matter.
-    """
-    points = np.array(points, dtype=float)
-    for block in mesh.blocks:
-        for number, (a, b) in enumerate(EDGES[3]):
-            if block.nodes.shape[1] > 4:
-                points[block.nodes[:, 4 + number]] = points[block.nodes[:, [a, b]]].mean(axis=1)
-    return Mesh(points, mesh.blocks, mesh.node_sets, mesh.element_sets, mesh.surfaces)
-
-
 def neighbours(mesh: Mesh) -> Any:
     """Which corner nodes have a common side, with the inverse square of its length: sparse, shape (nodes, nodes)."""
     from scipy.sparse import coo_matrix

@@ -126,6 +126,6 @@ def _facing_plane(point: np.ndarray, normal: np.ndarray, slaves: np.ndarray) -> 
 
 def _facing_round(shape: Round, slaves: np.ndarray) -> Round:
     gap = shape.gap(slaves)[0]
-    # most of a body lies well outside, or all of it inside
-    side = -1 if gap.max() <= 1e-9 * shape.radius else 1
+    # a few nodes may overlap: where most of the body lies decides
+    side = -1 if np.median(gap) <= 1e-9 * shape.radius else 1
     return Round(shape.centre, shape.radius, side, shape.axis)

@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fingerfit.anatomy.description import read_finger, tissues_of
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import CLEARANCE, add_fixtures
 from fingerfit.anatomy.shape import Anatomy
+from fingerfit.cli import main
 from fingerfit.errors import InputError
+from fingerfit.files import write_text
 from fingerfit.mesh_io import format_mesh, read_mesh
+from fingerfit.meshing import brick
 from fingerfit.tetrahedra import corners, faces_on, outer_faces, quality, radius_ratio, volumes
 
 COARSE = 3.0
@@ -140,3 +144,44 @@ def test_quality_of_known_tetrahedra():
     assert ratio[:2].min() == 0.0
     # inscribed (3 - sqrt 3) / 6, circumscribed sqrt 3 / 2
     assert ratio[2] == pytest.approx(3 * (3 - np.sqrt(3)) / 6 / (np.sqrt(3) / 2))
+
+
+def test_a_finger_from_a_file(tmp_path, capsys):
+    (tmp_path / "thin.yaml").write_text("width: 14\nepidermis: 0.5\n", encoding="utf-8")
+    out = tmp_path / "thin.inp"
+    assert main(["finger", "--anatomy", str(tmp_path / "thin.yaml"), "--size", "5", "--out", str(out)]) == 0
+    assert "tetrahedra" in capsys.readouterr().out
+    there = read_mesh(out)
+    assert there.blocks[0].element == "C3D10H"
+    assert np.ptp(there.body[:, 1]) == pytest.approx(14.0, abs=0.2)
+    assert len(there.node_sets["INDENTER"]) == 1 and len(there.surfaces["PALMAR"])
+    # what holds it is put on again when it has another shape
+    bare = read_finger(out)
+    assert np.array_equal(bare.points, there.body) and "TUBE" not in bare.node_sets and "PALMAR" not in bare.surfaces
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("widht: 14\n", "widht: found an unknown key; expected width (did you mean that?)"),
+        ("width: broad\n", "width: found broad; expected a number"),
+        ("width: 6\n", "bone_width: found 5.0; expected bones that fit into the width"),
+        ("- 3\n", "file: found [3]; expected keys and values"),
+    ],
+)
+def test_wrong_fingers_are_told_in_one_line(tmp_path, capsys, text, told):
+    path = tmp_path / "finger.yaml"
+    path.write_text(text, encoding="utf-8")
+    assert main(["finger", "--anatomy", str(path), "--out", str(tmp_path / "out.inp")]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and str(path) in error and told in error
+    assert not (tmp_path / "out.inp").exists()
+
+
+def test_meshes_and_labels_that_are_no_fingers(tmp_path, capsys):
+    write_text(tmp_path / "brick.inp", format_mesh(brick((1, 1, 1), (1, 1, 1))))
+    with pytest.raises(InputError, match="node set END: found nothing; expected a mesh that `fingerfit finger` wrote"):
+        read_finger(tmp_path / "brick.inp")
+    for text in ("epidermis", "1=", "1=EPIDERMIS,,", ""):
+        with pytest.raises(InputError, match="NUMBER=TISSUE"):
+            tissues_of(text)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import LAYERS, MU, ROOT, phantom
+from scipy.special import erf
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
@@ -177,12 +178,26 @@ def test_split_layer_changes_its_layer_only():
     assert change == pytest.approx(wanted, abs=1e-4)
 
 
+def test_an_element_has_the_mean_of_a_field():
+    """With three elements over a layer the middle one lies half in either half of a layer that is really two."""
+    mesh = layered_block(12.0, LAYERS, 6, 3, "CPE8")
+    place = {"split_layer.contrast": 0.6, "split_layer.layer": 2}
+    change = np.log(moduli(place, mesh) / plain_moduli(mesh))
+    y = centres(mesh)[:, 1]
+    inside = (y > 4) & (y < 8)
+    assert change[inside & (abs(y - 6) < 0.1)] == pytest.approx(0.0, abs=1e-4)
+    assert change[inside].mean() == pytest.approx(0.0, abs=1e-4)
+    assert change[inside].max() == pytest.approx(0.3, abs=1e-4)
+
+
 def test_inclusion_is_round_and_skin_is_at_the_top():
     mesh = layered_block(12.0, LAYERS, 24, 8, "CPE4")
     x, y = centres(mesh).T
     place = {"inclusion.contrast": 1.0, "inclusion.across": 0.25, "inclusion.along": 0.5}
     change = np.log(moduli(place, mesh) / plain_moduli(mesh))
-    assert change == pytest.approx(np.exp(-((x - 3) ** 2 + (y - 6) ** 2) / 1.5**2), abs=1e-4)
+    # mean of the bump over an element of 0.5 mm: along each axis a difference of error functions
+    along, across = (np.diff(erf((z[:, None] + [-0.25, 0.25]) / 1.5), axis=1)[:, 0] for z in (x - 3, y - 6))
+    assert change == pytest.approx(1.5**2 * np.pi / 4 * along * across / 0.5**2, abs=2e-3)
     change = np.log(moduli({"skin.contrast": 1.0, "skin.thickness": 1.0}, mesh) / plain_moduli(mesh))
     assert change[y > 11.5] == pytest.approx(1.0, abs=0.01)
     assert change[y < 10.5] == pytest.approx(0.0, abs=0.01)
@@ -260,6 +275,17 @@ def test_springs_stand_for_their_areas(name, edge, tmp_path, plain):
     side = MESH.node_sets[edge]
     assert np.abs(plain.displacement[-1, side, 0]).max() == 0
     assert np.abs(outcome.displacement[-1, side, 0]).max() > 0.01
+
+
+def test_the_last_node_of_a_slipping_indenter_does_not_run_ahead(tmp_path):
+    """Alone it moved inwards, against all others, ten times as far as on the finest meshes."""
+    mesh = layered_block(12.0, LAYERS, 8, 3, "CPE8H", 4.0)
+    outcome = solve(deck({"indenter_slip.compliance": 1.0}, mesh=mesh), tmp_path, mesh)
+    top = mesh.node_sets["TOP"][np.argsort(mesh.points[mesh.node_sets["TOP"], 0])]
+    u = outcome.displacement[-1, top, 0]
+    assert u[0] == pytest.approx(u[1], rel=1e-6)
+    assert u[0] < 0 < u[-1]
+    assert abs(u[0]) < 1.5 * np.abs(u[2:-2]).max()
 
 
 def test_fibres_are_the_elements_once_more():

@@ -1,5 +1,6 @@
 """Virtual experiments: same seed same digits, new seed new noise only, the truth sealed apart."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -156,3 +157,11 @@ def test_the_shipped_study_is_that_of_its_description():
     force = np.array([step.force for step in study.steps])
     spread = truth.force_noise * max(sealed["force"])
     assert np.abs(force - sealed["force"]).max() < 4 * spread
+
+
+def test_a_load_before_the_first_picture_is_one_of_the_same_forces(truth, solved, tmp_path):
+    """Under the forces of the test without it a body that is pressed already gives way less, and nothing else differs."""
+    loaded = solve(replace(truth, effects={"preload": {"force": 4.0}}), tmp_path)
+    assert loaded.force == pytest.approx(solved.force, rel=1e-12)
+    assert (loaded.displacement < solved.displacement).all()
+    assert loaded.displacement == pytest.approx(solved.displacement, rel=0.1)

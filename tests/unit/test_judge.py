@@ -119,6 +119,24 @@ def test_sizes_stay_within_bounds(columns, rng):
     assert judge.test(effect[:, :1], np.array([-5.0]), np.array([0.0])).fall == 0
 
 
+def test_common_modes_are_chi_square(columns, rng):
+    """What noise leaves in them has as many degrees of freedom as modes that the constants cannot imitate."""
+    own, modes, nuisance, covariance = columns
+    root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
+    # one of the modes twice, and one that is a constant's own
+    common = np.concatenate([modes, 3 * modes[:, :1], own[:, :1]], axis=1)
+    judges = [Judge(noise, covariance, own, nuisance, common) for noise in (root @ rng.normal(size=(VALUES, 800))).T]
+    assert {judge.common_freedom for judge in judges} == {2}
+    found = np.array([judge.common_misfit for judge in judges])
+    assert found.mean() == pytest.approx(2.0, abs=5 * np.sqrt(4 / 800))
+    assert np.mean(found > 5.991) == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / 800))
+    # they are part of the whole, and a test of the very modes finds the same
+    judge = Judge(modes @ np.array([3.0, -2.0]), covariance, own, nuisance, common)
+    assert judge.common_misfit == pytest.approx(judge.misfit, rel=1e-9)
+    judge = Judge(rng.normal(size=VALUES), covariance, own, nuisance, common)
+    assert judge.common_misfit == pytest.approx(judge.test(modes, -WIDE, WIDE).fall, rel=1e-8)
+
+
 def test_likeness(rng):
     basis = np.linalg.qr(rng.normal(size=(VALUES, 4)))[0]
     a, b, c = basis[:, :1], basis[:, 1:2], basis[:, 2:]

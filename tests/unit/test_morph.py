@@ -16,8 +16,9 @@ from fingerfit.morph.edges import find_border, find_layers
 from fingerfit.morph.morph import INTENSITY, labelled, morph
 from fingerfit.morph.register import Registration, register, tip_of
 from fingerfit.morph.render import frame_around, render
-from fingerfit.morph.repair import mend, spread, with_corners
-from fingerfit.tetrahedra import corners, faces_on, quality, to_quadratic, volumes
+from fingerfit.morph.repair import mend, spread
+from fingerfit.morph.straight import straightened
+from fingerfit.tetrahedra import corners, faces_on, volumes
 
 VOXEL = 0.3
 
@@ -154,12 +155,20 @@ def test_hopeless_elements_are_told(cube, monkeypatch):
         mend(cube, cube.points * [1.0, 1.0, -1.0], np.zeros(0, dtype=int))
 
 
-def test_mid_side_nodes_follow(cube):
-    mesh = with_corners(
-        to_quadratic(cube), to_quadratic(cube).points * 2 + (np.arange(len(to_quadratic(cube).points)) > 64)[:, None]
-    )
-    assert np.allclose(mesh.points, to_quadratic(cube).points * 2)
-    assert quality(mesh).inverted == 0
+def test_quadratic_tetrahedra_become_eight_linear_ones():
+    finger = finger_mesh(size=4.0, element="C3D10H")
+    fine = straightened(finger)
+    assert fine.element_count == 8 * finger.element_count
+    assert volumes(fine.points, corners(fine)).min() > 0
+    for name in ("EPIDERMIS", "BONE"):
+        one, other = (volumes(m.points, corners(m))[m.element_sets[name]].sum() for m in (finger, fine))
+        assert one == pytest.approx(other, rel=1e-12)
+    on = np.unique(faces_on(fine, fine.surfaces["SKIN"]))
+    assert np.array_equal(np.sort(fine.node_sets["EPIDERMIS_OUTER"]), on)
+    apart = fine.points[fine.node_sets["EPIDERMIS_OUTER"]] - fine.points[fine.node_sets["EPIDERMIS_INNER"]]
+    # in the middle of an edge between normals that are not parallel the layer is a little thinner
+    assert np.allclose(np.linalg.norm(apart, axis=1), 0.6, atol=0.06)
+    assert straightened(fine) is fine
 
 
 @pytest.mark.parametrize("thickness", [0.45, 0.8])

@@ -9,7 +9,7 @@ from fingerfit.estimate import LinearModel, coordinates, moved, sensitivity_valu
 from fingerfit.fit import FINAL, REFINED, SEARCH
 from fingerfit.guess import Parameter
 from fingerfit.meshing import brick, layered_block
-from fingerfit.refine import ORDER, Minimum, finest, mesh_error, refine_round
+from fingerfit.refine import ORDER, Minimum, finest, mesh_error, minimum, refine_round
 from fingerfit.rounds import Asked, Round
 from fingerfit.score import Prediction
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
@@ -108,6 +108,7 @@ class Body:
         self.sims, self.truth, self.lost = sims, truth, lost
         self.settings = SimpleNamespace(parameters=lambda: PARAMETERS[:1])
         self.mesh_names, self.exact = {SEARCH: SEARCH, REFINED: REFINED}, False
+        self.observed = np.zeros(1, dtype=bool)
 
     def ask(self, values, role=SEARCH, gain=1.0):
         mesh = REFINED if role == FINAL else SEARCH
@@ -176,3 +177,49 @@ def test_a_minimum_without_solution_ends_with_the_one_before(tmp_path):
     assert third.stop == "tolerances met"
     assert third.batch == second.batch
     assert finest(fit, third).sim == first.batch[0].sim
+
+
+DRIFT = Parameter("intensity_drift.gain", "1", -0.5, 0.5, 0.0, log=False)
+
+
+class Bright(Body):
+    """The same with a brightness of the pictures that the score does not see."""
+
+    def __init__(self, sims, gain):
+        super().__init__(sims)
+        self.settings = SimpleNamespace(parameters=lambda: (*PARAMETERS[:1], DRIFT))
+        self.observed = np.array([False, True])
+        z = np.log(self.truth)
+        one = np.ones(1)
+        self.data = SimpleNamespace(
+            measured=(1 + gain) * np.array([[[z, z**2 / 10]]]),
+            picture_noise=0.01,
+            step=one,
+            controlled=one,
+            control_noise=0 * one,
+            picture_step=np.array([0]),
+            points_step=np.zeros(0, dtype=int),
+            conjugate=(np.zeros(1), np.zeros(1)),
+            points=np.zeros((0, 2)),
+        )
+
+    def prediction(self, asked):
+        made = super().prediction(asked)
+        return Prediction((1 + asked.values[DRIFT.name]) * made.pictures, made.conjugate, made.points)
+
+    def score(self, prediction):
+        x, y = prediction.pictures.ravel()
+        return float((y / x - np.log(self.truth) / 10) ** 2)
+
+
+def test_a_brightness_that_the_score_does_not_see_is_that_of_the_least_squares(tmp_path):
+    """The score alone would leave it where it started, or take it anywhere."""
+    fit = Bright(tmp_path, 0.08)
+    best = {"mu_top": 0.029, DRIFT.name: 0.02}
+    batch = [fit.ask(best, FINAL)]
+    values = sensitivity_values((*PARAMETERS[:1], DRIFT), best)
+    batch += [fit.ask(guess, role) for role, guess in values.items()]
+    batch += [fit.ask(best, "+control", 1.03), fit.ask(best, "-control", 0.97)]
+    found = minimum(fit, Round(9, FINAL, None, {}, {}, [], batch, {"values": best, "score": 0.0}, "stop"))
+    assert found.values["mu_top"] == pytest.approx(0.030 / 1.05, rel=4e-3)
+    assert found.values[DRIFT.name] == pytest.approx(0.08, abs=2e-3)

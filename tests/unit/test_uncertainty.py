@@ -43,6 +43,34 @@ def test_from_the_top_of_a_hill_it_goes_down():
     assert hill(found + np.array([0.55, 0.0])) < hill(start + np.array([0.55, 0.0])) - 0.3
 
 
+def test_a_long_step_that_bounds_cut_still_goes_down():
+    """Slopes and curvature of a fit far from its minimum; cut axis by axis its Newton step of 1.6 went uphill."""
+    gradient = np.array([0.249, 0.497, 0.365, 0.491])
+    curvature = np.array([
+        [0.305, -0.596, -0.757, -0.403],
+        [-0.596, -0.512, -0.681, -0.563],
+        [-0.757, -0.681, 0.398, -0.208],
+        [-0.403, -0.563, -0.208, -0.222],
+    ])  # fmt: skip
+
+    def score(d):
+        return float(gradient @ d + 0.5 * d @ curvature @ d)
+
+    found = minimise(score, 4, low=np.full(4, -0.3), high=np.full(4, 0.3))
+    assert score(found) < -0.1
+    assert np.abs(found).max() <= 0.3 + 1e-12
+
+
+def test_a_step_that_bounds_turn_uphill_is_taken_straight_down():
+    """A narrow valley aslant: with the second axis at its bound, the Newton step along the first one climbs its wall."""
+
+    def valley(d):
+        return float(100 * (d[0] - d[1] - 0.02) ** 2 + 0.5 * (d[1] - 0.5) ** 2)
+
+    found = minimise(valley, 2, low=np.full(2, -0.3), high=np.array([0.3, 0.03]))
+    assert found == pytest.approx([0.05, 0.03], abs=2e-3)
+
+
 def test_what_the_score_does_not_see_is_not_moved():
     found = minimise(lambda d: float((d[0] - d[1] - 0.1) ** 2), 2)
     assert found[0] - found[1] == pytest.approx(0.1, abs=1e-4)

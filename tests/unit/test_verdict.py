@@ -9,7 +9,7 @@ from fingerfit.diagnose import Look, alike, summary
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.judge import Judge
 from fingerfit.suspects import Suspect
-from fingerfit.verdict import LEVEL, TRIED, Refit, confusions, decide, doubted, threshold, to_refit
+from fingerfit.verdict import LEVEL, TRIED, Refit, confusions, decide, doubted, half_explained, threshold, to_refit
 
 EFFECTS = catalogue()
 VALUES, OWN, TESTS = 300, 3, 20
@@ -19,18 +19,19 @@ WIDE = np.array([np.inf])
 class World:
     """Orthonormal signals of unit noise: the first belong to the model, each of the others to an effect."""
 
-    def __init__(self, seed=4):
+    def __init__(self, seed=4, size=VALUES):
         rng = np.random.default_rng(seed)
-        self.basis = np.linalg.qr(rng.normal(size=(VALUES, VALUES)))[0]
+        self.size = size
+        self.basis = np.linalg.qr(rng.normal(size=(size, size)))[0]
         # noise of exactly the expected size that no single effect explains
-        self.noise = self.basis[:, OWN + 20 :] @ np.ones(VALUES - OWN - 20)
-        self.noise *= np.sqrt(VALUES - OWN) / np.linalg.norm(self.noise)
+        self.noise = self.basis[:, OWN + 20 :] @ np.ones(size - OWN - 20)
+        self.noise *= np.sqrt(size - OWN) / np.linalg.norm(self.noise)
 
     def signal(self, n):
         return self.basis[:, OWN + n]
 
     def judge(self, residual):
-        return Judge(residual + self.noise, np.eye(VALUES), self.basis[:, :OWN], np.zeros((VALUES, 1)))
+        return Judge(residual + self.noise, np.eye(self.size), self.basis[:, :OWN], np.zeros((self.size, 1)))
 
     def looks(self, judge, **columns):
         found = []
@@ -65,6 +66,14 @@ def test_noise_alone_is_adequate(world):
     found = answer(world, 0 * world.signal(0), tilt=world.signal(0), inclusion=world.signal(1))
     assert (found.kind, found.effects) == ("adequate", ())
     assert "to within their noise" in found.sentence
+
+
+def test_adequate_says_what_these_data_would_not_show(world):
+    """An effect that moves everything as a constant of the model does, but for a hundredth of its signal."""
+    gain = 0.995 * world.basis[:, 0] + 0.1 * world.signal(2)
+    found = answer(world, 0 * gain, tilt=world.signal(0), force_gain=gain)
+    assert found.kind == "adequate"
+    assert found.sentence.endswith("within their noise; these data would not show: wrong gain of the force sensor")
 
 
 def test_one_effect_is_missing(world):
@@ -140,12 +149,75 @@ def test_little_of_it_is_explained(world):
 def test_two_effects_together(world):
     """The larger of two is blamed first although alone it explains too little: with the other it explains all."""
     residual = 30 * world.signal(0) + 25 * world.signal(1)
-    found = answer(world, residual, tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
+    judge = world.judge(residual)
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
+    refits = world.refits(judge, looks)
+    half = half_explained(judge, looks, refits, TESTS)
+    assert half is looks[0]
+    both = Refit(judge.misfit - looks[0].finding.fall - looks[1].finding.fall, judge.freedom - 2, 1.0, 1.0, {})
+    found = decide(judge, looks, refits, TESTS, (looks[1], both))
     assert (found.kind, found.effects) == ("missing", ("tilt",))
-    assert f"{100 * 900 / 1525:.0f} %" in found.sentence
+    assert (
+        f"with an inclusion it explains the misfit beyond the noise, alone {100 * 900 / 1525:.0f} %" in found.sentence
+    )
     # after it was added the other one is missing
     second = answer(world, 25 * world.signal(1), inclusion=world.signal(1), skin=world.signal(2))
     assert (second.kind, second.effects) == ("missing", ("inclusion",))
+
+
+def test_a_pair_that_does_not_explain_it_when_fitted_names_nothing(world):
+    """However much a pair is predicted to explain: the refit decides."""
+    judge = world.judge(30 * world.signal(0) + 25 * world.signal(1))
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1))
+    refits = world.refits(judge, looks)
+    both = Refit(1.4 * judge.freedom, judge.freedom - 2, 1.0, 1.0, {})
+    for partner in (None, (looks[1], both)):
+        found = decide(judge, looks, refits, TESTS, partner)
+        assert (found.kind, found.effects) == ("unexplained", ())
+        assert "tilt of the indenter comes nearest but explains only 59 % of it" in found.sentence
+
+
+def test_what_explains_enough_alone_needs_no_partner(world):
+    judge = world.judge(30 * world.signal(0) + 8 * world.signal(1))
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1))
+    assert half_explained(judge, looks, world.refits(judge, looks), TESTS) is None
+    assert half_explained(judge, looks, {}, TESTS) is None
+
+
+STEPS = 7
+"""Of which each has one common mode."""
+
+
+def stepwise(far, size=2000):
+    """A judge of many values, one mode of each step among them, of which the last one is `far` off."""
+    rng = np.random.default_rng(3)
+    basis = np.linalg.qr(rng.normal(size=(size, OWN + STEPS + 1)))[0]
+    own, modes = basis[:, :OWN], basis[:, OWN:-1]
+    noise = rng.normal(size=size)
+    noise -= modes @ (modes.T @ noise)
+    noise *= np.sqrt(size - OWN - STEPS) / np.linalg.norm(noise)
+    residual = noise + modes @ np.array([1.0] * (STEPS - 1) + [far])
+    return Judge(residual, np.eye(size), own, np.zeros((size, 1)), modes)
+
+
+def test_a_step_that_is_far_off_is_not_drowned_by_thousands_of_values():
+    near, far = stepwise(1.0), stepwise(8.0)
+    assert decide(near, [], {}, TESTS).kind == "adequate"
+    assert far.misfit / far.freedom < 1.05
+    assert decide(far, [], {}, TESTS).kind == "unexplained"
+
+
+def test_a_refit_that_leaves_a_step_far_off_is_no_rival():
+    """Two refits that differ by what an error of the mesh may decide, of which one leaves a common mode."""
+    wider = World(size=1000)
+    judge = wider.judge(30 * wider.signal(0))
+    near = 0.9 * wider.signal(0) + np.sqrt(1 - 0.9**2) * wider.signal(1)
+    looks = wider.looks(judge, tilt=wider.signal(0), inclusion=near)
+    rest = judge.freedom - 1.0
+    refits = wider.refits(judge, looks, tilt=rest, inclusion=rest + 20.0)
+    assert decide(judge, looks, refits, TESTS).kind == "indistinguishable"
+    refits["inclusion"] = replace(refits["inclusion"], common_misfit=30.0, common_freedom=7)
+    assert decide(judge, looks, refits, TESTS).kind == "missing"
 
 
 def test_a_refit_that_does_not_keep_the_promise(world):

@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from solving import solve_deck
 
+from fingerfit.deck.content import Surface
 from fingerfit.errors import InputError
 from fingerfit.fem.contact import Interaction, RigidContact
 from fingerfit.fem.faces import faces_of
@@ -12,6 +13,7 @@ from fingerfit.fem.surfaces import Plane, Round
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import brick, layered_block
+from fingerfit.solvers.contacts import rigid_surface
 
 AXIS = np.array([0.6, 0.0, 0.8])
 SURFACES = {
@@ -333,3 +335,13 @@ def test_what_contact_lacks_is_refused(run):
     broken = "*SURFACE INTERACTION, NAME=J\n*CONTACT PAIR, INTERACTION=J\nSLAVE, RIGID"
     with pytest.raises(InputError, match="no stiffness"):
         run(mesh, profile="START, -5., 1.\nLINE, 5., 1.", friction=broken, **common)
+
+
+def test_the_bodys_side_is_where_most_of_it_lies():
+    ring = Surface("SEGMENTS", profile=[("START", [-2.0, 0.0]), ("CIRCL", [2.0, 0.0, 0.0, 0.0])])
+    inside = np.array([[0.0, -1.9], [1.0, -1.5], [-1.0, -1.5], [0.0, -2.1]])
+    surface = rigid_surface(ring, inside)
+    assert isinstance(surface, Round) and surface.side == -1
+    assert surface.gap(inside)[0] == pytest.approx([0.1, 2 - np.sqrt(3.25), 2 - np.sqrt(3.25), -0.1])
+    above = rigid_surface(ring, np.array([[0.0, 2.1], [1.0, 2.5], [0.0, 1.99]]))
+    assert isinstance(above, Round) and above.side == 1

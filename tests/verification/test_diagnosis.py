@@ -8,7 +8,9 @@ from fingerfit.diagnose import Examination, anchor_of, best_places, judge_of, st
 from fingerfit.experiment import read_truth, solve, write_study
 from fingerfit.files import write_json
 from fingerfit.fit import SEARCH
+from fingerfit.judge import Judge
 from fingerfit.refine import finest
+from fingerfit.residual import common_modes
 from fingerfit.settings import load_settings
 from fingerfit.simulate import begin, run_fit, solve_missing
 from fingerfit.suspects import suspects
@@ -38,8 +40,8 @@ DESCRIPTION = {
     "effects": {"inclusion": {"contrast": 1.0, "across": PLACE[0], "along": PLACE[1]}},
 }  # fmt: skip
 MESHES = {
-    "mesh": {"element": "CPE8", "across": 5, "per_layer": 3, "grading": 2},
-    "refined": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
+    "mesh": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
+    "refined": {"element": "CPE8", "across": 10, "per_layer": 5, "grading": 2},
 }
 
 
@@ -123,3 +125,21 @@ def test_half_an_indenter_has_its_nodes_in_one_half(world):
     assert 0.4 < len(x) / len(mesh.node_sets["TOP"]) < 0.6
     assert half.node_sets["INDENTER"][0] in half.node_sets["TOP"]
     assert half.node_sets["BOTTOM"] is mesh.node_sets["BOTTOM"]
+
+
+def test_common_modes_are_those_of_the_steps(world, rng):
+    """Force, displacement and brightness of each of four steps: a force that is wrong shows in them and nowhere else."""
+    examination, _ = world
+    judge, residual = judge_of(examination), examination.residual
+    modes = common_modes(residual, examination.data.entry_step, examination.slope("control"))
+    # of each step the conjugate quantity, the slope by the force, two displacements, brightness
+    assert modes.shape == (len(residual.vector), 4 * 5)
+    # less one: the same share of the force at all steps is the scale of the constants
+    assert judge.common_freedom == 4 * 5 - 1
+    covariance = residual.covariance + examination.mesh_covariance()
+    wrong = 8 * examination.nuisance()[:, 0::2] @ np.array([0.0, 0.0, 1.0, 0.0])
+    alone = Judge(wrong, covariance, examination.own(), examination.nuisance(), modes)
+    assert alone.misfit > 10
+    assert alone.common_misfit == pytest.approx(alone.misfit, rel=1e-6)
+    other = Judge(rng.normal(size=len(wrong)), covariance, examination.own(), examination.nuisance(), modes)
+    assert other.common_misfit < 0.1 * other.misfit

@@ -1,0 +1,70 @@
+"""Four small bodies, each examined in this process: nothing hidden, one effect, two, and one that is not in the catalogue."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from test_hidden import CONFIG, DESCRIPTION
+
+from fingerfit.examine import Examined, added, examine
+from fingerfit.experiment import read_truth, solve, write_study
+from fingerfit.files import write_json
+from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, run_fit
+
+WAVES = """\
+title: stiff and soft fields like a chessboard
+acts: structure
+words: Stiffness waves through the body in both directions.
+look: Residuals change sign from field to field.
+confirm: Elastography.
+parameters:
+  contrast: {unit: "1", absent: 0, lower: -2, upper: 2, step: 0.2}
+changes:
+  field: "contrast * sin(9.42478 * x / width) * sin(9.42478 * y / height)"
+"""
+
+
+def climbed(folder, effects, highest=3) -> list[Examined]:
+    """The rungs of a body with hidden effects: fitted, examined, what is missing added, and again."""
+    write_json(folder / "experiment.yaml", {**DESCRIPTION, "effects": {}})
+    (folder / "own/effects").mkdir(parents=True)
+    (folder / "own/effects/waves.yaml").write_text(WAVES)
+    truth = replace(read_truth(folder / "experiment.yaml"), effects=effects, own=folder / "own")
+    write_study(truth, solve(truth, folder / "body", 1), folder / "study")
+    fit, everything = begin(load_settings({**CONFIG, "study": str(folder / "study")}), folder / "model")
+    rungs = []
+    while True:
+        last = run_fit(fit, 1)[0]
+        rungs.append(examine(fit, last, everything))
+        blamed = rungs[-1].verdict.effects
+        if not blamed or len(rungs) == highest:
+            return rungs
+        fit = added(fit, last, rungs[-1], blamed[0])
+
+
+def test_nothing_hidden(tmp_path):
+    (found,) = climbed(tmp_path, {})
+    assert found.verdict.kind == "adequate"
+    assert found.verdict.effects == ()
+
+
+def test_a_drift_that_the_score_of_pictures_does_not_see(tmp_path):
+    first, second = climbed(tmp_path, {"intensity_drift": {"gain": 0.1}}, 2)
+    assert (first.verdict.kind, first.verdict.effects) == ("missing", ("intensity_drift",))
+    assert first.refits["intensity_drift"].values["intensity_drift.gain"] == pytest.approx(0.1, rel=0.1)
+    assert second.verdict.kind == "adequate"
+
+
+def test_two_effects_are_found_one_after_the_other(tmp_path):
+    rungs = climbed(tmp_path, {"tilt": {"slope": 0.02}, "intensity_drift": {"gain": 0.05}})
+    assert [found.verdict.kind for found in rungs] == ["missing", "missing", "adequate"]
+    assert {found.verdict.effects for found in rungs[:2]} == {("tilt",), ("intensity_drift",)}
+
+
+def test_what_is_not_in_the_catalogue_has_no_name(tmp_path):
+    (found,) = climbed(tmp_path, {"waves": {"contrast": 1.2}}, 1)
+    assert found.verdict.kind == "unexplained"
+    assert found.verdict.effects == ()
+    assert found.looks[0].finding.fall > 10 * found.verdict.threshold
