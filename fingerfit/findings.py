@@ -58,7 +58,7 @@ def write_compare(examination: Examination, path: Path) -> None:
             "patch_count": np.array(examination.patches.count),
             "mesh_points": mesh.points,
             "mesh_moved": mesh.points + outcome.displacement[data.entry_step[:entries]],
-            **_outlines(mesh, examination.patches.centre),
+            **_outlines(mesh, examination),
             "mesh_layer": layer,
             "layer_names": np.array(list(mesh.parts)),
             "step": data.step,
@@ -72,13 +72,20 @@ def write_compare(examination: Examination, path: Path) -> None:
     )
 
 
-def _outlines(mesh: Mesh, centres: np.ndarray) -> dict[str, np.ndarray]:
-    """Outlines of the elements of a plane mesh; in space, faces of its parts, and the part each patch lies in."""
+def _outlines(mesh: Mesh, examination: Examination) -> dict[str, np.ndarray]:
+    """Outlines of the elements of a plane mesh; in space, faces of its parts, and the part most of each patch is of."""
     if mesh.dim == 3:
         faces, part = border_triangles(mesh)
-        element = Probe(mesh, centres).element
-        inside = np.where(element >= 0, parts_of(mesh)[element], -1)
-        return {"mesh_faces": faces, "mesh_face_part": part, "patch_layer": inside}
+        residual, centres = examination.residual, examination.patches.centre
+        points, owner = residual.places, residual.place_patch
+        if not len(points):
+            points, owner = centres, np.arange(len(centres))
+        element, parts = Probe(mesh, points).element, parts_of(mesh)
+        inside = (element >= 0) & (parts[element] >= 0)
+        votes = np.zeros((len(centres), int(parts.max()) + 1), dtype=int)
+        np.add.at(votes, (owner[inside], parts[element[inside]]), 1)
+        most = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)
+        return {"mesh_faces": faces, "mesh_face_part": part, "patch_layer": most}
     return {"mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks])}
 
 

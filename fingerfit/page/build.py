@@ -128,7 +128,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "has_map": panels.has("map", model.name),
         "has_force": panels.has("force", model.name),
         "force": panels.keys.get(f"force|{model.name}"),
-        "stiffness": panels.keys.get(f"stiffness|{model.name}"),
+        "stiffness": [panels.keys[key] for key in panels.keys if key.startswith(f"stiffness|{model.name}|")],
         "in_sections": compare is not None and compare.volumes,
         "diagnosis": diagnosis,
         "ranking": ranking,

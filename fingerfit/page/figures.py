@@ -203,35 +203,25 @@ def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
     return figure
 
 
-def stiffness_in_space(sections: list[Compare], stiffness: np.ndarray) -> Figure:
-    """The same for a body in space: sections across x, one for each x of the places.
+def stiffness_in_space(sections: list[Compare], stiffness: np.ndarray) -> list[Figure]:
+    """The same for a body in space: a figure for each x of the places.
 
     Parameters
     ----------
     sections : list of Compare
-        The body in these sections, from the lowest x on.
+        The body in sections there, from the lowest x on.
     stiffness : ndarray, shape (places, 5)
         Position in mm, predicted change of log mu, evidence in standard deviations.
     """
-    levels, limit = np.unique(stiffness[:, 0]), _sure(stiffness)
-    frames = [map_frame(section) for section in sections]
-    wide, high = frames[0].inches
-    width, height = LEFT + len(frames) * (wide + 0.25) + RIGHT, frames[0].size[1] + 0.3
-    figure = Figure(figsize=(width, height))
-    bottom = BOTTOM / height
-    for n, (frame, section, level) in enumerate(zip(frames, sections, levels, strict=True)):
-        axes = figure.add_axes(((LEFT + n * (wide + 0.25)) / width, bottom, wide / width, high / height))
+    found = []
+    for section, level in zip(sections, np.unique(stiffness[:, 0]), strict=True):
+        figure, axes, scale = map_frame(section).panel()
         here = stiffness[stiffness[:, 0] == level]
-        shown = _stiffness_map(axes, borders(section), here[:, 1:], limit)
-        axes.set_xlim(*frame.limits[:2])
-        axes.set_ylim(*frame.limits[2:])
-        axes.set_title(f"x = {level:.1f} mm", fontsize=9)
-        axes.set_xlabel(frame.labels[0], fontsize=9, labelpad=2)
-        axes.tick_params(labelsize=8.5, labelleft=n == 0)
-    figure.axes[0].set_ylabel(frames[0].labels[1], fontsize=9, labelpad=2)
-    left = (LEFT + len(frames) * (wide + 0.25) - 0.15) / width
-    _scale(figure, shown, figure.add_axes((left, bottom, 0.14 / width, high / height)), _EVIDENCE)
-    return figure
+        shown = _stiffness_map(axes, borders(section), here[:, 1:], _sure(stiffness))
+        axes.set_xlabel(f"{axes.get_xlabel()} (section at x = {level:.1f} mm)", fontsize=9, labelpad=2)
+        _scale(figure, shown, scale, _EVIDENCE)
+        found.append(figure)
+    return found
 
 
 _EVIDENCE = "evidence in standard deviations\n(softer: negative, stiffer: positive)"
@@ -254,6 +244,7 @@ def _stiffness_map(axes: Any, edges: list[np.ndarray], stiffness: np.ndarray, li
         colour = "white" if abs(weight) > 0.7 * limit else "#111111"
         percent = round(100 * np.expm1(value))
         text = f"{percent:+d}" if percent else "0"
+        text = f"×{np.exp(value):.0f}" if percent >= 1000 else text
         axes.annotate(text, (at, height), ha="center", va="center", fontsize=7, color=colour)
     return shown
 

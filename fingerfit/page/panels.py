@@ -111,7 +111,8 @@ class Panels:
                 mesh = self.meshes.setdefault(name, {"names": [str(n) for n in compare.layer_names], "lines": {}})
                 mesh["lines"] |= {f"{n}{after}": lines for n, lines in enumerate(view.lines)}
         if compare.mapped and len(model.stiffness):
-            self.keys[f"stiffness|{name}"] = self.keep(_stiffness(compare, model.stiffness))
+            for n, figure in enumerate(_stiffness(compare, model.stiffness)):
+                self.keys[f"stiffness|{name}|{n}"] = self.keep(figure)
         if compare.meshed:
             self._keep_mesh(name, compare)
         figure_or_none = force_figure(compare)
@@ -177,9 +178,9 @@ class Panels:
             self._owners[name] = index[:, 0] * int(compare.patch_count[1]) + index[:, 1]
 
 
-def _stiffness(compare: Compare, stiffness: np.ndarray) -> Figure:
+def _stiffness(compare: Compare, stiffness: np.ndarray) -> list[Figure]:
     if not compare.volumes:
-        return stiffness_figure(compare, stiffness)
+        return [stiffness_figure(compare, stiffness)]
     cuts = cuts_at(compare, stiffness[:, 0])
     return stiffness_in_space([view.compare for view in views_of(compare, cuts)], stiffness)
 

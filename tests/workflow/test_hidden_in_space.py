@@ -1,0 +1,126 @@
+"""A fingertip fitted without layers: the examination of the volumes says that the epidermis is missing."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerfit.anatomy.finger import finger_mesh
+from fingerfit.anatomy.fixtures import add_fixtures
+from fingerfit.anatomy.shape import Anatomy
+from fingerfit.diagnose import Examination, anchor_of, best_places, judge_of, stiffness_map, try_suspects
+from fingerfit.examine import errors, look_again, widened
+from fingerfit.experiment import run_experiment
+from fingerfit.files import write_json, write_text
+from fingerfit.mesh_io import format_mesh
+from fingerfit.refine import finest, minimum
+from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, run_fit, solve_missing
+from fingerfit.suspects import suspects
+from fingerfit.verdict import Refit, decide
+
+pytest.importorskip("netgen")
+ROOT = Path(__file__).resolve().parents[2]
+EPIDERMIS, TISSUE = 0.138, 0.00798
+TESTED = ("layers", "dermis", "friction", "bone_mobility", "force_offset", "misregistration_in_space", "bias_field")
+LAYERS = [{"name": "epidermis", "elements": "EPIDERMIS"}, {"name": "subcutaneous", "elements": "SUBCUTANEOUS"}]
+HELD = {"base": "held", "indenter": "slides"}
+DESCRIPTION = {
+    "title": "a fingertip with an epidermis",
+    "body": {
+        "mesh": "true.inp",
+        "layers": [
+            {**LAYERS[0], "mu": EPIDERMIS, "intensity": 0.45},
+            {**LAYERS[1], "mu": TISSUE, "intensity": 0.9},
+        ],
+        "tissues": {"DISTAL": 0.1, "MIDDLE": 0.1, "NAIL": 0.15},
+    },
+    "template": "fingertip.inp.j2",
+    "boundary": HELD,
+    "material": {"alpha": 1.4, "poisson": 0.45},
+    "solver": "builtin",
+    "displacement": [1.2],
+    "picture": {
+        "pixels": [68, 38, 32], "spacing": [0.5, 0.5, 0.5], "texture": 0.2, "correlation": 1.6, "noise": 0.05,
+        "pictured": [1],
+    },
+    "noise": {"force": 0.003, "displacement": 0.01},
+    "seed": 3,
+    "study": {
+        "body": {"mesh": "reference.inp", "layers": LAYERS}, "boundary": HELD, "pictures": {"gaussian": 0.8}
+    },
+}  # fmt: skip
+MU = {"unit": "MPa", "start": 0.015, "lower": 0.001, "upper": 0.2}
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    """The examination of the homogeneous model, its tested suspects, and the refit with layers."""
+    folder = tmp_path_factory.mktemp("finger")
+    centre = (Anatomy().pulp_centre, 0.0)
+    # other elements than the fit's; meshes as coarse as this, of other nodes, would differ by half of what layers do
+    for name, element in (("true", "C3D4H"), ("reference", "C3D4")):
+        mesh = add_fixtures(finger_mesh(size=4.0, element=element), centre, radius=4.0)
+        write_text(folder / f"{name}.inp", format_mesh(mesh))
+    write_json(folder / "experiment.yaml", DESCRIPTION)
+    run_experiment(folder / "experiment.yaml", folder / "study")
+    shutil.copytree(ROOT / "studies/fingertip/effects", folder / "study/effects")
+    model = {"template": "fingertip.inp.j2", "material": DESCRIPTION["material"], "parameters": {"mu": MU}}
+    stages = [{"name": "grid", "kind": "grid", "points": 3}]
+    fitting = {"score": "ssd", "max_evaluations": 3, "stages": stages}
+    settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting})
+    fit, everything = begin(settings, folder / "model")
+    last = run_fit(fit, 1)[0]
+    found = [s for s in suspects(fit, finest(fit, last).values) if s.effect.name in TESTED]
+    solve_missing(fit, [anchor_of(fit, last), *(a for s in found for a in s.asked)], 1)
+    examination = Examination(fit, last, everything)
+    judge = judge_of(examination)
+    looks = best_places(try_suspects(examination, judge, found))
+    looks, _ = look_again(examination, judge, looks, len(found))
+    layers = next(one for one in looks if one.suspect.effect.name == "layers")
+    wider = widened(fit, last, layers)
+    end = run_fit(wider, 1)[0]
+    solve_missing(wider, [anchor_of(wider, end)], 1)
+    return examination, judge, looks, Examination(wider, end, everything), minimum(wider, end).values
+
+
+def test_what_makes_no_sense_here_is_not_tested(world):
+    names = {one.suspect.effect.name for one in world[2]}
+    # of two layers none is a dermis; the bones of this model are free
+    assert names == set(TESTED) - {"dermis", "bone_mobility"}
+
+
+def test_rigid_tools_are_not_part_of_the_body(world):
+    examination = world[0]
+    mesh = examination.fit.meshes["search"]
+    assert mesh.points[mesh.node_sets["TUBE"][0], 2] < mesh.body[:, 2].min()
+    assert examination.patches.low == pytest.approx(mesh.body.min(axis=0))
+    inside = mesh.body
+    assert (examination.residual.places >= inside.min(axis=0) - 0.5).all()
+    assert (examination.residual.places <= inside.max(axis=0) + 0.5).all()
+
+
+def test_the_layer_is_missing(world):
+    examination, judge, looks, wider, values = world
+    fitted, held_out = errors(wider)
+    after = judge_of(wider)
+    refit = Refit(after.misfit, after.freedom, fitted, held_out, values)
+    verdict = decide(judge, looks, {"layers": refit}, len(looks))
+    assert (verdict.kind, verdict.effects) == ("missing", ("layers",))
+    assert looks[0].suspect.effect.name == "layers"
+    # what is left beyond the noise is what other elements change
+    assert errors(examination)[0] > 1.5
+    assert fitted < 1.35
+    assert after.misfit - after.freedom < 0.2 * (judge.misfit - judge.freedom)
+
+
+def test_the_constants_are_near_the_truth(world):
+    values = world[-1]
+    # linear tetrahedra without a pressure of their own are too stiff, which makes all constants too soft alike
+    assert values["mu"] == pytest.approx(TISSUE, rel=0.25)
+    assert values["layers.contrast"] == pytest.approx(np.log(EPIDERMIS / TISSUE), abs=0.2)
+
+
+def test_no_map_without_places(world):
+    assert stiffness_map(world[0], world[2]).shape == (0, 5)
