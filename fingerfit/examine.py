@@ -25,17 +25,7 @@ from fingerfit.refine import finest, minimum
 from fingerfit.rounds import Asked, Round
 from fingerfit.simulate import run_fit, solve_missing
 from fingerfit.suspects import suspects
-from fingerfit.verdict import (
-    SEEN,
-    Refit,
-    Verdict,
-    decide,
-    doubted,
-    explains,
-    half_explained,
-    threshold,
-    to_refit,
-)
+from fingerfit.verdict import SEEN, Refit, Verdict, decide, doubted, explains, half_explained, threshold, to_refit
 
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
