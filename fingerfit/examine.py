@@ -17,6 +17,7 @@ from fingerfit.diagnose import (
     stiffness_map,
     try_suspects,
 )
+from fingerfit.errors import StateError
 from fingerfit.estimate import moved
 from fingerfit.extend import extended
 from fingerfit.fit import SEARCH, Fit
@@ -130,7 +131,10 @@ def _refit_best(fit: Fit, last: Round, everything: Data, found: _Looked, refits:
     """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
     run = 0
     for candidate in to_refit(found.judge, found.looks, found.tests, refits):
-        refit, more = _refit(fit, last, candidate, everything, found.judge.misfit, threads)
+        try:
+            refit, more = _refit(fit, last, candidate, everything, found.judge.misfit, threads)
+        except StateError:
+            continue  # bodies without a solution explain nothing
         refits[candidate.suspect.effect.name] = refit
         run += more
     return run
@@ -147,7 +151,10 @@ def _partner(
     found, best = _look(ended.fit, ended.last, everything, threads), None
     run += found.run
     for candidate in to_refit(found.judge, found.looks, found.tests):
-        refit, more = _refit(ended.fit, ended.last, candidate, everything, found.judge.misfit, threads)
+        try:
+            refit, more = _refit(ended.fit, ended.last, candidate, everything, found.judge.misfit, threads)
+        except StateError:
+            continue
         run += more
         if best is None or refit.misfit < best[1].misfit:
             best = candidate, refit
@@ -257,9 +264,18 @@ class _Ended:
 def _ended(fit: Fit, last: Round, one: Look, everything: Data, before: float, threads: int) -> tuple[_Ended, int]:
     """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
 
-    A prediction from slopes can be far too large, and a search that starts there finds another valley.
+    A prediction from slopes can be far too large, and a search that starts there finds another valley, or bodies
+    without a solution.
+
+    Raises
+    ------
+    StateError
+        When there is no solution on either way.
     """
-    ended, run = _fitted(fit, last, one, everything, threads, 1.0)
+    try:
+        ended, run = _fitted(fit, last, one, everything, threads, 1.0)
+    except StateError:
+        return _fitted(fit, last, one, everything, threads, 0.1)
     if ended.judge.misfit >= before:
         other, more = _fitted(fit, last, one, everything, threads, 0.1)
         ended, run = min(ended, other, key=lambda each: each.judge.misfit), run + more
