@@ -18,7 +18,7 @@ from fingerfit.refine import finest, minimum
 from fingerfit.settings import load_settings
 from fingerfit.simulate import begin, run_fit, solve_missing
 from fingerfit.suspects import suspects
-from fingerfit.verdict import Refit, decide
+from fingerfit.verdict import Refit, decide, to_refit
 
 pytest.importorskip("netgen")
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,7 +108,8 @@ def test_the_layer_is_missing(world):
     refit = Refit(after.misfit, after.freedom, fitted, held_out, values)
     verdict = decide(judge, looks, {"layers": refit}, len(looks))
     assert (verdict.kind, verdict.effects) == ("missing", ("layers",))
-    assert looks[0].suspect.effect.name == "layers"
+    # it is among those that an examination refits
+    assert "layers" in [one.suspect.effect.name for one in to_refit(judge, looks, len(looks))]
     # what is left beyond the noise is what other elements change
     assert errors(examination)[0] > 1.5
     assert fitted < 1.35
