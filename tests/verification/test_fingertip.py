@@ -158,11 +158,14 @@ def test_an_inclusion_lies_below_the_indenter(finger):
     for piece in context["layers"]:
         own = piece["name"].split("_")[0].lower()
         change[np.array(piece["elements"], dtype=int) - 1] = np.log(piece["mu"] / MU[f"mu_{own}"])
-    centre = np.concatenate([finger.points[block.nodes].mean(axis=1) for block in finger.blocks])
-    touch = finger.points[finger.node_sets["INDENTER"][0]]
+    # an element has the mean of the bump: of its eight points, here of a thousand
+    share = np.random.default_rng(1).dirichlet(np.ones(4), 1000)
     soft = finger.element_sets["SOFT"]
-    distance = np.linalg.norm(centre - touch - [-5.0, -4.0, -2.0], axis=1)
-    assert change[soft] == pytest.approx(np.exp(-(distance[soft] ** 2) / 4.0), abs=1e-4)
+    at = np.einsum("pk,eki->epi", share, finger.points[finger.blocks[0].nodes[soft]])
+    touch = finger.points[finger.node_sets["INDENTER"][0]]
+    distance = np.linalg.norm(at - touch - [-5.0, -4.0, -2.0], axis=2)
+    assert change[soft] == pytest.approx(np.exp(-(distance**2) / 4.0).mean(axis=1), abs=0.05)
+    assert change[soft].max() > 0.6
 
 
 def cards(text, keyword):
