@@ -12,6 +12,8 @@ from fingerfit.guess import Parameter
 
 WIDTH = 0.02
 """Step of the finite differences of a score that is linearised already."""
+_CURVED = 6
+"""Repetitions that give the mean curvature."""
 FLAT = 1e-4
 """Curvature along a direction, relative to the steepest, below which the data do not see it ..."""
 SURE = 4.0
@@ -121,13 +123,16 @@ def repeat(
     shifts : ndarray, shape (count, size)
     hessian : ndarray, shape (size, size)
     """
-    objectives = [draw() for _ in range(count)]
-    curvature = np.mean([gradient_and_hessian(o, size)[1] for o in objectives[:6]], axis=0)
+    steps, curvatures, gradients = np.eye(size) * WIDTH, [], []
+    for number in range(count):
+        objective = draw()  # one at a time: each holds pictures of its own
+        if number < _CURVED:
+            curvatures.append(gradient_and_hessian(objective, size)[1])
+        gradients.append([(objective(step) - objective(-step)) / (2 * WIDTH) for step in steps])
+    curvature = np.mean(curvatures, axis=0)
     curved = _positive(curvature)
     cut = unseen(float(np.linalg.eigvalsh(curved).max(initial=0.0)), sure)
     inverse = np.linalg.pinv(curved, rcond=cut, hermitian=True)
-    steps = np.eye(size) * WIDTH
-    gradients = [[(o(step) - o(-step)) / (2 * WIDTH) for step in steps] for o in objectives]
     return -np.array(gradients) @ inverse, curvature
 
 
