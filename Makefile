@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test fast fingertip fingertip-data benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp setup lint clean
+.PHONY: help run test fast fingertip fingertip-data fingertip-coarse benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp setup lint clean
 
 PYTHON ?= python3
 CORES ?= 2
@@ -24,6 +24,11 @@ $(FINGERTIP)/study.yaml: .venv/ready $(FINGERTIP)/experiment.yaml $(FINGERTIP)/a
 $(FINGERTIP)/subject.inp: $(FINGERTIP)/study.yaml
 	$(BIN)/fingerfit finger --out $(FINGERTIP)/reference.inp
 	$(BIN)/fingerfit morph $(FINGERTIP)/reference.inp $(FINGERTIP)/pictures/before.nii.gz --at 25.49 0 --out $@
+
+COARSE := studies/fingertip-coarse
+fingertip-coarse: fingertip-data  ## a mesh of the virtual fingertip that CalculiX can take
+	$(BIN)/fingerfit finger --element C3D4 --size 3 --out $(COARSE)/reference.inp
+	$(BIN)/fingerfit morph $(COARSE)/reference.inp $(FINGERTIP)/pictures/before.nii.gz --at 25.49 0 --out $(COARSE)/subject.inp
 
 fast: .venv/fast  ## install PARDISO (650 MB): large systems in space in a fraction of the time
 

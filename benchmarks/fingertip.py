@@ -132,7 +132,7 @@ def fits() -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--part", choices=("elements", "fits"), action="append")
+    parser.add_argument("--part", choices=("elements", "fits", "none"), action="append", help="none: only the tables")
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks/fingertip.md")
     args = parser.parse_args()
     CACHE.mkdir(parents=True, exist_ok=True)
