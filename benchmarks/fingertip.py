@@ -106,10 +106,15 @@ def fit(settings: dict[str, Any], folder: Path) -> tuple[dict[str, Any], float]:
     return json.loads(path.read_text(encoding="utf-8")), seconds
 
 
+def constants() -> dict[str, float]:
+    """The sealed truth."""
+    truth: dict[str, float] = yaml.safe_load((STUDY / "sealed/truth.yaml").read_text(encoding="utf-8"))["constants"]
+    return truth
+
+
 def fits() -> list[str]:
     """Rows of both models."""
-    truth = yaml.safe_load((STUDY / "sealed/truth.yaml").read_text(encoding="utf-8"))["constants"]
-    rows = []
+    truth, rows = constants(), []
     for name in CONFIGS:
         settings = yaml.safe_load((STUDY / f"{name}.yaml").read_text(encoding="utf-8"))
         with tempfile.TemporaryDirectory() as folder:
@@ -144,8 +149,7 @@ def main() -> None:
         if kept.exists():
             head = {"elements": ELEMENTS, "fits": FITS}[part]
             if part == "fits":
-                truth = yaml.safe_load((STUDY / "sealed/truth.yaml").read_text(encoding="utf-8"))["constants"]
-                head = head.format(truth=", ".join(f"{k} {v:g}" for k, v in truth.items() if k.startswith("mu")))
+                head = head.format(truth=", ".join(f"{k} {v:g}" for k, v in constants().items() if k.startswith("mu")))
             text += head + "\n".join(json.loads(kept.read_text(encoding="utf-8"))) + "\n\n"
     args.out.write_text(text.rstrip() + "\n", encoding="utf-8")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -130,14 +131,21 @@ def _look(fit: Fit, last: Round, everything: Data, threads: int) -> _Looked:
 def _refit_best(fit: Fit, last: Round, everything: Data, found: _Looked, refits: dict[str, Refit], threads: int) -> int:
     """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
     run = 0
-    for candidate in to_refit(found.judge, found.looks, found.tests, refits):
-        try:
-            refit, more = _refit(fit, last, candidate, everything, found.judge.misfit, threads)
-        except StateError:
-            continue  # bodies without a solution explain nothing
+    for candidate, refit, more in _refits(fit, last, everything, found, threads, tuple(refits)):
         refits[candidate.suspect.effect.name] = refit
         run += more
     return run
+
+
+def _refits(
+    fit: Fit, last: Round, everything: Data, found: _Looked, threads: int, known: Collection[str] = ()
+) -> Iterator[tuple[Look, Refit, int]]:
+    """The effects that are worth it, each with its refit and how many simulations were not known, one by one."""
+    for candidate in to_refit(found.judge, found.looks, found.tests, known):
+        try:
+            yield candidate, *_refit(fit, last, candidate, everything, found.judge.misfit, threads)
+        except StateError:
+            continue  # bodies without a solution explain nothing
 
 
 def _partner(
@@ -150,11 +158,7 @@ def _partner(
     ended, run = _ended(fit, last, half, everything, before, threads)
     found, best = _look(ended.fit, ended.last, everything, threads), None
     run += found.run
-    for candidate in to_refit(found.judge, found.looks, found.tests):
-        try:
-            refit, more = _refit(ended.fit, ended.last, candidate, everything, found.judge.misfit, threads)
-        except StateError:
-            continue
+    for candidate, refit, more in _refits(ended.fit, ended.last, everything, found, threads):
         run += more
         if best is None or refit.misfit < best[1].misfit:
             best = candidate, refit
@@ -226,17 +230,21 @@ def fitted_pictures(fit: Fit, data: Data) -> np.ndarray:
 
 def fitted_steps(fit: Fit, data: Data) -> np.ndarray:
     """Which fields of displacements, of pictures and of points, are of steps that the fit used, bool."""
+    return _is_fitted(fit, data, data.entry_step)
+
+
+def _is_fitted(fit: Fit, data: Data, steps: np.ndarray) -> np.ndarray:
+    """Whether the fit used steps, by their indices, bool."""
     wanted = fit.settings.fit.steps
-    return np.array([wanted is None or int(data.step[step]) in wanted for step in data.entry_step], dtype=bool)
+    return np.array([wanted is None or int(data.step[step]) in wanted for step in steps], dtype=bool)
 
 
 def _errors_by_step(examination: Examination) -> tuple[float, float | None]:
-    residual, wanted = examination.residual, examination.fit.settings.fit.steps
-    steps = examination.step_of()
+    residual = examination.residual
+    fitted = _is_fitted(examination.fit, examination.data, examination.step_of())
     noise = residual.covariance + examination.control_covariance()
     found = []
-    for held in (False, True):
-        chosen = np.array([wanted is not None and int(examination.data.step[n]) not in wanted for n in steps]) == held
+    for chosen in (fitted, ~fitted):
         own = np.linalg.cholesky(noise[np.ix_(chosen, chosen)])
         found.append(_root_mean_square(np.linalg.solve(own, residual.vector[chosen])) if chosen.any() else None)
     return float("nan") if found[0] is None else found[0], found[1]

@@ -29,9 +29,6 @@ def write_compare(examination: Examination, path: Path) -> None:
     dim = mesh.dim
     spread = np.full(residual.kept.shape, np.nan)
     spread[residual.kept] = np.sqrt(np.diag(residual.covariance))
-    layer = np.zeros(mesh.element_count, dtype=int)
-    for number, members in enumerate(mesh.parts.values()):
-        layer[members] = number
     entries = shown(examination)
     fields = residual.value[:entries, ..., :dim]
     noise = spread[: residual.value.size].reshape(residual.value.shape)[:entries, ..., :dim]
@@ -59,7 +56,7 @@ def write_compare(examination: Examination, path: Path) -> None:
             "mesh_points": mesh.points,
             "mesh_moved": mesh.points + outcome.displacement[data.entry_step[:entries]],
             **_outlines(mesh, examination),
-            "mesh_layer": layer,
+            "mesh_layer": np.maximum(parts_of(mesh), 0),
             "layer_names": np.array(list(mesh.parts)),
             "step": data.step,
             "force": data.force,

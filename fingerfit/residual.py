@@ -211,11 +211,15 @@ def points_by_patch(data: Data, values: np.ndarray, patches: Patches) -> np.ndar
     found = np.full((len(steps), len(patches.centre), values.shape[1] + 1), np.nan)
     for n, step in enumerate(steps):
         own = (data.points_step == step) & (owner >= 0)
-        count = np.bincount(owner[own], minlength=len(patches.centre))
-        for axis, component in enumerate(values[own].T):
-            total = np.bincount(owner[own], component, minlength=len(count))
-            found[n, :, axis] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+        found[n, :, :-1] = _means(values[own], owner[own], len(patches.centre))
     return found
+
+
+def _means(values: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
+    """Means of values, shape (values, components), by their owners, shape (count, components); NaN for none."""
+    number = np.bincount(owner, minlength=count)
+    total = np.stack([np.bincount(owner, column, minlength=count) for column in values.T], axis=1)
+    return np.where(number[:, None] > 0, total / np.maximum(number, 1)[:, None], np.nan)
 
 
 def _add_points_noise(covariance: np.ndarray, data: Data, patches: Patches) -> None:
@@ -369,7 +373,9 @@ class Reader:
         """Displacements (mm), brightness 0, and the conjugate quantity of a solution since the first picture."""
         data, found = self.data, []
         for step in data.picture_step:
-            u = self._means(self._probe.read(outcome.displacement[step]))
+            u = self._probe.read(outcome.displacement[step])
+            known = np.isfinite(u[:, 0])  # in the mesh; a patch without any such place has 0
+            u = np.nan_to_num(_means(u[known], self._owner[known], len(self._patches.centre)))
             found.append(np.concatenate([u, np.zeros((len(u), 1))], axis=1))
         if len(data.points_step):
             at = np.empty_like(data.points_displacement)
@@ -379,11 +385,3 @@ class Reader:
             found += list(points_by_patch(data, at, self._patches))
         conjugate = outcome.indenter if data.control == "force" else outcome.reaction
         return flat(np.array(found), -conjugate[: len(data.step), -1])
-
-    def _means(self, values: np.ndarray) -> np.ndarray:
-        """Means by patch of what is read at its points, those outside the mesh left out; 0 where none is inside."""
-        count = len(self._patches.centre)
-        known = np.isfinite(values[:, 0])
-        number = np.maximum(np.bincount(self._owner[known], minlength=count), 1)
-        sums = [np.bincount(self._owner[known], column, minlength=count) for column in values[known].T]
-        return np.stack(sums, axis=1) / number[:, None]

@@ -99,6 +99,14 @@ def volumes(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     return np.linalg.det(points[nodes[:, 1:4]] - points[nodes[:, :1]]) / 6
 
 
+def oriented(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Tetrahedra with positive volume, shape (elements, 4): those that are inside out are turned."""
+    turned = volumes(points, nodes) < 0
+    nodes = nodes.copy()
+    nodes[turned] = nodes[turned][:, [0, 2, 1, 3]]
+    return nodes
+
+
 def radius_ratio(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """Three times the inscribed over the circumscribed radius, shape (elements,): 1 is regular, 0 flat or inverted."""
     p = points[nodes[:, :4]]

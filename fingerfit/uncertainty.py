@@ -21,6 +21,12 @@ SURE = 4.0
 however much better another direction is known."""
 
 
+def _gradient(objective: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
+    """Central differences, shape of `at`."""
+    steps = np.eye(len(at)) * WIDTH
+    return np.array([(objective(at + step) - objective(at - step)) / (2 * WIDTH) for step in steps])
+
+
 def gradient_and_hessian(objective: Callable[[np.ndarray], float], size: int) -> tuple[np.ndarray, np.ndarray]:
     """Central differences at 0: shapes (size,) and (size, size)."""
     steps = np.eye(size) * WIDTH
@@ -92,8 +98,7 @@ def minimise(
             break
         at = at + step
         value = objective(at)
-        steps = np.eye(size) * WIDTH
-        gradient = np.array([(objective(at + s) - objective(at - s)) / (2 * WIDTH) for s in steps])
+        gradient = _gradient(objective, at)
     return at
 
 
@@ -123,12 +128,15 @@ def repeat(
     shifts : ndarray, shape (count, size)
     hessian : ndarray, shape (size, size)
     """
-    steps, curvatures, gradients = np.eye(size) * WIDTH, [], []
+    curvatures, gradients = [], []
     for number in range(count):
         objective = draw()  # one at a time: each holds pictures of its own
         if number < _CURVED:
-            curvatures.append(gradient_and_hessian(objective, size)[1])
-        gradients.append([(objective(step) - objective(-step)) / (2 * WIDTH) for step in steps])
+            gradient, hessian = gradient_and_hessian(objective, size)
+            curvatures.append(hessian)
+        else:
+            gradient = _gradient(objective, np.zeros(size))
+        gradients.append(gradient)
     curvature = np.mean(curvatures, axis=0)
     curved = _positive(curvature)
     cut = unseen(float(np.linalg.eigvalsh(curved).max(initial=0.0)), sure)

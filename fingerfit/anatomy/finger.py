@@ -8,7 +8,7 @@ from fingerfit.anatomy.shape import Anatomy, bone_capsule, is_nail, map_bone, ma
 from fingerfit.anatomy.surface import boundary_loop, fill_ring, load_netgen, triangulate, vertex_normals
 from fingerfit.errors import InputError, SolverError
 from fingerfit.mesh import Block, Mesh
-from fingerfit.tetrahedra import faces_on, outer_faces, to_quadratic
+from fingerfit.tetrahedra import faces_on, oriented, outer_faces, to_quadratic
 
 ELEMENTS = ("C3D4", "C3D4H", "C3D10", "C3D10H")
 SKIN, FINE, BONE = 0.87, 0.46, 0.83
@@ -60,7 +60,7 @@ def finger_mesh(anatomy: Anatomy | None = None, size: float = 1.0, element: str 
     points = np.concatenate([*shells[:-1], points])
     offset = count * (len(shells) - 1)
     skin, layer, triangle = _prisms(shells, triangles)
-    nodes = _oriented(points, np.concatenate([skin, elements + offset]))
+    nodes = oriented(points, np.concatenate([skin, elements + offset]))
     kind = np.concatenate([np.repeat(["EPIDERMIS", "DERMIS"], counts)[layer], _NAMES[part]])
     middle = shells[0][triangles].mean(axis=1)
     nailed = np.concatenate([is_nail(anatomy, middle)[triangle] & (kind[: len(skin)] == "EPIDERMIS"), part < 0])
@@ -191,12 +191,3 @@ def _tetrahedra(
     if not np.array_equal(found[: len(points)], points) or not rows:
         raise SolverError("finger: netgen moved the given surfaces")
     return found, np.array([row[0] for row in rows]), np.array([int(getattr(row[1], "nr", row[1])) for row in rows])
-
-
-def _oriented(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Tetrahedra with positive volume."""
-    edges = points[nodes[:, 1:]] - points[nodes[:, :1]]
-    turned = np.linalg.det(edges) < 0
-    nodes = nodes.copy()
-    nodes[turned] = nodes[turned][:, [0, 2, 1, 3]]
-    return nodes

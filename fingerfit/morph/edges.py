@@ -45,13 +45,42 @@ class Layers:
     contrast: float
 
 
-def find_layers(picture: Picture, points: np.ndarray, inward: np.ndarray, thickness: np.ndarray, near: Any) -> Layers:
-    """Surface and thickness of a layer around given points.
+class Profiles:
+    """Intensities of a volume along lines; its splines are made once.
 
     Parameters
     ----------
     picture : Picture
         A volume, dark outside of the body.
+    """
+
+    def __init__(self, picture: Picture) -> None:
+        self.picture = picture
+        self._coefficients = spline_coefficients(picture.values.astype(float))
+        self._usual = np.median(picture.values)
+
+    def along(self, points: np.ndarray, normal: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """At distances `way`, mm, along normals, shape (points, places); beyond the volume that of most of it."""
+        places = points[:, None] + way[:, None] * normal[:, None]
+        index = self.picture.to_index(places.reshape(-1, 3))
+        size = np.array(self.picture.values.shape[::-1])
+        inside = ((index >= 0) & (index <= size - 1)).all(axis=1)
+        values = sample(self._coefficients, np.clip(index, 0, size - 1))
+        values[~inside] = self._usual
+        return values.reshape(len(points), -1)
+
+    @property
+    def blur(self) -> float:
+        """Standard deviation by which voxels blur a border, mm."""
+        return 0.45 * float(self.picture.spacing.mean())
+
+
+def find_layers(subject: Profiles, points: np.ndarray, inward: np.ndarray, thickness: np.ndarray, near: Any) -> Layers:
+    """Surface and thickness of a layer around given points.
+
+    Parameters
+    ----------
+    subject : Profiles
     points, inward : ndarray, shape (points, 3)
         On the supposed surface, mm, and unit normals into the body.
     thickness : ndarray, shape (points,)
@@ -60,16 +89,15 @@ def find_layers(picture: Picture, points: np.ndarray, inward: np.ndarray, thickn
         Weights by which profiles of neighbours are averaged; rows sum to 1.
     """
     way = np.arange(REACH[0], REACH[1] + STEP / 2, STEP)
-    values = _profiles(picture, points, inward, way)
+    values = subject.along(points, inward, way)
     profiles = near @ values
     usual = float(np.median(thickness))
     outside, layer, tissue = _levels(profiles, way, usual)
-    blur = 0.45 * float(picture.spacing.mean())
     # the thickness of a layer that is not seen stays as it was
     contrast = abs(layer - tissue) / max(1e-12, float(_noise(profiles, near, values)))
     shares = THICKNESS if contrast > CLEAR else np.ones(1)
     models = [(d, s) for d in DEPTHS for s in shares]
-    curves = np.array([_curve(way, d, s * usual, blur, (outside, layer, tissue)) for d, s in models])
+    curves = np.array([_curve(way, d, s * usual, subject.blur, (outside, layer, tissue)) for d, s in models])
     error = (curves**2).sum(axis=1)[None] - 2 * profiles @ curves.T
     chosen = error.argmin(axis=1)
     best = np.array(models)[chosen]
@@ -77,36 +105,23 @@ def find_layers(picture: Picture, points: np.ndarray, inward: np.ndarray, thickn
     return Layers(depth, np.where(contrast > CLEAR, share * usual, thickness), contrast)
 
 
-def find_border(picture: Picture, points: np.ndarray, outward: np.ndarray, near: Any) -> np.ndarray:
+def find_border(subject: Profiles, points: np.ndarray, outward: np.ndarray, near: Any) -> np.ndarray:
     """How far the border of a body within another tissue is outside of given points, shape (points,), mm.
 
     Parameters
     ----------
-    picture : Picture
-        A volume.
+    subject : Profiles
     points, outward : ndarray, shape (points, 3)
         On the supposed border, mm, and unit normals out of the body.
     near : sparse matrix, shape (points, points)
         Weights by which profiles of neighbours are averaged; rows sum to 1.
     """
     way = np.arange(-1.0, 1.0 + STEP / 2, STEP)
-    profiles = near @ _profiles(picture, points, outward, way)
+    profiles = near @ subject.along(points, outward, way)
     inside, outside = (float(np.median(profiles[:, part])) for part in (way < -0.7, way > 0.7))
-    blur = 0.45 * float(picture.spacing.mean())
     depths = np.arange(-0.8, 0.8001, 0.02)
-    curves = np.array([_curve(way, d, 1e3, blur, (inside, outside, outside)) for d in depths])
+    curves = np.array([_curve(way, d, 1e3, subject.blur, (inside, outside, outside)) for d in depths])
     return depths[((curves**2).sum(axis=1)[None] - 2 * profiles @ curves.T).argmin(axis=1)]
-
-
-def _profiles(picture: Picture, points: np.ndarray, normal: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """Intensities along normals, shape (points, places); beyond the volume that of most of it."""
-    places = points[:, None] + way[:, None] * normal[:, None]
-    index = picture.to_index(places.reshape(-1, 3))
-    size = np.array(picture.values.shape[::-1])
-    inside = ((index >= 0) & (index <= size - 1)).all(axis=1)
-    values = sample(spline_coefficients(picture.values.astype(float)), np.clip(index, 0, size - 1))
-    values[~inside] = np.median(picture.values)
-    return values.reshape(len(points), -1)
 
 
 def _levels(profiles: np.ndarray, way: np.ndarray, thickness: float) -> tuple[float, float, float]:

@@ -11,13 +11,13 @@ import numpy as np
 from fingerfit.anatomy.surface import vertex_normals
 from fingerfit.errors import InputError
 from fingerfit.imaging.pictures import Picture
-from fingerfit.mesh import Block, Mesh
-from fingerfit.morph.edges import CLEAR, find_border, find_layers
+from fingerfit.mesh import Mesh
+from fingerfit.morph.edges import CLEAR, Profiles, find_border, find_layers
 from fingerfit.morph.register import Deformation, Registration, register
 from fingerfit.morph.render import frame_around, render
 from fingerfit.morph.repair import mend, spread
-from fingerfit.morph.straight import ease, straightened
-from fingerfit.tetrahedra import Quality, corners, faces_on, outer_faces, quality
+from fingerfit.morph.straight import bone_faces, ease, straightened
+from fingerfit.tetrahedra import Quality, corners, faces_on, quality
 
 INTENSITY = {"EPIDERMIS": 0.45, "SUBCUTANEOUS": 0.9, "DISTAL": 0.65, "MIDDLE": 0.65, "NAIL": 0.15}
 """Of tissues in a T1-weighted MR volume, roughly; a registration by correlation wants no more."""
@@ -148,18 +148,18 @@ def fit_skin(mesh: Mesh, way: Deformation, subject: Picture) -> Morphed:
     points, mended = mend(mesh, points, surfaces)
     found = points
     bone = _apart(mesh, points, mesh.node_sets["BONE_SURFACE"], under)
-    known = np.concatenate([skin, under, bone])
+    known, profiles = np.concatenate([skin, under, bone]), Profiles(subject)
     for _ in range(LOOKS):
-        layers, inward, near = _look(mesh, found, skin, under, subject)
+        layers, inward, near = _look(mesh, found, skin, under, profiles)
         thickness = np.linalg.norm(found[under] - found[skin], axis=1)
         depth = (near @ layers.depth)[:, None] * inward
         deeper = (near @ layers.thickness - thickness)[:, None] * inward
-        shift = np.concatenate([depth, depth + deeper, _bone_shift(mesh, found, bone, subject)])
+        shift = np.concatenate([depth, depth + deeper, _bone_shift(mesh, found, bone, profiles)])
         found, more = mend(mesh, found + spread(replace(mesh, points=found), known, shift), surfaces)
         mended = np.union1d(mended, more)
     moved, eased = ease(replace(whole, points=found))
     found = moved.points
-    layers, _, _ = _look(mesh, found, skin, under, subject)
+    layers, _, _ = _look(mesh, found, skin, under, profiles)
     left = np.abs(layers.depth)
     thick = np.linalg.norm(found[under] - found[skin], axis=1)
     return Morphed(
@@ -173,12 +173,12 @@ def fit_skin(mesh: Mesh, way: Deformation, subject: Picture) -> Morphed:
     )
 
 
-def _bone_shift(mesh: Mesh, points: np.ndarray, bone: np.ndarray, subject: Picture) -> np.ndarray:
+def _bone_shift(mesh: Mesh, points: np.ndarray, bone: np.ndarray, profiles: Profiles) -> np.ndarray:
     """From the bones' surface to its edges in the volume, shape (nodes, 3), mm."""
     faces = _bone_faces(mesh)
     outward = vertex_normals(points, faces)[bone]
     near = _neighbours(points[bone], np.flatnonzero(~np.isin(bone, mesh.node_sets["END"])), outward)
-    return (near @ find_border(subject, points[bone], outward, near))[:, None] * outward
+    return (near @ find_border(profiles, points[bone], outward, near))[:, None] * outward
 
 
 def _apart(mesh: Mesh, points: np.ndarray, bone: np.ndarray, skin: np.ndarray) -> np.ndarray:
@@ -195,13 +195,8 @@ def _apart(mesh: Mesh, points: np.ndarray, bone: np.ndarray, skin: np.ndarray) -
 
 def _bone_faces(mesh: Mesh) -> np.ndarray:
     """Corners of the triangles between bones and soft tissue, seen from the tissue."""
-    bone = Mesh(mesh.points, (Block("C3D4", corners(mesh)[mesh.element_sets["BONE"]]),))
-    faces = faces_on(bone, outer_faces(bone))
-    return faces[np.isin(faces, mesh.node_sets["BONE_SURFACE"]).all(axis=1) & ~_in_end(mesh, faces)]
-
-
-def _in_end(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
-    return np.asarray(np.isin(faces, mesh.node_sets["END"]).all(axis=1))
+    faces = bone_faces(mesh)
+    return faces[~np.isin(faces, mesh.node_sets["END"]).all(axis=1)]
 
 
 def _neighbours(points: np.ndarray, seen: np.ndarray, normals: np.ndarray) -> Any:
@@ -223,7 +218,7 @@ def _neighbours(points: np.ndarray, seen: np.ndarray, normals: np.ndarray) -> An
 
 
 def _look(
-    mesh: Mesh, points: np.ndarray, skin: np.ndarray, under: np.ndarray, subject: Picture
+    mesh: Mesh, points: np.ndarray, skin: np.ndarray, under: np.ndarray, profiles: Profiles
 ) -> tuple[Any, Any, Any]:
     """What the volume shows around the skin; inward normals; weights of neighbours without nail and end section."""
     faces = faces_on(mesh, mesh.surfaces["SKIN"])
@@ -232,4 +227,4 @@ def _look(
     # neither nail nor the end section shows the skin's profile
     odd = np.isin(skin, np.concatenate([mesh.node_sets["NAIL"], mesh.node_sets["END"]]))
     near = _neighbours(points[skin], np.flatnonzero(~odd), inward)
-    return find_layers(subject, points[skin], inward, thickness, near), inward, near
+    return find_layers(profiles, points[skin], inward, thickness, near), inward, near

@@ -16,8 +16,8 @@ from fingerfit.mesh import Mesh
 
 def frame_around(mesh: Mesh, spacing: float, margin: float) -> Picture:
     """Voxels of a size, mm, around a mesh and by `margin` mm beyond it, all zero; axes are those of the mesh."""
-    used = np.unique(np.concatenate([block.nodes.ravel() for block in mesh.blocks]))
-    low, high = mesh.points[used].min(axis=0) - margin, mesh.points[used].max(axis=0) + margin
+    body = mesh.body
+    low, high = body.min(axis=0) - margin, body.max(axis=0) + margin
     size = np.ceil((high - low) / spacing).astype(int) + 1
     return Picture(np.zeros(size[::-1]), np.full(3, spacing), low, np.eye(3))
 

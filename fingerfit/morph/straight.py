@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerfit.fem.shapes import EDGES, simplex
 from fingerfit.mesh import Block, Mesh
-from fingerfit.tetrahedra import corners, faces_on, outer_faces, volumes
+from fingerfit.tetrahedra import corners, faces_on, oriented, outer_faces, volumes
 
 _PIECES = np.array(
     [[0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 7, 8, 9], [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5]]
@@ -37,10 +37,7 @@ def straightened(mesh: Mesh) -> Mesh:
     if all(block.nodes.shape[1] == 4 for block in mesh.blocks):
         return mesh
     nodes = np.concatenate([block.nodes for block in mesh.blocks])
-    pieces = nodes[:, _PIECES].reshape(-1, 4)
-    edges = mesh.points[pieces[:, 1:]] - mesh.points[pieces[:, :1]]
-    turned = np.linalg.det(edges) < 0
-    pieces[turned] = pieces[turned][:, [0, 2, 1, 3]]
+    pieces = oriented(mesh.points, nodes[:, _PIECES].reshape(-1, 4))
     middle = {
         pair: node
         for number, (a, b) in enumerate(EDGES[3], 4)
@@ -50,9 +47,7 @@ def straightened(mesh: Mesh) -> Mesh:
     skin = faces_on(mesh, mesh.surfaces["SKIN"])
     outer = [edge for edge in _edges(skin) if edge[0] in pair and edge[1] in pair]
     inner = [tuple(sorted((pair[a], pair[b]))) for a, b in outer]
-    bone = Mesh(mesh.points, (Block("C3D4", corners(mesh)[mesh.element_sets["BONE"]]),))
-    faces = faces_on(bone, outer_faces(bone))
-    border = _edges(faces[np.isin(faces, mesh.node_sets["BONE_SURFACE"]).all(axis=1)])
+    border = _edges(bone_faces(mesh))
     sets = {
         **mesh.node_sets,
         "EPIDERMIS_OUTER": np.array([*pair, *(middle[edge] for edge in outer)]),
@@ -90,13 +85,11 @@ def ease(mesh: Mesh) -> tuple[Mesh, int]:
     nodes = np.concatenate([block.nodes for block in mesh.blocks])
     if nodes.shape[1] == 4:
         return mesh, 0
-    ends = np.zeros((len(mesh.points), 2), dtype=int)
-    for number, edge in enumerate(EDGES[3], 4):
-        ends[nodes[:, number]] = nodes[:, list(edge)]
-    middle = np.unique(nodes[:, 4:])
     straight = mesh.points.copy()
-    straight[middle] = mesh.points[ends[middle]].mean(axis=1)
-    _, slopes = simplex(np.vstack([np.zeros(3), np.eye(3), [_between(*edge) for edge in EDGES[3]]]), True)
+    for number, edge in enumerate(EDGES[3], 4):
+        straight[nodes[:, number]] = mesh.points[nodes[:, list(edge)]].mean(axis=1)
+    corner = np.vstack([np.zeros(3), np.eye(3)])
+    _, slopes = simplex(np.vstack([corner, corner[np.array(EDGES[3])].mean(axis=1)]), True)
     whole = volumes(mesh.points, nodes[:, :4])
     share = np.ones(len(mesh.points))
     for turn in range(_TURNS + 1):
@@ -106,12 +99,14 @@ def ease(mesh: Mesh) -> tuple[Mesh, int]:
         if not bad.any():
             break
         share[nodes[bad, 4:]] *= 0.6 if turn < _TURNS - 1 else 0.0
-    return replace(mesh, points=points), int((share[middle] < 1).sum())
+    return replace(mesh, points=points), int((share < 1).sum())
 
 
-def _between(a: int, b: int) -> np.ndarray:
-    corner = np.vstack([np.zeros(3), np.eye(3)])
-    return np.asarray((corner[a] + corner[b]) / 2)
+def bone_faces(mesh: Mesh) -> np.ndarray:
+    """Corners of the outer triangles of the bones between nodes of BONE_SURFACE, seen from the tissue."""
+    bone = Mesh(mesh.points, (Block("C3D4", corners(mesh)[mesh.element_sets["BONE"]]),))
+    faces = faces_on(bone, outer_faces(bone))
+    return faces[np.isin(faces, mesh.node_sets["BONE_SURFACE"]).all(axis=1)]
 
 
 def _pairs(mesh: Mesh) -> tuple[list[int], list[int]]:

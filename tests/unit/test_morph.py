@@ -12,7 +12,7 @@ from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture
 from fingerfit.meshing import brick
 from fingerfit.morph.distance import surface_distance
-from fingerfit.morph.edges import find_border, find_layers
+from fingerfit.morph.edges import Profiles, find_border, find_layers
 from fingerfit.morph.morph import INTENSITY, labelled, morph
 from fingerfit.morph.register import Registration, register, tip_of
 from fingerfit.morph.render import frame_around, render
@@ -182,12 +182,12 @@ def test_layer_of_known_depth_and_thickness(thickness):
     picture = Picture(values, np.full(3, 0.25), np.zeros(3), np.eye(3))
     points = np.array([[0.6, 0.6, 4.9], [0.7, 0.6, 5.3]])
     inward = np.tile([0.0, 0.0, 1.0], (2, 1))
-    found = find_layers(picture, points, inward, np.full(2, 0.6), identity(2, format="csr"))
+    found = find_layers(Profiles(picture), points, inward, np.full(2, 0.6), identity(2, format="csr"))
     # a third of a voxel
     assert np.allclose(found.depth, [0.2, -0.2], atol=0.08)
     assert np.allclose(found.thickness, thickness, atol=0.08)
     border = find_border(
-        replace(picture, values=np.where(values > 0.65, 0.9, 0.4)),
+        Profiles(replace(picture, values=np.where(values > 0.65, 0.9, 0.4))),
         points + np.array([0, 0, thickness]),
         -inward,
         identity(2),
