@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from fingerfit.data import Data
 from fingerfit.diagnose import Examination
 from fingerfit.errors import FingerfitError, SolverError
 from fingerfit.examine import Examined, added, errors, examine
@@ -68,6 +69,10 @@ def weak(name: str, numbers: dict[str, Any]) -> dict[str, Any]:
 WEAK = {f"{n}, weak": weak(n, numbers) for hidden in CLEAR.values() for n, numbers in hidden.items()}
 SHORTER = {"indenter_slip": 0.6}
 """Share of the displacements that are prescribed: further on the free sides fold and the data have no equilibrium."""
+KNOWN = {"force_gain": "mu_bottom"}
+"""Constant that is not fitted because other tests gave it: a wrong gain of the force is a factor of all that are."""
+SEED = 100
+"""Added to the number of each noise: the method was improved while other noise was looked at."""
 TWO: dict[str, dict[str, Any]] = {
     "tilt and compressibility": {"tilt": {"slope": 0.008}, "compressibility": {"loss": 0.006}},
     "stiffening and base slip": {"stiffening": {"shift": 1.0}, "base_slip": {"compliance": 15}},
@@ -123,6 +128,19 @@ def measured(hidden: dict[str, Any], folder: Path, threads: int) -> tuple[Truth,
     raise SolverError("no mesh of the data finds an equilibrium")
 
 
+def climb(fit: Fit, everything: Data, truth: Truth, threads: int, highest: int = 3) -> list[dict[str, Any]]:
+    """Fit, diagnose, add what is blamed first, and again; a row for each rung."""
+    last = run_fit(fit, threads)[0]
+    rungs = []
+    while True:
+        found = examine(fit, last, everything, threads)
+        rungs.append(rung(fit, last, found, truth))
+        if not found.verdict.effects or len(rungs) == highest:
+            return rungs
+        fit = added(fit, last, found, found.verdict.effects[0])
+        last = run_fit(fit, threads)[0]
+
+
 def run_case(hidden: dict[str, Any], seed: int, threads: int, keep: Path | None, highest: int = 3) -> dict[str, Any]:
     """Hide, fit, diagnose, add, and again; in a folder to `keep`, simulations that are there are not run again."""
     began = time.perf_counter()
@@ -132,16 +150,11 @@ def run_case(hidden: dict[str, Any], seed: int, threads: int, keep: Path | None,
         write_study(truth, solved, folder / "study", seed)
         made = time.perf_counter()
         config = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
+        for constant in {KNOWN[effect] for effect in hidden if effect in KNOWN}:
+            del config["model"]["parameters"][constant]
+            config["model"]["material"][constant] = truth.values[constant]
         fit, everything = begin(load_settings({**config, "study": str(folder / "study")}), folder / "model")
-        last = run_fit(fit, threads)[0]
-        rungs = []
-        while True:
-            found = examine(fit, last, everything, threads)
-            rungs.append(rung(fit, last, found, truth))
-            if not found.verdict.effects or len(rungs) == highest:
-                break
-            fit = added(fit, last, found, found.verdict.effects[0])
-            last = run_fit(fit, threads)[0]
+        rungs = climb(fit, everything, truth, threads, highest)
     times = {"made": made - began, "found": time.perf_counter() - made}
     return {"hidden": hidden, "seed": seed, "mesh": truth.mesh["across"], "rungs": rungs, **times}
 
@@ -198,7 +211,9 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
         "Made by `benchmarks/hidden_effects.py` (`make benchmark-hidden`). Errors are root mean square differences of",
         "the pictures in multiples of what noise alone leaves, fitted / held-out steps; mu errors are those of the",
         "three layers against the truth, before and after the blamed effects were added; times hold for one thread",
-        "beside other work. Cases of the script that are not in the table have not been run yet.",
+        "beside other work. Cases of the script that are not in the table have not been run yet. The method was",
+        "improved while the same cases with other noise were looked at. An error in the gain of the force sensor",
+        "cannot be told from a common factor of all constants; there mu_bottom is known and not fitted.",
         "",
         *counts(cases),
         "| hidden | verdict | blamed | error before | after | mu before | after | numbers found | at last | time |",
@@ -237,7 +252,7 @@ def main() -> None:
         slug = name.replace(" ", "_").replace(",", "").replace(":", "")
         path = HERE / ".cache" / "hidden" / f"{slug}.json"
         if not path.exists() and (args.only is None or name in args.only):
-            seed = int(name.split()[-1]) if name.startswith("nothing") else 1
+            seed = SEED + (int(name.split()[-1]) if name.startswith("nothing") else 1)
             try:
                 write_json(path, run_case(hidden, seed, args.threads, args.keep and args.keep / slug))
             except FingerfitError as error:

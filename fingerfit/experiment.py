@@ -192,7 +192,7 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
 
 
 def _study_text(truth: Truth, solved: Solved, folder: Path) -> str:
-    """Text of study.yaml; a mesh that it names is copied beside it."""
+    """Text of study.yaml; meshes that it names are copied beside it."""
     if truth.dim == 3:
         return _study_in_space(truth, solved, folder)
     layers = "".join(f"    - {{name: {lay['name']}, height: {lay['height']:g}}}\n" for lay in truth.layers)
@@ -219,11 +219,12 @@ def _study_in_space(truth: Truth, solved: Solved, folder: Path) -> str:
     given = truth.written
     layers = [{"name": layer["name"], "height": layer.get("height")} for layer in truth.layers]
     body = dict(given.get("body") or {"brick": list(truth.brick or ()), "layers": layers})
-    if "mesh" in body:
-        mesh = truth.folder / str(body["mesh"])
-        body["mesh"] = mesh.name
-        if mesh.is_file():  # one that is morphed to the first picture comes later
-            shutil.copyfile(mesh, folder / mesh.name)
+    for key in ("mesh", "refined"):
+        if key in body:
+            mesh = truth.folder / str(body[key])
+            body[key] = mesh.name
+            if mesh.is_file():  # one that is morphed to the first picture comes later
+                shutil.copyfile(mesh, folder / mesh.name)
     spread = {"force": truth.force_noise * solved.force.max(), "displacement": truth.displacement_noise}
     data = {
         "title": truth.title,
