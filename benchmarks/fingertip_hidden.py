@@ -171,7 +171,7 @@ def main() -> None:
     """Run what is not kept yet and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--only", nargs="*", choices=CASES, help="names of cases")
+    parser.add_argument("--only", nargs="+", choices=CASES, help="names of cases")
     parser.add_argument("--keep", type=Path, help="folder that keeps simulations for another run")
     args = parser.parse_args()
     meshes = {name: f"{element} of size {size:g}" for name, (element, size) in MESHES.items()}

@@ -241,18 +241,26 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
 
 def main() -> None:
     """Run what is not in the cache yet and write the table."""
+    everything = {**CLEAR, **TWO, **UNKNOWN, **NOTHING, **WEAK}
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--only", nargs="*", help="names of cases")
+    parser.add_argument("--only", nargs="+", choices=everything, metavar="NAME", help="names of cases")
     parser.add_argument("--keep", type=Path, help="folder that keeps simulations for another run")
+    parser.add_argument("--write", type=Path, help="folder for the studies of the cases, to be fitted by hand; no fit")
     args = parser.parse_args()
-    everything = {**CLEAR, **TWO, **UNKNOWN, **NOTHING, **WEAK}
     cases = {}
     for name, hidden in everything.items():
         slug = name.replace(" ", "_").replace(",", "").replace(":", "")
         path = HERE / ".cache" / "hidden" / f"{slug}.json"
-        if not path.exists() and (args.only is None or name in args.only):
-            seed = SEED + (int(name.split()[-1]) if name.startswith("nothing") else 1)
+        seed = SEED + (int(name.split()[-1]) if name.startswith("nothing") else 1)
+        wanted = args.only is None or name in args.only
+        if args.write:
+            if wanted:
+                with tempfile.TemporaryDirectory() as folder:
+                    write_study(*measured(hidden, Path(folder), args.threads), args.write / slug, seed)
+                print(args.write / slug, flush=True)
+            continue
+        if wanted and not path.exists():
             try:
                 write_json(path, run_case(hidden, seed, args.threads, args.keep and args.keep / slug))
             except FingerfitError as error:
