@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import fsolve
 from solving import solve_deck
 
 from fingerfit.cli import main
@@ -11,6 +12,8 @@ from fingerfit.errors import InputError
 from fingerfit.material.holzapfel import Holzapfel
 from fingerfit.material.prony import Prony
 from fingerfit.material.yeoh import Yeoh
+from fingerfit.mesh_io import format_mesh
+from fingerfit.meshing import brick
 
 SQUARE = """*NODE
 1, 0., 0.
@@ -255,6 +258,36 @@ def test_initial_stress_is_released(run):
     held = "*BOUNDARY\n1, 1, 2\n4, 1\n2, 1\n3, 1\n"
     _, steps = run(SQUARE + ELASTIC + initial + held + still)
     assert steps[0].internal[[1, 2], 0].sum() == pytest.approx(0.2 * 0.5, rel=0.02)
+
+
+@pytest.mark.parametrize("element", ["C3D8", "C3D8H", "C3D20R"])
+def test_initial_stress_of_ogdens_material(run, element):
+    """Free, a cube takes on the stretches at which the material's stress balances it; held, it pulls and shears."""
+    mu, alpha, d = np.array([0.02, 0.012]), np.array([1.4, -2.0]), 0.5
+    mesh = brick((1.0, 1.0, 1.0), (1, 1, 1), element=element)
+    material = f"*HYPERELASTIC, OGDEN, N=2\n{mu[0]}, {alpha[0]}, {mu[1]}, {alpha[1]}, {d}, 0.\n"
+    deck = format_mesh(mesh) + "*SOLID SECTION, ELSET=BODY, MATERIAL=M\n*MATERIAL, NAME=M\n" + material
+    initial = "*INITIAL CONDITIONS, TYPE=STRESS\nBODY, {}\n"
+    still = "*STEP, NLGEOM\n*STATIC\n*END STEP\n"
+    free = "*BOUNDARY\nX0, 1\nY0, 2\nBOTTOM, 3\n"
+    pulled = np.array([0.02, -0.004, 0.0])
+    _, steps = run(deck + initial.format("0.02, -0.004") + free + still)
+
+    def unbalanced(stretch):
+        """Principal Kirchhoff stresses in MPa with those of the initial stress, which is a second Piola-Kirchhoff's."""
+        volume = stretch.prod()
+        power = stretch[:, None] ** alpha * volume ** (-alpha / 3)
+        own = (2 * mu / alpha * (power - power.mean(axis=0))).sum(axis=1) + 2 / d * (volume - 1) * volume
+        return own + pulled * stretch**2
+
+    stretch = fsolve(unbalanced, np.ones(3), xtol=1e-12)
+    assert abs(stretch[0] - 1) > 0.1
+    corner = (mesh.points == 1).all(axis=1)
+    assert last(steps)[corner][0] == pytest.approx(stretch - 1, abs=1e-7)
+    everywhere = f"*NSET, NSET=EVERY, GENERATE\n1, {len(mesh.points)}\n*BOUNDARY\nEVERY, 1, 3\n"
+    _, steps = run(deck + everywhere + initial.format("0.02, -0.004, 0., 0.003, 0.001, -0.002") + still)
+    right = steps[0].internal[mesh.points[:, 0] == 1].sum(axis=0)
+    assert right == pytest.approx([0.02, 0.003, 0.001], abs=1e-12)
 
 
 @pytest.mark.parametrize("nlgeom", [", NLGEOM", ""], ids=["finite", "small"])
