@@ -252,7 +252,7 @@ def test_hertz(run, control):
 def test_radius_of_hertz_contact(run, control):
     """On a finer mesh: a^3 = 3 F R (1 - nu^2) / (4 E), found from where the pressure is, at its nodes."""
     radius, young, nu, force = 10.0, 100.0, 0.3, 1.31
-    mesh = hertz_mesh(40.0, 24, "CAX4")
+    mesh = hertz_mesh(40.0, 32, "CAX4")
     _, steps = run(
         mesh,
         y=radius,
