@@ -274,6 +274,27 @@ def test_radius_of_hertz_contact(run, control):
     assert found == pytest.approx((3 * pushed * radius * (1 - nu**2) / (4 * young)) ** (1 / 3), rel=0.025)
 
 
+@pytest.mark.parametrize("stiffness", [1e3, 1e5])
+def test_a_fine_mesh_is_pushed_by_a_force(run, stiffness):
+    """From rest: one Gauss point near the axis, of hardly any area, gives way by much more than there is to go."""
+    radius, force = 10.0, 1.31
+    mesh = hertz_mesh(20.0, 24, "CAX4")
+    _, steps = run(
+        mesh,
+        y=radius,
+        slave=upper_faces(mesh),
+        profile=f"START, 0., 0.\nCIRCL, {radius}, {radius}, 0., {radius}",
+        pair="SURFACE TO SURFACE",
+        stiffness=stiffness,
+        material="*ELASTIC\n100., 0.3",
+        held="BOTTOM, 1, 2\n9000, 1",
+        steps=step(f"*CLOAD\n9000, 2, {-force}"),
+    )
+    assert steps[-1].internal[:-1][mesh.points[:, 1] == mesh.points[:, 1].min(), 1].sum() == pytest.approx(force)
+    hertz = (force * 0.91 / (4 / 3 * 100 * radius**0.5)) ** (2 / 3)
+    assert -steps[-1].displacement[-1, 1] == pytest.approx(hertz, rel=0.06)
+
+
 def hertz_block(size, cells, element, layers):
     """A quarter of a block below z = 0, graded to the contact at the origin; with one layer along y, a slice."""
     mesh = brick((1.0, 1.0, 1.0), (cells, layers, cells), element=element)
