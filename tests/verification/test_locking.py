@@ -13,8 +13,9 @@ MATERIAL = NeoHooke(0.4, (2 / 400.0,))  # nu = 0.499
 IN_PLANE_STRESS, INCOMPRESSIBLE = 23.96, 16.442
 """mm, of the middle of the right side of Cook's membrane at small strain under 1 N in all, thickness 1 mm.
 
-The first for E = 1, nu = 1/3 in plane stress (Simo and Rifai, Int. J. Numer. Methods Eng. 29, 1990), the second for
-mu = 0.375, lambda = 7.5e6 in plane strain (Di Pietro and Nicaise, Appl. Numer. Math. 63, 2013).
+The first for E = 1, nu = 1/3 in plane stress (Cook, Malkus and Plesha, Concepts and Applications of Finite Element
+Analysis, 3rd ed., section 6.13), the second for E = 1.12499998125, nu = 0.499999975 in plane strain, the usual case of
+papers on methods without locking (given so in the examples of SimpleFiniteElements.jl, Example2).
 """
 
 
