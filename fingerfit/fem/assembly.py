@@ -347,12 +347,12 @@ class Body:
         return stiffness
 
     def _foretell(self, volume: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
-        """Pressure that the last tangent foretold less the one that is there, shape (elements, points), MPa."""
+        """Pressure foretold less the one that is there, (elements, points), MPa; None without a volume above 0."""
         local = self._states[0][0][self.dofs]
         lead, self._lead = self._lead, Lead(local, volume, slope)
-        if lead is None:
+        if lead is None or not (foretold := lead.at(local)).min() > 0:
             return None
-        pressure = self.material.volumetric(lead.at(local))[1] - self.material.volumetric(volume)[1]
+        pressure = self.material.volumetric(foretold)[1] - self.material.volumetric(volume)[1]
         return self._project(pressure).reshape(self.weight.shape)
 
     def _tangent(

@@ -212,8 +212,10 @@ class Newton:
                 held[:] = False
                 residual = self._residual(internal, load, held)
                 error = np.abs(residual).max() / scale
-            first = first or error
-            if system.slides and iteration > _PATIENCE and error > 0.1 * first:
+            # in N: of a surface that was pushed in too deep, the largest force falls with the residual
+            left = error * scale
+            first = first or left
+            if system.slides and iteration > _PATIENCE and left > 0.1 * first:
                 return None, iteration
             if error < TOLERANCE:
                 return State(q, u, internal), iteration

@@ -9,8 +9,27 @@ from fingerfit.fem.elements import ELEMENTS, rule
 from fingerfit.fem.newton import Load, Newton
 from fingerfit.fem.system import System
 from fingerfit.fem.volume import AveragedVolume
+from fingerfit.material.elastic import Elastic
+from fingerfit.material.holzapfel import Holzapfel
+from fingerfit.material.mooney_rivlin import MooneyRivlin
+from fingerfit.material.neo_hooke import NeoHooke
+from fingerfit.material.ogden import Ogden
+from fingerfit.material.prony import Prony
 from fingerfit.material.spread import spread
+from fingerfit.material.yeoh import Yeoh
 from fingerfit.solvers.analysis import run_steps
+
+AXIS = (0.6, 0.48, 0.64)
+MATERIALS = {
+    "ogden3": Ogden((0.02, 0.01, -0.005), (1.4, -2.0, 3.0), (0.8, 5.0, 2.0)),
+    "neo_hooke": NeoHooke(0.02, (0.8,)),
+    "mooney_rivlin": MooneyRivlin(0.02, 0.008, (0.8,)),
+    "yeoh": Yeoh((0.02, 0.004, 0.001), (0.8, 5.0, 3.0)),
+    "elastic": Elastic(0.1, 0.3),
+    "hencky": Elastic(0.1, 0.3, Prony((0.0,), (1.0,))),
+    "holzapfel": Holzapfel(0.02, 0.8, 0.05, 0.9, 0.1, (AXIS,)),
+    "dispersed": Holzapfel(0.02, 0.8, 0.05, 0.9, 1 / 3, (AXIS,)),
+}
 
 
 def parts_of(element, points, nodes, material, thickness=1.0):

@@ -1,4 +1,8 @@
-"""Genuine ABAQUS results: every results file is read, and every deck whose elements are known is solved alike."""
+"""Genuine ABAQUS results: every results file is read, and every deck whose elements are known is solved alike.
+
+Most decks are of one element at small strain. With one CPE3H there is nothing to average at the nodes: that it agrees
+says nothing of more of them, where ABAQUS's hybrid is another element.
+"""
 
 import os
 import shutil

@@ -43,6 +43,7 @@ DECKS = [
     "beamnlptp",
     "beamp",
     "beamp1rotate",
+    "beamp2rotate",
     "beamp2stage",
     "beampdepmpc",
     "beampic",

@@ -189,23 +189,39 @@ def test_patch_of_contact_in_space(run, element, pair):
     assert np.ptp(u[mesh.points[:, 0] == 2, 0]) < 1e-9
 
 
-def hertz_mesh(radius, size, cells):
-    """Half of a block in axisymmetry, graded to the contact."""
-    mesh = layered_block(1.0, [("a", 1.0)], cells, cells, "CAX8")
+def out(share, size, power=None):
+    """Places from 0 to `size`, closer to each other near 0: by a power, or evenly at first."""
+    return size * (share**power if power else np.sinh(6 * share) / np.sinh(6))
+
+
+def hertz_mesh(size, cells, element, power=None):
+    """Half of a block below y = 0 in the plane or in axisymmetry, graded to the contact at the origin."""
+    mesh = layered_block(1.0, [("a", 1.0)], cells, cells, element)
     x, y = mesh.points.T
-    points = np.column_stack([size * x**2.5, -size * (1 - y) ** 2.5])
-    # mid-side nodes in the middle of their sides
+    points = np.column_stack([out(x, size, power), -out(1 - y, size, power)])
     for nodes in mesh.blocks[0].nodes:
-        for k in range(4):
+        # mid-side nodes in the middle of their sides
+        for k in range(len(nodes) - 4):
             points[nodes[4 + k]] = points[nodes[[k, (k + 1) % 4]]].mean(axis=0)
     return Mesh(points, mesh.blocks, mesh.node_sets, mesh.element_sets)
+
+
+def spread_of_pressure(away, depth, around):
+    """Mean squared distance of the pressure from the middle, mm^2, by trapezoids over nodes on a line or radius.
+
+    Hertz's pressure p0 sqrt(1 - x^2 / b^2) on a strip has b^2 / 4, on a disc (`around`) 2 b^2 / 5: so b is found
+    much finer than the nodes lie.
+    """
+    order = np.argsort(away)
+    x, pressure = away[order], np.maximum(depth[order], 0.0) * (away[order] if around else 1.0)
+    return np.trapezoid(pressure * x**2, x) / np.trapezoid(pressure, x)
 
 
 @pytest.mark.parametrize("control", ["displacement", "force"])
 def test_hertz(run, control):
     """Rigid sphere on an elastic half space: F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5; the block is finite."""
     radius, depth, young, nu = 10.0, 0.02, 100.0, 0.3
-    mesh = hertz_mesh(radius, 20.0, 14)
+    mesh = hertz_mesh(20.0, 14, "CAX8", power=2.5)
     top = np.flatnonzero(np.abs(mesh.points[:, 1]) < 1e-12)
     force = 4 / 3 * young / (1 - nu**2) * radius**0.5 * depth**1.5
     load = "*BOUNDARY\n9000, 2, 2, -0.02" if control == "displacement" else f"*CLOAD\n9000, 2, {-force}"
@@ -230,6 +246,156 @@ def test_hertz(run, control):
     x = mesh.points[top] + last.displacement[top]
     inside = np.hypot(x[:, 0], x[:, 1] - radius + moved) < radius + 1e-6
     assert mesh.points[top][inside, 0].max() == pytest.approx(np.sqrt(radius * depth), rel=0.25)
+
+
+@pytest.mark.parametrize("control", ["displacement", "force"])
+def test_radius_of_hertz_contact(run, control):
+    """On a finer mesh: a^3 = 3 F R (1 - nu^2) / (4 E), found from where the pressure is, at its nodes."""
+    radius, young, nu, force = 10.0, 100.0, 0.3, 1.31
+    mesh = hertz_mesh(40.0, 32, "CAX4")
+    _, steps = run(
+        mesh,
+        y=radius,
+        slave=upper_faces(mesh),
+        profile=f"START, 0., 0.\nCIRCL, {radius}, {radius}, 0., {radius}",
+        stiffness=1e5,
+        material=f"*ELASTIC\n{young}, {nu}",
+        held="BOTTOM, 1, 2\n9000, 1" + ("\n9000, 2" if control == "displacement" else ""),
+        steps=step("*BOUNDARY\n9000, 2, 2, -0.02" if control == "displacement" else f"*CLOAD\n9000, 2, {-force}"),
+    )
+    last = steps[-1]
+    moved = -last.displacement[-1, 1]
+    pushed = -last.internal[-1, 1] if control == "displacement" else force
+    assert pushed == pytest.approx(4 / 3 * young / (1 - nu**2) * radius**0.5 * moved**1.5, rel=0.03)
+    top = mesh.points[:, 1] == 0
+    x = mesh.points[top] + last.displacement[:-1][top]
+    inside = radius - np.hypot(x[:, 0], x[:, 1] - radius + moved)
+    found = np.sqrt(5 / 2 * spread_of_pressure(x[:, 0], inside, True))
+    assert found == pytest.approx((3 * pushed * radius * (1 - nu**2) / (4 * young)) ** (1 / 3), rel=0.025)
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e5])
+def test_a_fine_mesh_is_pushed_by_a_force(run, stiffness):
+    """From rest: one Gauss point near the axis, of hardly any area, gives way by much more than there is to go."""
+    radius, force = 10.0, 1.31
+    mesh = hertz_mesh(20.0, 24, "CAX4")
+    _, steps = run(
+        mesh,
+        y=radius,
+        slave=upper_faces(mesh),
+        profile=f"START, 0., 0.\nCIRCL, {radius}, {radius}, 0., {radius}",
+        pair="SURFACE TO SURFACE",
+        stiffness=stiffness,
+        material="*ELASTIC\n100., 0.3",
+        held="BOTTOM, 1, 2\n9000, 1",
+        steps=step(f"*CLOAD\n9000, 2, {-force}"),
+    )
+    assert steps[-1].internal[:-1][mesh.points[:, 1] == mesh.points[:, 1].min(), 1].sum() == pytest.approx(force)
+    hertz = (force * 0.91 / (4 / 3 * 100 * radius**0.5)) ** (2 / 3)
+    assert -steps[-1].displacement[-1, 1] == pytest.approx(hertz, rel=0.06)
+
+
+def hertz_block(size, cells, element, layers):
+    """A quarter of a block below z = 0, graded to the contact at the origin; with one layer along y, a slice."""
+    mesh = brick((1.0, 1.0, 1.0), (cells, layers, cells), element=element)
+    x, y, z = mesh.points.T
+    along = y if layers == 1 else out(y, size)
+    sets = {**mesh.node_sets, "EVERY": np.arange(len(mesh.points))}
+    return Mesh(np.column_stack([out(x, size), along, -out(1 - z, size)]), mesh.blocks, sets, mesh.element_sets)
+
+
+@pytest.mark.parametrize("element, cells, pair", [("C3D8", 14, "NODE"), ("C3D20R", 8, "SURFACE")])
+def test_hertz_in_space(run, element, cells, pair):
+    """A quarter of a rigid sphere on a block: force, and with nodes in contact the radius and the largest pressure.
+
+    Found: force 1.05 and 0.99 of Hertz's, radius 1.04, pressure 1.01.
+    """
+    radius, depth, young, nu, stiffness = 10.0, 0.08, 100.0, 0.3, 1e5
+    mesh = hertz_block(40.0, cells, element, cells)
+    _, steps = run(
+        mesh,
+        z=f", {radius}",
+        kind="REVOLUTION",
+        profile=f"0., 0., {radius}, 0., 0., {radius + 1}\nSTART, 0., {-radius}\nCIRCL, {radius}, 0., 0., 0.",
+        slave=upper_faces(mesh),
+        pair=f"{pair} TO SURFACE",
+        stiffness=stiffness,
+        material=f"*ELASTIC\n{young}, {nu}",
+        held="BOTTOM, 1, 3\nX0, 1\nY0, 2\n9000, 1, 2",
+        steps=step("*BOUNDARY", f"9000, 3, 3, {-depth}", increment="1., 1."),
+    )
+    last = steps[-1]
+    force = -4 * last.internal[-1, 2]
+    hertz = 4 / 3 * young / (1 - nu**2) * radius**0.5 * depth**1.5
+    assert force == pytest.approx(hertz, rel=0.02 if element == "C3D20R" else 0.06)
+    if pair == "SURFACE":
+        # at nodes between Gauss points the overclosure goes up and down
+        return
+    wide = (3 * force * radius * (1 - nu**2) / (4 * young)) ** (1 / 3)
+    for axis in (0, 1):
+        line = (mesh.points[:, 2] == 0) & (mesh.points[:, 1 - axis] == 0)
+        x = mesh.points[line] + last.displacement[:-1][line]
+        inside = radius - np.linalg.norm(x - [0, 0, radius - depth], axis=1)
+        assert np.sqrt(5 / 2 * spread_of_pressure(x[:, axis], inside, True)) == pytest.approx(wide, rel=0.06)
+        assert stiffness * inside[0] == pytest.approx(1.5 * force / (np.pi * wide**2), rel=0.025)
+
+
+CYLINDER = "0., 0., {r}, 1., 0., {r}\n0., -1., {r}\n"
+"""Of TYPE=CYLINDER: its origin, a point on its local x axis, one on its local z axis, along it."""
+
+
+def test_hertz_of_a_long_cylinder(run):
+    """Half width b = sqrt(4 F R (1 - nu^2) / (pi E)) and pressure 2 F / (pi b) in the middle, F the force per length."""
+    radius, young, nu, stiffness = 10.0, 100.0, 0.3, 1e5
+    mesh = hertz_block(20.0, 24, "C3D8", 1)
+    common = {"slave": upper_faces(mesh), "stiffness": stiffness, "material": f"*ELASTIC\n{young}, {nu}"}
+    _, steps = run(
+        mesh,
+        z=f", {radius}",
+        kind="CYLINDER",
+        profile=CYLINDER.format(r=radius) + f"START, 0., {-radius}\nCIRCL, {radius}, 0., 0., 0.",
+        held="BOTTOM, 1, 3\nX0, 1\nEVERY, 2\n9000, 1, 2",
+        steps=step("*BOUNDARY", "9000, 3, 3, -0.08"),
+        **common,
+    )
+    last = steps[-1]
+    force = -2 * last.internal[-1, 2]
+    wide = np.sqrt(4 * force * radius * (1 - nu**2) / (np.pi * young))
+    line = (mesh.points[:, 2] == 0) & (mesh.points[:, 1] == 0)
+    x = mesh.points[line] + last.displacement[:-1][line]
+    inside = radius - np.hypot(x[:, 0], x[:, 2] - radius + 0.08)
+    assert 2 * np.sqrt(spread_of_pressure(x[:, 0], inside, False)) == pytest.approx(wide, rel=0.02)
+    assert stiffness * inside[0] == pytest.approx(2 * force / (np.pi * wide), rel=0.02)
+    # and the same as a circle in the plane
+    flat = hertz_mesh(20.0, 24, "CPE4")
+    _, plane = run(
+        flat,
+        y=radius,
+        profile=f"START, 0., 0.\nCIRCL, {radius}, {radius}, 0., {radius}",
+        held="BOTTOM, 1, 2\n" + "".join(f"{n + 1}, 1\n" for n in np.flatnonzero(flat.points[:, 0] == 0)) + "9000, 1",
+        steps=step("*BOUNDARY", "9000, 2, 2, -0.08"),
+        **{**common, "slave": upper_faces(flat)},
+    )
+    assert last.internal[-1, 2] == pytest.approx(plane[-1].internal[-1, 1], rel=1e-6)
+
+
+def test_a_line_along_a_cylinder_is_a_plane(run):
+    """TYPE=CYLINDER with a LINE, inclined by its axes: pressed on flat, the pressure is uniform."""
+    mesh = brick((2.0, 1.5, 1.0), (2, 2, 1))
+    _, steps = run(
+        mesh,
+        z=", 1.",
+        slave=upper_faces(mesh),
+        kind="CYLINDER",
+        # local x along (3, 4, 0) / 5, local z across it in the plane: the profile is a line along local x
+        profile="1., 1., 1., 1.6, 1.8, 1.\n1.8, 0.4, 1.\nSTART, -9., 0.\nLINE, 9., 0.",
+        held="BOTTOM, 3\nX0, 1\nY0, 2\n9000, 1, 2",
+        steps=step("*BOUNDARY", "9000, 3, 3, -0.1"),
+    )
+    u = steps[-1].displacement[:-1]
+    top = mesh.points[:, 2] == 1
+    assert np.ptp(u[top, 2]) < 1e-9
+    assert -steps[-1].internal[-1, 2] == pytest.approx(1000 * 3.0 * (0.1 + u[top, 2].mean()), rel=1e-6)
 
 
 @pytest.mark.parametrize("pull, slips", [(0.59, False), (0.61, True)], ids=["sticks", "slips"])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import fsolve
 from solving import solve_deck
 
 from fingerfit.cli import main
@@ -11,6 +12,8 @@ from fingerfit.errors import InputError
 from fingerfit.material.holzapfel import Holzapfel
 from fingerfit.material.prony import Prony
 from fingerfit.material.yeoh import Yeoh
+from fingerfit.mesh_io import format_mesh
+from fingerfit.meshing import brick
 
 SQUARE = """*NODE
 1, 0., 0.
@@ -169,6 +172,52 @@ def test_an_amplitude_of_a_pressure(run):
     assert [step.displacement[2, 0] for step in steps] == pytest.approx([0.2 / 10 * 2] * 2)
 
 
+def test_an_amplitude_of_a_force(run):
+    """A quarter of one force at the end of the step and the whole of the other; without it, both go on from there."""
+    amplitude = "*AMPLITUDE, NAME=UP\n0., 0., 0.5, 1., 1., 0.25\n"
+    load = "*STEP\n*STATIC\n*CLOAD, AMPLITUDE=UP\n2, 1, 0.1\n3, 1, 0.1\n*CLOAD\n2, 2, 0.01\n3, 2, 0.01\n*END STEP\n"
+    still = "*STEP\n*STATIC\n*END STEP\n"
+    _, steps = run(amplitude + SQUARE + ELASTIC + HELD + load + still)
+    _, plain = run(SQUARE + ELASTIC + HELD + load.replace(", AMPLITUDE=UP", "").replace("0.1\n", "0.025\n"))
+    for found in steps:
+        assert found.displacement == pytest.approx(plain[0].displacement, abs=1e-12)
+    _, whole = run(SQUARE + ELASTIC + HELD + load.replace(", AMPLITUDE=UP", ""))
+    assert whole[0].displacement[1, 0] - plain[0].displacement[1, 0] == pytest.approx(0.75 * 0.08)
+
+
+def test_a_keyword_goes_on_in_the_next_line(run, tmp_path):
+    """After a comma, over any number of lines, comments and empty lines between."""
+    long = SQUARE.replace("*ELEMENT, TYPE=CPS4, ELSET=E", '*ELEMENT,\n  TYPE=CPS4,\n** a comment\n\n  ELSET="E"')
+    long = (long + ELASTIC).replace("*SOLID SECTION, ELSET=E,", "*SOLID SECTION, ELSET=E,\n")
+    assert last(run(long + HELD + PULL)[1])[2, 0] == pytest.approx(0.08)
+    path = tmp_path / "wrong.inp"
+    path.write_text(SQUARE + "*MATERIAL,\n NAME=M\n*ELASTIC,\n  TYPE=ISO,\n KIND=ODD\n1., 0.3\n")
+    # where the keyword begins
+    with pytest.raises(InputError, match=r"line 10, \*ELASTIC: found KIND"):
+        read_deck(path)
+
+
+def test_includes_within_includes(run, tmp_path):
+    """Each is sought from the file that names it, and an error names the file that it is in."""
+    inner = tmp_path / "parts" / "more"
+    inner.mkdir(parents=True)
+    nodes, elements = SQUARE.split("*ELEMENT")
+    (tmp_path / "parts" / "mesh.inp").write_text("*INCLUDE, INPUT=more/nodes.inp\n*ELEMENT" + elements)
+    (inner / "nodes.inp").write_text(nodes)
+    (inner / "held.inp").write_text(HELD)
+    deck = "*INCLUDE, INPUT=parts/mesh.inp\n" + ELASTIC + '*INCLUDE, INPUT="parts/more/held.inp"\n' + PULL
+    assert last(run(deck)[1])[2] == pytest.approx([0.08, -0.01])
+    (inner / "nodes.inp").write_text(nodes + "*WHATEVER\n")
+    with pytest.raises(InputError, match=r"nodes.inp.*line 6, \*WHATEVER"):
+        run(deck)
+    (inner / "nodes.inp").write_text("*INCLUDE, INPUT=../mesh.inp\n")
+    with pytest.raises(InputError, match="includes less than 8 deep"):
+        run(deck)
+    (inner / "nodes.inp").unlink()
+    with pytest.raises(InputError, match=r"nodes.inp.*a readable text file"):
+        run(deck)
+
+
 def test_a_sheet_pulled_by_pressures_only_comes_to_rest(run):
     """All forces balance in each node: residuals are measured by the parts' own forces."""
     surfaces = "*SURFACE, NAME=ENDS\nE, S2\nE, S4\n"
@@ -255,6 +304,36 @@ def test_initial_stress_is_released(run):
     held = "*BOUNDARY\n1, 1, 2\n4, 1\n2, 1\n3, 1\n"
     _, steps = run(SQUARE + ELASTIC + initial + held + still)
     assert steps[0].internal[[1, 2], 0].sum() == pytest.approx(0.2 * 0.5, rel=0.02)
+
+
+@pytest.mark.parametrize("element", ["C3D8", "C3D8H", "C3D20R"])
+def test_initial_stress_of_ogdens_material(run, element):
+    """Free, a cube takes on the stretches at which the material's stress balances it; held, it pulls and shears."""
+    mu, alpha, d = np.array([0.02, 0.012]), np.array([1.4, -2.0]), 0.5
+    mesh = brick((1.0, 1.0, 1.0), (1, 1, 1), element=element)
+    material = f"*HYPERELASTIC, OGDEN, N=2\n{mu[0]}, {alpha[0]}, {mu[1]}, {alpha[1]}, {d}, 0.\n"
+    deck = format_mesh(mesh) + "*SOLID SECTION, ELSET=BODY, MATERIAL=M\n*MATERIAL, NAME=M\n" + material
+    initial = "*INITIAL CONDITIONS, TYPE=STRESS\nBODY, {}\n"
+    still = "*STEP, NLGEOM\n*STATIC\n*END STEP\n"
+    free = "*BOUNDARY\nX0, 1\nY0, 2\nBOTTOM, 3\n"
+    pulled = np.array([0.02, -0.004, 0.0])
+    _, steps = run(deck + initial.format("0.02, -0.004") + free + still)
+
+    def unbalanced(stretch):
+        """Principal Kirchhoff stresses in MPa with those of the initial stress, which is a second Piola-Kirchhoff's."""
+        volume = stretch.prod()
+        power = stretch[:, None] ** alpha * volume ** (-alpha / 3)
+        own = (2 * mu / alpha * (power - power.mean(axis=0))).sum(axis=1) + 2 / d * (volume - 1) * volume
+        return own + pulled * stretch**2
+
+    stretch = fsolve(unbalanced, np.ones(3), xtol=1e-12)
+    assert abs(stretch[0] - 1) > 0.1
+    corner = (mesh.points == 1).all(axis=1)
+    assert last(steps)[corner][0] == pytest.approx(stretch - 1, abs=1e-7)
+    everywhere = f"*NSET, NSET=EVERY, GENERATE\n1, {len(mesh.points)}\n*BOUNDARY\nEVERY, 1, 3\n"
+    _, steps = run(deck + everywhere + initial.format("0.02, -0.004, 0., 0.003, 0.001, -0.002") + still)
+    right = steps[0].internal[mesh.points[:, 0] == 1].sum(axis=0)
+    assert right == pytest.approx([0.02, 0.003, 0.001], abs=1e-12)
 
 
 @pytest.mark.parametrize("nlgeom", [", NLGEOM", ""], ids=["finite", "small"])

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import types
 
 import numpy as np
 import pytest
@@ -54,6 +55,77 @@ def test_superlu_alone_agrees(rng, monkeypatch):
     monkeypatch.setattr(factor._Pardiso, "load", classmethod(lambda cls, symmetric: None))
     assert LinearSolver(positions, True).solve(matrix, right) == pytest.approx(first, abs=1e-10)
     assert LinearSolver(None, True).solve(matrix, right) == pytest.approx(first, abs=1e-10)
+
+
+@pytest.fixture
+def taken(monkeypatch):
+    """Which ways of factorising are gone, in order."""
+    found = []
+
+    def watch(owner, name, what):
+        plain = getattr(owner, name)
+
+        def watched(*values, **named):
+            found.append(what)
+            return plain(*values, **named)
+
+        monkeypatch.setattr(owner, name, watched)
+
+    watch(factor._Pardiso, "factor", "pardiso")
+    watch(factor, "_superlu", "superlu")
+    watch(factor, "dissect", "dissection")
+    return found
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_pardiso_is_taken_where_it_is_installed(rng, taken, symmetric):
+    if factor._Pardiso.load(symmetric) is None:
+        pytest.skip("pypardiso is not installed: pip install fingerfit[fast]")
+    for n, expected in ((5, ["superlu"]), (11, ["pardiso"])):
+        matrix, positions = cube(n)
+        assert (matrix.shape[0] >= factor.LARGE) == (n == 11)
+        right = rng.normal(size=matrix.shape[0])
+        assert matrix @ LinearSolver(positions, symmetric).solve(matrix, right) == pytest.approx(right, abs=1e-10)
+        assert taken == expected
+        taken.clear()
+
+
+@pytest.mark.parametrize("missing", ["package", "library"])
+def test_superlu_is_taken_where_pardiso_is_missing(rng, taken, monkeypatch, missing):
+    """With nested dissection in space, with minimum degree in the plane and for small systems."""
+    if missing == "package":
+        monkeypatch.setitem(sys.modules, "pypardiso", None)
+    else:
+
+        class Broken(types.ModuleType):
+            def PyPardisoSolver(self, mtype):
+                raise OSError("libmkl_rt.so.2: cannot open shared object file")
+
+        monkeypatch.setitem(sys.modules, "pypardiso", Broken("pypardiso"))
+    large, positions = cube(11)
+    small, _ = cube(5)
+    cases = [(large, positions, ["dissection", "superlu"]), (large, positions[:, :2], ["superlu"])]
+    for matrix, where, expected in [
+        *cases,
+        (large, None, ["superlu"]),
+        (small, positions[: small.shape[0]], ["superlu"]),
+    ]:
+        right = rng.normal(size=matrix.shape[0])
+        assert matrix @ LinearSolver(where, True).solve(matrix, right) == pytest.approx(right, abs=1e-10)
+        assert taken == expected
+        taken.clear()
+
+
+def test_pardiso_is_not_even_loaded_for_small_systems(monkeypatch):
+    asked = []
+    monkeypatch.setattr(factor._Pardiso, "load", classmethod(lambda cls, symmetric: asked.append(symmetric)))
+    for n, expected in ((5, []), (11, [False])):
+        matrix, positions = cube(n)
+        solver = LinearSolver(positions, False)
+        for scale in (1.0, 3.0):
+            assert solver.solve(scale * matrix, np.ones(matrix.shape[0])) is not None
+        # once, though two systems were solved
+        assert asked == expected
 
 
 @pytest.mark.parametrize("n", [5, 11], ids=["small", "large"])

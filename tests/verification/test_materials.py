@@ -2,34 +2,23 @@
 
 import numpy as np
 import pytest
+from solving import AXIS, MATERIALS
 
 from fingerfit.fem.assembly import Body
 from fingerfit.material.elastic import Elastic
 from fingerfit.material.holzapfel import Holzapfel
-from fingerfit.material.mooney_rivlin import MooneyRivlin
 from fingerfit.material.neo_hooke import NeoHooke
 from fingerfit.material.ogden import Ogden
 from fingerfit.material.prony import Prony
 from fingerfit.material.spread import spread, structure_of
 from fingerfit.material.yeoh import Yeoh
 
-AXIS = (0.6, 0.48, 0.64)
-MATERIALS = {
-    "ogden3": Ogden((0.02, 0.01, -0.005), (1.4, -2.0, 3.0), (0.8, 5.0, 2.0)),
-    "neo_hooke": NeoHooke(0.02, (0.8,)),
-    "mooney_rivlin": MooneyRivlin(0.02, 0.008, (0.8,)),
-    "yeoh": Yeoh((0.02, 0.004, 0.001), (0.8, 5.0, 3.0)),
-    "elastic": Elastic(0.1, 0.3),
-    "hencky": Elastic(0.1, 0.3, Prony((0.0,), (1.0,))),
-    "holzapfel": Holzapfel(0.02, 0.8, 0.05, 0.9, 0.1, (AXIS,)),
-}
 STRETCHES = {
     "distinct": [0.8, 1.1, 1.3],
     "double": [0.9, 0.9, 1.25],
     "triple": [1.05, 1.05, 1.05],
     "none": [1.0, 1.0, 1.0],
 }
-ISOTROPIC = [name for name in MATERIALS if name != "holzapfel"]
 
 
 @pytest.mark.parametrize("stretches", STRETCHES)
@@ -60,7 +49,7 @@ def stress(material, gradient):
 
 @pytest.mark.parametrize("stretches", STRETCHES)
 @pytest.mark.parametrize("relaxing", [False, True], ids=["elastic", "relaxing"])
-@pytest.mark.parametrize("name", [*ISOTROPIC, "holzapfel"])
+@pytest.mark.parametrize("name", MATERIALS)
 def test_an_element_is_consistent_at_close_stretches(name, stretches, relaxing, rng):
     """Forces are the derivative of the energy and stiffness that of the forces, rotated, with history and fibres."""
     material, h = MATERIALS[name], 1e-6
@@ -81,13 +70,42 @@ def test_an_element_is_consistent_at_close_stretches(name, stretches, relaxing, 
     for dof in range(0, 24, 3):
         step = np.eye(24)[dof] * h
         slope = (body.energy(u + step) - body.energy(u - step)) / (2 * h)
-        # undistorted fibres are at the kink where they begin to pull: the tangent there is one-sided
+        # undistorted fibres are at the kink where they begin to pull: the tangent there is one-sided, see below
         kink = name == "holzapfel" and stretches in ("triple", "none")
         assert force[0][list(order).index(dof)] == pytest.approx(slope, abs=1e-7 if kink else 1e-9)
         if kink:
             continue
         change = (body.forces(u + step)[0] - body.forces(u - step)[0])[0] / (2 * h)
         assert stiffness[0][:, list(order).index(dof)] == pytest.approx(change, abs=1e-7)
+
+
+@pytest.mark.parametrize("stretches", ["triple", "none"])
+@pytest.mark.parametrize("axis", [AXIS, (1.0, 0.0, 0.0), (0.0, 0.8, -0.6)])
+def test_the_tangent_where_fibres_begin_to_pull_is_one_of_two(axis, stretches):
+    """Unstretched fibres have one tangent towards longer ones and one, the matrix's, towards shorter ones.
+
+    The element, which has one point, takes one of them as a whole: which one is a matter of the last digit.
+    """
+    corners, h = np.vstack([np.zeros(3), np.eye(3)]), 1e-7
+    made = [
+        Body(
+            "C3D4", corners, np.arange(4)[None], spread([Holzapfel(0.02, 0.8, k1, 0.9, 0.1, (axis,))], [1]), np.ones(1)
+        )
+        for k1 in (0.05, 0.0)
+    ]
+    u = ((np.array(STRETCHES[stretches]) - 1) * corners).ravel()
+    (force, found), (_, matrix) = (body.forces(u) for body in made)
+    found, matrix = found[0], matrix[0]
+    pulling = np.zeros((12, 12))
+    for dof, step in enumerate(np.eye(12) * h):
+        sides = np.stack([(made[0].forces(u + way * step)[0] - force)[0] / (way * h) for way in (1, -1)], axis=1)
+        # one of both is the matrix's, also where the fibre does not care
+        away = np.abs(sides - matrix[:, [dof]]).max(axis=0)
+        assert away.min() < 1e-7
+        pulling[:, dof] = sides[:, away.argmax()]
+    assert np.abs(pulling - matrix).max() > 1e-3
+    assert pulling == pytest.approx(pulling.T, abs=2e-7)
+    assert min(np.abs(found - matrix).max(), np.abs(found - pulling).max()) < 1e-7
 
 
 def uniaxial(stretch):
@@ -98,18 +116,26 @@ def biaxial(stretch):
     return np.diag([stretch, stretch, stretch**-2])
 
 
-def difference(first_piola, gradient):
-    """Cauchy stress along x less that along z: free of the pressure."""
+def planar(stretch):
+    return np.diag([stretch, 1.0, 1 / stretch])
+
+
+def difference(first_piola, gradient, axis=0):
+    """Cauchy stress along x (or another axis) less that along z: free of the pressure."""
     cauchy = first_piola @ gradient.T / np.linalg.det(gradient)
-    return cauchy[0, 0] - cauchy[2, 2]
+    return cauchy[axis, axis] - cauchy[2, 2]
 
 
-@pytest.mark.parametrize("deformation", [uniaxial, biaxial])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("deformation", [uniaxial, biaxial, planar])
 @pytest.mark.parametrize("stretch", [0.7, 1.6])
-def test_closed_forms_of_isochoric_tension(deformation, stretch):
-    """Cauchy stress differences of incompressible solids (Holzapfel, Nonlinear Solid Mechanics, section 6.5)."""
+def test_closed_forms_of_isochoric_tension(deformation, stretch, axis):
+    """Cauchy stress differences of incompressible solids (Holzapfel, Nonlinear Solid Mechanics, section 6.5).
+
+    Uniaxial, biaxial and planar: Treloar's three tests.
+    """
     gradient = deformation(stretch)
-    a, c = gradient[0, 0], gradient[2, 2]
+    a, c = gradient[axis, axis], gradient[2, 2]
     i1 = (gradient**2).sum()
     expected = {
         "neo_hooke": 2 * 0.02 * (a**2 - c**2),
@@ -122,20 +148,31 @@ def test_closed_forms_of_isochoric_tension(deformation, stretch):
         "hencky": 2 * 0.1 / 2.6 * np.log(a / c),
     }
     for name, value in expected.items():
-        assert difference(stress(MATERIALS[name], gradient), gradient) == pytest.approx(value, rel=1e-12)
+        found = difference(stress(MATERIALS[name], gradient), gradient, axis)
+        assert found == pytest.approx(value, rel=1e-12, abs=1e-15)
 
 
 def test_simple_shear():
+    """By principal stretches l and 1/l, l - 1/l = gamma: s12 = (t1 - t2) / sqrt(4 + gamma^2)."""
     gamma = 0.8
+    longest = gamma / 2 + np.sqrt(1 + gamma**2 / 4)
     gradient = np.eye(3)
     gradient[0, 1] = gamma
     for name, shear in {
         "neo_hooke": 2 * 0.02 * gamma,
         "mooney_rivlin": 2 * (0.02 + 0.008) * gamma,
         "yeoh": 2 * gamma * (0.02 + 2 * 0.004 * gamma**2 + 3 * 0.001 * gamma**4),
+        "ogden3": sum(
+            2 * mu / alpha * (longest**alpha - longest**-alpha)
+            for mu, alpha in zip(MATERIALS["ogden3"].mu, MATERIALS["ogden3"].alpha, strict=True)
+        )
+        / np.sqrt(4 + gamma**2),
+        "hencky": 4 * 0.1 / 2.6 * np.arcsinh(gamma / 2) / np.sqrt(4 + gamma**2),
     }.items():
         cauchy = stress(MATERIALS[name], gradient) @ gradient.T
         assert cauchy[0, 1] == pytest.approx(shear, rel=1e-12)
+        # the same for every isotropic solid (Rivlin)
+        assert cauchy[0, 0] - cauchy[1, 1] == pytest.approx(gamma * shear, rel=1e-12)
     # St.Venant-Kirchhoff: S12 = 2 mu E12, S22 = (lambda + 2 mu) E22, P12 = S12 + gamma S22
     lame, mu = 0.1 * 0.3 / (1.3 * 0.4), 0.1 / 2.6
     expected = mu * gamma + gamma * (lame + 2 * mu) * gamma**2 / 2
@@ -161,6 +198,42 @@ def test_fibres_in_closed_form(kappa):
     fibre = 2 * 0.05 * strain * np.exp(0.9 * strain**2) * (along * a2 - across * c2)
     expected = 2 * 0.02 * (a2 - c2) + fibre
     assert difference(stress(material, gradient), gradient) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("kappa", [0.0, 0.2, 1 / 3])
+def test_two_families_in_biaxial_tension(kappa):
+    """Families at 30 degrees on both sides of x: s_xx - s_zz has cos^2 of it, s_yy - s_zz sin^2, s_xy is zero."""
+    cos, sin, stretch = 3**0.5 / 2, 0.5, 1.25
+    material = Holzapfel(0.02, 0.8, 0.05, 0.9, kappa, ((cos, sin, 0.0), (cos, -sin, 0.0)))
+    gradient = biaxial(stretch)
+    first = stress(material, gradient)
+    a2, c2 = stretch**2, stretch**-4
+    strain = kappa * (2 * a2 + c2 - 3) + (1 - 3 * kappa) * (a2 - 1)
+    slope = 2 * 0.05 * strain * np.exp(0.9 * strain**2)
+    for axis, share in ((0, cos**2), (1, sin**2)):
+        fibres = 2 * slope * (kappa * (a2 - c2) + (1 - 3 * kappa) * a2 * share)
+        assert difference(first, gradient, axis) == pytest.approx(2 * 0.02 * (a2 - c2) + fibres, rel=1e-12)
+    assert (first @ gradient.T)[0, 1] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("kappa", [0.0, 0.2, 1 / 3])
+@pytest.mark.parametrize("angle", [0.0, 0.6, 2.0])
+def test_fibres_in_simple_shear(angle, kappa):
+    """A fibre at an angle to x becomes (cos + gamma sin, sin); at 2.0 it gets shorter and does not pull if aligned."""
+    cos, sin, gamma = np.cos(angle), np.sin(angle), 0.5
+    material = Holzapfel(0.02, 0.8, 0.05, 0.9, kappa, ((cos, sin, 0.0),))
+    gradient = np.eye(3)
+    gradient[0, 1] = gamma
+    cauchy = stress(material, gradient) @ gradient.T
+    along = np.array([cos + gamma * sin, sin])
+    strain = kappa * gamma**2 + (1 - 3 * kappa) * (along @ along - 1)
+    assert (along @ along < 1) == (angle == 2.0)
+    slope = 2 * 0.05 * max(strain, 0.0) * np.exp(0.9 * strain**2)
+    assert cauchy[0, 1] == pytest.approx(
+        2 * 0.02 * gamma + slope * (kappa * gamma + (1 - 3 * kappa) * along[0] * along[1]), rel=1e-12
+    )
+    normal = kappa * gamma**2 + (1 - 3 * kappa) * (along[0] ** 2 - along[1] ** 2)
+    assert cauchy[0, 0] - cauchy[1, 1] == pytest.approx(2 * 0.02 * gamma**2 + slope * normal, rel=1e-12)
 
 
 def test_fibres_do_not_push():

@@ -212,6 +212,82 @@ def test_a_meshed_sphere_presses_as_a_round_one(press, friction):
     assert last.internal[-1, 2] < -0.5
 
 
+def then(*rows):
+    """Data of a second step, in twenty increments, after what is prescribed in the first."""
+    return "\n".join(["*END STEP", "*STEP, NLGEOM", "*STATIC", "0.05, 1., 1e-3, 0.05", "*BOUNDARY", *rows])
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3], ids=["free", "friction"])
+@pytest.mark.parametrize("back", [False, True], ids=["there", "and back"])
+@pytest.mark.parametrize("facets", [5, 23])
+def test_a_plate_slides_over_its_facets(press, facets, friction, back):
+    """By 1.7 mm, over one facet or seven: as a plane does, and what it drags is Coulomb's share of what it presses."""
+    mesh = layered_block(2.0, [("a", 1.0)], 4, 2, "CPE4")
+    plate = layered_block(6.0, [("a", 0.5)], facets, 1, "CPE4", origin=(-2.7, 1.0))
+    tool = ("CPE4", plate.points, plate.blocks[0].nodes, [(n, 0) for n in range(facets)])
+    given = {
+        "held": "9000, 1\n9000, 6",
+        "load": "*BOUNDARY\n9000, 2, 2, -0.05\n" + then("9000, 1, 1, 1.7") + back * ("\n" + then("9000, 1, 1, 1.2")),
+        "friction": f"*FRICTION\n{friction}, 1e3" if friction else "",
+    }
+    last, count = press(mesh, tool, **given)
+    analytical = "*SURFACE, NAME=TOOL, TYPE=SEGMENTS\nSTART, -5., 1.\nLINE, 5., 1.\n"
+    master = analytical + "*RIGID BODY, ANALYTICAL SURFACE=TOOL, REF NODE=9000\n*RIGID BODY, ELSET=RIGID, REF NODE=9000"
+    exact, _ = press(mesh, tool, master=master, **given)
+    assert last.displacement[:count] == pytest.approx(exact.displacement[:count], abs=1e-9)
+    drag, weight = last.internal[-1]
+    assert last.internal[-1] == pytest.approx(exact.internal[-1], abs=1e-9)
+    assert weight < -0.5
+    assert drag == pytest.approx((friction if back else -friction) * weight, abs=1e-9)
+
+
+def arc(radius, count, half):
+    """Elements of a round tool whose lowest point is at (1, 1), faces S1 outside, `half` degrees to each side."""
+    angle = np.deg2rad(np.linspace(-half, half, count + 1))
+    way = np.column_stack([np.sin(angle), -np.cos(angle)])
+    points = np.vstack([radius * way, 0.8 * radius * way]) + np.array([1.0, 1.0 + radius])
+    n = np.arange(count)
+    return points, np.column_stack([n, n + 1, n + count + 2, n + count + 1])
+
+
+@pytest.mark.parametrize("friction", ["", "*FRICTION\n0.3, 50."], ids=["free", "friction"])
+def test_a_round_tool_slides_along_its_facets(press, friction):
+    """An arc of 160 facets, each 0.06 mm, presses 0.1 mm deep and moves by 0.6 mm along the block: as the circle does."""
+    mesh = layered_block(2.0, [("a", 1.0)], 16, 6, "CPE4")
+    points, elements = arc(3.0, 160, 90.0)
+    tool = ("CPE4", points, elements, [(n, 0) for n in range(160)])
+    given = {
+        "held": "9000, 1\n9000, 6",
+        "load": "*BOUNDARY\n9000, 2, 2, -0.1\n" + then("9000, 1, 1, 0.6"),
+        "friction": friction,
+    }
+    last, count = press(mesh, tool, **given)
+    profile = "*SURFACE, NAME=TOOL, TYPE=SEGMENTS\nSTART, 1., 1.\nCIRCL, 4., 4., 1., 4.\n"
+    master = profile + "*RIGID BODY, ANALYTICAL SURFACE=TOOL, REF NODE=9000\n*RIGID BODY, ELSET=RIGID, REF NODE=9000"
+    exact, _ = press(mesh, tool, master=master, **given)
+    assert np.abs(exact.displacement[:count]).max() > 0.09
+    assert last.displacement[:count] == pytest.approx(exact.displacement[:count], abs=1e-3)
+    assert last.internal[-1] == pytest.approx(exact.internal[-1], abs=0.01 * np.abs(exact.internal[-1]).max())
+    # what the tool is pushed with is what holds the block
+    held = last.internal[:count][(mesh.points[:, 1] == 0) | (mesh.points[:, 0] == 0)].sum(axis=0)
+    assert held == pytest.approx(-last.internal[-1], abs=1e-6)
+
+
+@pytest.mark.parametrize("friction", ["", "*FRICTION\n0.3, 20."], ids=["free", "friction"])
+def test_a_meshed_sphere_slides_along_its_facets(press, friction):
+    """Pressed 0.4 mm into a block and moved by 0.7 mm over it, some seven of its facets."""
+    mesh, tool, common = sphere_on_a_block()
+    held = "9000, 1, 2\n9000, 4, 6"
+    load = "*BOUNDARY\n9000, 3, 3, -0.4\n" + then("9000, 1, 1, 0.7").replace("0.05, 1., 1e-3, 0.05", "0.2, 1.")
+    last, count = press(mesh, tool, held=held, load=load, friction=friction, **common)
+    profile = "*SURFACE, NAME=TOOL, TYPE=REVOLUTION\n0., 0., 5., 0., 0., 6.\nSTART, 0., -3.\nCIRCL, 3., 0., 0., 0.\n"
+    master = profile + "*RIGID BODY, ANALYTICAL SURFACE=TOOL, REF NODE=9000\n*RIGID BODY, ELSET=RIGID, REF NODE=9000"
+    exact, _ = press(mesh, tool, held=held, load=load, friction=friction, master=master, **common)
+    assert last.internal[-1] == pytest.approx(exact.internal[-1], abs=0.015 * np.abs(exact.internal[-1]).max())
+    assert last.displacement[:count] == pytest.approx(exact.displacement[:count], abs=0.01)
+    assert last.internal[-1, 2] < -0.3
+
+
 @pytest.mark.parametrize("friction", ["", "*FRICTION\n0.3, 20."], ids=["free", "friction"])
 def test_a_meshed_sphere_is_pushed_by_a_force(press, friction):
     mesh, tool, common = sphere_on_a_block()

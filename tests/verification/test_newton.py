@@ -1,0 +1,54 @@
+"""Where the tangent is indefinite: steps are turned round, and lead to equilibria that are stable."""
+
+import numpy as np
+import pytest
+from scipy.special import ellipe, ellipk
+from solving import parts_of, solve
+
+from fingerfit.material.neo_hooke import NeoHooke
+from fingerfit.meshing import layered_block
+
+RUBBER = NeoHooke(0.5, (0.02,))
+
+
+def pressed(mesh, points, shorter, steps):
+    """Displacements of a block glued on both ends that is made shorter, and the smallest eigenvalue of its tangent."""
+    element, nodes = mesh.blocks[0].element, mesh.blocks[0].nodes
+    body, terms = parts_of(element, points, nodes, RUBBER)
+    number = np.arange(points.size).reshape(points.shape)
+    ends = number[[*mesh.node_sets["BOTTOM"], *mesh.node_sets["TOP"]]].ravel()
+    given = np.zeros(points.size)
+    given[number[mesh.node_sets["TOP"], 1]] = -shorter
+    u = solve(body, terms, points.size, ends, given=given, steps=steps).state.u
+    stiffness = np.zeros((points.size, points.size))
+    for dofs, block in zip(body.dofs, body.forces(u)[1], strict=True):
+        stiffness[np.ix_(dofs, dofs)] += block
+    free = np.setdiff1d(np.arange(points.size), ends)
+    return u.reshape(points.shape), np.linalg.eigvalsh(stiffness[np.ix_(free, free)])[0]
+
+
+@pytest.mark.parametrize("shorter", [1.2, 1.6])
+def test_a_column_buckles(shorter):
+    """Without turning round, it stays nearly straight: an equilibrium, but not a stable one.
+
+    Euler's elastica of a clamped column of length l: shorter by 2 l (1 - E/K) and to the side by k l / K, with elliptic
+    integrals of modulus k, after it got shorter straight on by P / E A (with Timoshenko's softening by shear).
+    """
+    wide, high = 1.0, 8.0
+    mesh = layered_block(wide, [("a", high)], 2, 12, "CPE8", origin=(-wide / 2, 0.0))
+    points = mesh.points.copy()
+    points[:, 0] += 0.01 * np.sin(np.pi * points[:, 1] / high)
+    u, least = pressed(mesh, points, shorter, 5)
+    assert least > 0
+    shear = 2 * RUBBER.c10
+    euler = 4 * np.pi**2 * 4 * shear * wide**3 / 12 / high**2
+    straight = euler / (1 + euler / (5 / 6 * shear * wide)) / (4 * shear * wide)
+    length = high * (1 - straight)
+    low, large = 0.0, 0.9
+    for _ in range(60):
+        k = (low + large) / 2
+        low, large = (
+            (k, large) if 2 * length * (1 - ellipe(k**2) / ellipk(k**2)) < shorter - high * straight else (low, k)
+        )
+    middle = (points[:, 1] == high / 2) & (np.abs(mesh.points[:, 0]) < 1e-12)
+    assert abs(u[middle, 0]).max() == pytest.approx(length * k / ellipk(k**2), rel=0.12)
