@@ -10,19 +10,37 @@ import numpy as np
 
 from fingerfit.errors import InputError
 
+_WIDTH = 110
+"""Characters of a keyword line that all programs read."""
+
 
 @dataclass
 class Card:
-    """A keyword line with its data lines."""
+    """A keyword line with its data lines; `quoted` are the parameters whose values stood in quotes."""
 
     path: Path
     line: int
     name: str
     options: dict[str, str]
     data: list[tuple[int, str]] = field(default_factory=list)
+    quoted: frozenset[str] = frozenset()
 
     def error(self, found: object, expected: str, line: int | None = None) -> InputError:
         return InputError(self.path, f"line {line or self.line}, *{self.name}", found, expected)
+
+    def lines(self) -> Iterator[str]:
+        """The card as text; a long keyword line goes on after a comma."""
+        line = f"*{self.name}"
+        for option, value in self.options.items():
+            value = f'"{value}"' if option in self.quoted else value
+            word = f"{option}={value}" if value else option
+            if len(line) + len(word) > _WIDTH:
+                yield line + ","
+                line = word
+            else:
+                line += f", {word}"
+        yield line
+        yield from (text for _, text in self.data)
 
     def allow(self, *names: str) -> None:
         """Refuse other parameters; those that are written without blanks get their names."""
@@ -115,11 +133,15 @@ def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
 def _keyword(path: Path, line: int, text: str) -> Card:
     name, *rest = [part.strip() for part in text[1:].split(",")]
     options = {}
+    quoted = set()
     for part in rest:
         if part:
             key, _, value = part.partition("=")
-            options[" ".join(key.upper().split())] = value.strip().strip('"')
-    return Card(path, line, " ".join(name.upper().split()), options)
+            option = " ".join(key.upper().split())
+            options[option] = value.strip().strip('"')
+            if options[option] != value.strip():
+                quoted.add(option)
+    return Card(path, line, " ".join(name.upper().split()), options, quoted=frozenset(quoted))
 
 
 def squeeze(name: str) -> str:
