@@ -13,8 +13,23 @@ import numpy as np
 
 from fingerfit.deck.cards import Card, squeeze
 from fingerfit.deck.content import Deck
+from fingerfit.deck.reader import NAMES
 
 _PRINTS = frozenset({"NODEPRINT", "ELPRINT", "CONTACTPRINT", "NODEFILE", "ELFILE", "CONTACTFILE", "FILEFORMAT"})
+_PARAMETERS = {
+    squeeze(name): name
+    for name in (
+        "ANALYTICAL SURFACE",
+        "FILLET RADIUS",
+        "LOCAL DIRECTIONS",
+        "LONG TERM",
+        "NO SEPARATION",
+        "POSITION TOLERANCE",
+        "REF NODE",
+        "ROT NODE",
+        "TIE NSET",
+    )
+}
 _FIRST_AXIS = {2: 3, 3: 1}
 """Of CalculiX's ROT NODE, by dimension: its displacements are rotations; the reference node's axes follow 3 later."""
 
@@ -43,6 +58,9 @@ def to_abaqus(cards: Iterable[Card], deck: Deck, requests: Iterable[Card] = ()) 
             continue
         if name == "ENDSTEP":
             yield from requests
+        # CalculiX takes names without blanks, too
+        options = {_PARAMETERS.get(squeeze(option), option): value for option, value in card.options.items()}
+        card = replace(card, name=NAMES.get(name, card.name), options=options)
         changed = words.change.get(name, lambda card: card)(card)
         if changed is not None:
             yield changed
@@ -68,7 +86,7 @@ class _Words:
 
     def rigid(self, card: Card) -> Card:
         names = {"NSET": "TIE NSET"}
-        options = {names.get(key, key): value for key, value in card.options.items() if squeeze(key) != "ROTNODE"}
+        options = {names.get(key, key): value for key, value in card.options.items() if key != "ROT NODE"}
         return replace(card, options=options)
 
     def turned(self, card: Card) -> Card | None:

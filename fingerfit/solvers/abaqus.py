@@ -24,7 +24,7 @@ from fingerfit.errors import SolverError
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.solvers.abaqus_fil import FilIncrement, read_fil
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
-from fingerfit.solvers.needs import FEATURES, named_sets, refuse_lacking
+from fingerfit.solvers.needs import FEATURES, refuse_lacking, require_sets
 from fingerfit.solvers.process import LOG, run, write_cards
 
 COMMAND = "abaqus job={job} cpus={threads} interactive ask_delete=OFF"
@@ -36,8 +36,9 @@ _RESULTS = (
     Card(Path(), 0, "NODE FILE", {"FREQUENCY": "9999"}, [(0, "U, RF")]),
 )
 """Asked for at the end of every step."""
-LACKS = frozenset({"*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN"})
-"""Strain without stress of an elastic body is CalculiX's."""
+LACKS = frozenset({"*DLOAD", "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN"})
+"""What pressures push is not read back, so that the indenter's force would be wrong; strain without stress is
+CalculiX's."""
 _DIVERGED = (
     "TOO MANY ATTEMPTS",
     "TIME INCREMENT REQUIRED IS LESS THAN",
@@ -113,7 +114,7 @@ class AbaqusSolver:
     def _cards(self, path: Path) -> tuple[list[Card], Deck]:
         """The deck for ABAQUS, and what it says."""
         deck = read_deck(path)
-        named_sets(deck, path)
+        require_sets(deck, path, "BOTTOM", "INDENTER")
         refuse_lacking(deck, path, self.name, self.capabilities)
         return list(to_abaqus(read_cards(path), deck, _RESULTS)), deck
 
@@ -153,8 +154,11 @@ def _outcome(found: list[FilIncrement], deck: Deck) -> Outcome:
         forces = np.zeros((nodes, dim))
         for label, values in increment.nodal.get("RF", {}).items():
             forces[index[label]] = values[:dim]
-        # equilibrium: the base holds what the indenter pushes
+        # equilibrium: base and springs hold what the indenter pushes, whose own nodes may follow one of them
         reaction[step] = -forces[base].sum(axis=0)
+        for spring in deck.springs:
+            (node, axis), grounded = spring.first, spring.second is None
+            reaction[step, axis] += grounded * spring.stiffness * displacement[step, node, axis]
     status = CONVERGED if len(found) == len(deck.steps) else DIVERGED
     message = f"{len(found)} steps"
     if status == DIVERGED:

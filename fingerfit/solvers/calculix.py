@@ -24,7 +24,7 @@ from fingerfit.deck.reader import read_deck
 from fingerfit.errors import SolverError
 from fingerfit.solvers.calculix_output import diverged, not_understood, read_dat, reason
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
-from fingerfit.solvers.needs import FEATURES, named_sets, refuse_lacking
+from fingerfit.solvers.needs import FEATURES, refuse_lacking, require_sets
 from fingerfit.solvers.process import run, write_cards
 
 ELEMENTS = frozenset({"CPE3", "CPE4", "CPE6", "CPE8", "CPE8R", "C3D4", "C3D8", "C3D10", "C3D20", "C3D20R"})
@@ -109,14 +109,15 @@ class CalculixSolver:
         left_out = not_understood(output)
         if left_out:
             raise SolverError(f"calculix: {deck}: it does not know {left_out}, and went on without it")
-        found, silent = read_dat(text, list(accumulate(step.period for step in read.steps)))
+        ends = list(accumulate(step.period for step in read.steps))
+        found, silent = read_dat(text, ends, ("U ALL", f"RF {_pushed(read)}"))
         if not found and not diverged(output):
             raise SolverError(f"calculix: {deck}: {reason(output) or f'exit code {code}, no results'}")
         return _outcome(found, read, len(read.steps) - silent)
 
     def _read(self, path: Path) -> Deck:
         deck = read_deck(path)
-        named_sets(deck, path)
+        require_sets(deck, path, "INDENTER")
         refuse_lacking(deck, path, self.name, self.capabilities)
         return deck
 
@@ -129,33 +130,40 @@ def _outcome(found: list[dict[str, np.ndarray]], deck: Deck, wanted: int) -> Out
     displacement = np.zeros((len(found), nodes, dim))
     reaction = np.zeros((len(found), dim))
     for step, tables in enumerate(found):
-        rows = tables["ALL"]
+        rows = tables["U ALL"]
         displacement[step, [index[int(label)] for label in rows[:, 0]]] = rows[:, 1 : 1 + dim]
-        # equilibrium: the base holds what the indenter pushes
-        reaction[step] = -tables["BOTTOM"][:, 1 : 1 + dim].sum(axis=0)
+        # internal forces, also where nodes follow others or a force is given
+        reaction[step] = tables[f"RF {_pushed(deck)}"][:, 1 : 1 + dim].sum(axis=0)
     status = CONVERGED if len(found) == wanted else DIVERGED
     message = f"{wanted} steps" if status == CONVERGED else f"no equilibrium in step {len(found) + 1} of {wanted}"
     return Outcome(status, displacement, reaction, displacement[:, sets["INDENTER"][0]], message)
 
 
 def _own_cards(cards: list[Card], deck: Deck, residual: float | None) -> Iterator[Card]:
-    """A deck as ccx gets it: where iterations stop, and prints of what is read back, in each step.
+    """A deck as ccx gets it: where iterations stop, and prints of what is read back, in each step that counts.
 
-    Its own *CONTROLS stay, and so do its prints where it has any of the nodes ALL.
+    These are the steps that print the nodes ALL, or all steps of a deck that has none. Its own *CONTROLS stay.
     """
     names = [squeeze(card.name) for card in cards]
     controlled, unnamed = "CONTROLS" in names, "ALL" not in deck.mesh.node_sets
-    printed = any(squeeze(c.name) == "NODEPRINT" and c.options.get("NSET", "").upper() == "ALL" for c in cards)
-    for card, name in zip(cards, names, strict=True):
+    printing = [squeeze(c.name) == "NODEPRINT" and c.options.get("NSET", "").upper() == "ALL" for c in cards]
+    silent, prints = not any(printing), False
+    for card, name, own in zip(cards, names, printing, strict=True):
+        prints = own or (prints and name != "STEP")
         if name == "STEP" and unnamed:
             unnamed = False
             yield _card("NSET", {"NSET": "ALL"}, *(str(label) for _, label in deck.labels))
         if name in ("STATIC", "VISCO") and residual is not None and not controlled:
             yield _card("CONTROLS", {"PARAMETERS": "FIELD"}, f"{residual:g}")
-        if name == "ENDSTEP" and not printed:
-            for nodes, what in (("ALL", "U"), ("BOTTOM", "RF")):
+        if name == "ENDSTEP" and (silent or prints):
+            for nodes, what in [("ALL", "U")] * silent + [(_pushed(deck), "RF")]:
                 yield _card("NODE PRINT", {"NSET": nodes, "FREQUENCY": "1000000"}, what)
         yield card
+
+
+def _pushed(deck: Deck) -> str:
+    """Nodes that the indenter pushes: TOP where there is such a set."""
+    return "TOP" if "TOP" in deck.mesh.node_sets else "INDENTER"
 
 
 def _card(name: str, options: dict[str, str], *data: str) -> Card:

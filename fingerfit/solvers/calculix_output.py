@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -14,10 +14,11 @@ HARMLESS = frozenset({"INTERNAL", "UNSORTED"})
 """Parameters that change no answer."""
 _IGNORED = frozenset(map(squeeze, IGNORED))
 _DIVERGED = ("too many cutbacks", "increment size smaller", "best solution", "diverg")
-_TABLE = re.compile(r"(?:displacements|forces) \(.*?\) for set (\S+) and time\s+(\S+)")
+_TABLE = re.compile(r"(displacements|forces) \(.*?\) for set (\S+) and time\s+(\S+)")
+_QUANTITIES = {"displacements": "U", "forces": "RF"}
 
 
-def read_dat(text: str, ends: Sequence[float]) -> tuple[list[dict[str, np.ndarray]], int]:
+def read_dat(text: str, ends: Sequence[float], wanted: Collection[str]) -> tuple[list[dict[str, np.ndarray]], int]:
     """Tables at the end of each step that was reached, and how many steps before the first such print nothing.
 
     Force control may begin with a step that only finds the contact; it prints nothing, and its end is no answer.
@@ -28,11 +29,13 @@ def read_dat(text: str, ends: Sequence[float]) -> tuple[list[dict[str, np.ndarra
         Of the .dat file.
     ends : sequence of float
         Total time at the end of each step, s.
+    wanted : collection of str
+        Tables that a step must have, as ``U ALL`` or ``RF TOP``.
 
     Returns
     -------
     list of dict
-        By set: rows of node label and three components, shape (nodes, 4), mm or N.
+        By quantity and set: rows of node label and three components, shape (nodes, 4), mm or N.
     int
     """
     tables: list[tuple[float, str, np.ndarray]] = []
@@ -40,10 +43,11 @@ def read_dat(text: str, ends: Sequence[float]) -> tuple[list[dict[str, np.ndarra
     for head, following in zip(heads, [*heads[1:], None], strict=False):
         body = text[head.end() : following.start() if following else len(text)]
         values = np.array(body.split(), dtype=float)
-        tables.append((float(head.group(2)), head.group(1), values.reshape(-1, 4)))
+        name = f"{_QUANTITIES[head.group(1)]} {head.group(2)}"
+        tables.append((float(head.group(3)), name, values.reshape(-1, 4)))
     # times have seven digits
     reached = [{name: rows for time, name, rows in tables if abs(time - end) <= 1e-6 * end} for end in ends]
-    complete = [{"ALL", "BOTTOM"} <= set(sets) for sets in reached]
+    complete = [set(wanted) <= set(sets) for sets in reached]
     first = complete.index(True) if True in complete else 0
     last = first
     while last < len(ends) and complete[last]:

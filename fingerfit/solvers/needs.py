@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fingerfit.deck.content import Deck
 from fingerfit.errors import InputError
 from fingerfit.solvers.contract import Capabilities
@@ -62,21 +60,18 @@ def needs(deck: Deck) -> set[str]:
     return found
 
 
-def named_sets(deck: Deck, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes of the base, whose forces are read back, and the indenter's reference node, shape (1,).
+def require_sets(deck: Deck, path: Path, *names: str) -> None:
+    """Refuse a deck without node sets that are read back; INDENTER is one node.
 
     Raises
     ------
     InputError
         Where the deck has no such set.
     """
-    found = []
-    for name in ("BOTTOM", "INDENTER"):
+    for name in names:
         nodes = deck.mesh.node_sets.get(name)
         if nodes is None or (name == "INDENTER" and len(nodes) != 1):
             raise InputError(path, "*NSET", f"no node set {name}", "the base's nodes and the indenter's reference node")
-        found.append(nodes)
-    return found[0], found[1]
 
 
 def _model(deck: Deck) -> Iterator[tuple[str, Any]]:
