@@ -12,18 +12,22 @@ from fingerfit.errors import InputError
 
 _WIDTH = 110
 """Characters of a keyword line that all programs read."""
+_NAMES = frozenset(
+    {"NAME", "NSET", "ELSET", "MATERIAL", "ORIENTATION", "INTERACTION", "PART", "INSTANCE", "AMPLITUDE", "INPUT"}
+    | {"REF NODE", "ROT NODE", "PIN NSET", "TIE NSET", "ANALYTICAL SURFACE"}
+)
+"""Parameters whose values are names: these stand in quotes where they have blanks or commas."""
 
 
 @dataclass
 class Card:
-    """A keyword line with its data lines; `quoted` are the parameters whose values stood in quotes."""
+    """A keyword line with its data lines."""
 
     path: Path
     line: int
     name: str
     options: dict[str, str]
     data: list[tuple[int, str]] = field(default_factory=list)
-    quoted: frozenset[str] = frozenset()
 
     def error(self, found: object, expected: str, line: int | None = None) -> InputError:
         return InputError(self.path, f"line {line or self.line}, *{self.name}", found, expected)
@@ -32,7 +36,8 @@ class Card:
         """The card as text; a long keyword line goes on after a comma."""
         line = f"*{self.name}"
         for option, value in self.options.items():
-            value = f'"{value}"' if option in self.quoted else value
+            if option in _NAMES and set(value) & {" ", ","}:
+                value = f'"{value}"'
             word = f"{option}={value}" if value else option
             if len(line) + len(word) > _WIDTH:
                 yield line + ","
@@ -133,15 +138,11 @@ def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
 def _keyword(path: Path, line: int, text: str) -> Card:
     name, *rest = [part.strip() for part in text[1:].split(",")]
     options = {}
-    quoted = set()
     for part in rest:
         if part:
             key, _, value = part.partition("=")
-            option = " ".join(key.upper().split())
-            options[option] = value.strip().strip('"')
-            if options[option] != value.strip():
-                quoted.add(option)
-    return Card(path, line, " ".join(name.upper().split()), options, quoted=frozenset(quoted))
+            options[" ".join(key.upper().split())] = value.strip().strip('"')
+    return Card(path, line, " ".join(name.upper().split()), options)
 
 
 def squeeze(name: str) -> str:

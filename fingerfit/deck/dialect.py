@@ -24,6 +24,7 @@ _PARAMETERS = {
         "LOCAL DIRECTIONS",
         "LONG TERM",
         "NO SEPARATION",
+        "PIN NSET",
         "POSITION TOLERANCE",
         "REF NODE",
         "ROT NODE",
@@ -94,10 +95,10 @@ class _Words:
         if not self.turning:
             return card
         data = []
-        for line, row in card.rows():
+        for (_, text), (line, row) in zip(card.data, card.rows(), strict=True):
             nodes = self._nodes(row[0])
             if not nodes & set(self.turning):
-                data.append((line, ", ".join(row)))
+                data.append((line, text))
             elif not nodes <= set(self.turning):
                 raise card.error(row[0], "for ABAQUS, a set without the ROT NODE of a rigid body", line)
             else:
@@ -125,7 +126,7 @@ class _Words:
 
     def tie(self, card: Card) -> Card:
         self.ties += 1
-        return replace(card, options={"NAME": f"TIE-{self.ties}", "ADJUST": "NO", **card.options})
+        return replace(card, options={"NAME": f"TIE-{self.ties}", **card.options})
 
     def procedure(self, card: Card) -> Card:
         return replace(card, options={key: value for key, value in card.options.items() if key != "SOLVER"})
