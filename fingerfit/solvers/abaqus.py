@@ -29,6 +29,8 @@ from fingerfit.solvers.process import LOG, run, write_cards
 
 COMMAND = "abaqus job={job} cpus={threads} interactive ask_delete=OFF"
 """Template of the command; a site changes it by FINGERFIT_ABAQUS, for example to go through a container."""
+ADAPTER = 2
+"""Part of the identity; raised when the adapter accepts other decks or reads something else, so that old answers go."""
 TIME_LIMIT = 4 * 3600.0
 """Seconds for one deck, licence included."""
 _RESULTS = (
@@ -67,7 +69,7 @@ class AbaqusSolver:
         self.time_limit = time_limit
 
     def identity(self) -> dict[str, Any]:
-        """Name, version and command.
+        """Name, version, command and the adapter's own version.
 
         Raises
         ------
@@ -75,7 +77,7 @@ class AbaqusSolver:
             When the executable is missing or does not tell its release.
         """
         program = self._arguments(1)[0]
-        return {"name": self.name, "version": _version(program), "command": self.command}
+        return {"name": self.name, "version": _version(program), "command": self.command, "adapter": ADAPTER}
 
     def check(self, deck: Path) -> None:
         """Read the deck; SolverError without an executable, InputError for a deck without what is read back."""

@@ -45,6 +45,8 @@ LACKS = frozenset(
     }
 )
 """Of 2.20. Of some of these it only warns, and goes on without them; initial stress it takes by integration point."""
+ADAPTER = 2
+"""Part of the identity; raised when the adapter accepts other decks or reads something else, so that old answers go."""
 TIME_LIMIT = 3600.0
 """Seconds for one deck."""
 RESIDUAL = 1e-5
@@ -69,14 +71,15 @@ class CalculixSolver:
         self.time_limit, self.residual = time_limit, residual
 
     def identity(self) -> dict[str, Any]:
-        """Name, version and where it stops iterating.
+        """Name, version, where it stops iterating and the adapter's own version.
 
         Raises
         ------
         SolverError
             When the executable is missing.
         """
-        return {"name": self.name, "version": _version(_executable()), "residual": self.residual}
+        version = _version(_executable())
+        return {"name": self.name, "version": version, "residual": self.residual, "adapter": ADAPTER}
 
     def check(self, deck: Path) -> None:
         """Read the deck; SolverError without an executable, InputError for what CalculiX lacks."""

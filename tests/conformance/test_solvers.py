@@ -62,6 +62,16 @@ def test_calculix_iterates_as_far_as_it_is_told(write_deck, tmp_path, needs_ccx)
     assert error(CalculixSolver()) > 1e-6
 
 
+@pytest.mark.parametrize("module", ["abaqus", "calculix"])
+def test_another_adapter_is_another_solver(monkeypatch, needs_ccx, module):
+    """Answers that an older one read are not found again."""
+    solver = AbaqusSolver(f"{sys.executable}") if module == "abaqus" else CalculixSolver()
+    monkeypatch.setattr("fingerfit.solvers.abaqus._version", lambda program: "2024")
+    before = solver.identity()
+    monkeypatch.setattr(f"fingerfit.solvers.{module}.ADAPTER", 1)
+    assert solver.identity() != before
+
+
 def changed(tmp_path, *replacements):
     """The deck of the block with other lines."""
     deck = write_block(tmp_path, "displacement", [1.0])
