@@ -22,8 +22,8 @@ from fitting import CACHE, ROOT, Fitted, fit_study, processor_time
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
+from fingerfit.decks import TEMPLATES
 from fingerfit.files import write_text
-from fingerfit.fit import TEMPLATES
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import layered_block
 from fingerfit.solvers.contract import Outcome

@@ -24,7 +24,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from fingerfit.solvers.builtin import BuiltinSolver  # noqa: E402
-from fingerfit.solvers.calculix import CalculixSolver, _read_dat  # noqa: E402
+from fingerfit.solvers.calculix import CalculixSolver  # noqa: E402
+from fingerfit.solvers.calculix_output import read_dat  # noqa: E402
 from fingerfit.solvers.contract import Outcome  # noqa: E402
 from fingerfit.solvers.process import run  # noqa: E402
 
@@ -100,7 +101,7 @@ def _watch(peak: list[float], done: threading.Event) -> None:
 
 
 class _Ccx:
-    """CalculiX on decks that only it reads; every step prints U of ALL and INDENTER, and RF of BOTTOM."""
+    """CalculiX on decks that only it reads; every step lasts 1 s and prints U of ALL and INDENTER, RF of BOTTOM."""
 
     def __init__(self, limit: float) -> None:
         self.limit = limit
@@ -109,13 +110,12 @@ class _Ccx:
         count = str(threads)
         environment = {"OMP_NUM_THREADS": count, "CCX_NPROC_EQUATION_SOLVER": count}
         run(["ccx", "-i", deck.stem], workdir, self.limit, environment)
-        tables, _ = _read_dat(
-            (workdir / f"{deck.stem}.dat").read_text(encoding="utf-8"),
-            deck.read_text(encoding="utf-8").count("*END STEP"),
-        )
-        moved = np.array([table["ALL"][:, 1:] for table in tables])
-        force = np.array([-table["BOTTOM"][:, 1:].sum(axis=0) for table in tables])
-        indenter = np.array([table["INDENTER"][0, 1:] for table in tables])
+        ends = [step + 1.0 for step in range(deck.read_text(encoding="utf-8").count("*END STEP"))]
+        wanted = ("U ALL", "U INDENTER", "RF BOTTOM")
+        tables, _ = read_dat((workdir / f"{deck.stem}.dat").read_text(encoding="utf-8"), ends, wanted)
+        moved = np.array([table["U ALL"][:, 1:] for table in tables])
+        force = np.array([-table["RF BOTTOM"][:, 1:].sum(axis=0) for table in tables])
+        indenter = np.array([table["U INDENTER"][0, 1:] for table in tables])
         return Outcome("converged", moved, force, indenter, f"{len(tables)} steps")
 
 

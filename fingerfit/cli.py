@@ -81,6 +81,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Write a deck as the built-in solver understood it: flat, in its own numbers, as keywords.",
     )
     sub.add_argument("deck", type=Path, metavar="DECK", help="the .inp file")
+    sub.add_argument("--abaqus", action="store_true", help="its own lines as ABAQUS gets them, included files in place")
     sub.set_defaults(run=commands.show_deck)
 
     sub = command("docs", "write the schema and the table of the keys of config.yaml")

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from fingerfit.decks import make_deck, refusal, with_effect
 from fingerfit.effects.catalogue import catalogue, chosen
-from fingerfit.effects.contract import NUMERICS
-from fingerfit.errors import FingerfitError, InputError
+from fingerfit.effects.contract import NUMERICS, OBSERVATION, Effect
+from fingerfit.errors import FingerfitError, InputError, SolverError
 from fingerfit.files import read_json, write_text
 from fingerfit.layout import model_folder
+from fingerfit.mesh_io import format_mesh
+from fingerfit.prepare import make_mesh
 from fingerfit.settings import Settings, load_settings
+from fingerfit.study_file import load_study
 
 RUNGS = 6
 """Highest ladder that is climbed without asking."""
@@ -26,15 +32,20 @@ def add(config: Path, name: str) -> str:
     Raises
     ------
     FingerfitError
-        For an effect that is not known, or is there already.
+        For an effect that is not known, is there already, or needs what the solver lacks.
     """
     settings = load_settings(config)
-    effect = chosen([name], catalogue(Path(settings.study)), config)[0]
+    known = catalogue(Path(settings.study))
+    effect = chosen([name], known, config)[0]
     if effect.acts == NUMERICS:
         cure = "a finer model.mesh and model.refined" if name == "coarse_mesh" else "smaller increments in the template"
         raise InputError(config, f"model.effects.{name}", "an effect that is no part of a model", cure)
     if name in settings.model.effects:
         raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
+    lacking = _lacking(settings, effect, known)
+    if lacking:
+        expected = f"an effect that solver {settings.solver} has what it needs for"
+        raise InputError(config, f"model.effects.{name}", f"{name}, which needs {lacking}", expected)
     numbers = _found(settings, name)
     _rewrite(config, {**settings.model.effects, name: numbers})
     what = ", ".join(f"{key} {value:.4g}" for key, value in numbers.items())
@@ -77,6 +88,25 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
             return
         say(add(config, diagnosis["effects"][0]))
     say(f"stopped after {RUNGS} effects")
+
+
+def _lacking(settings: Settings, effect: Effect, known: dict[str, Effect]) -> str:
+    """What the solver lacks for an effect; nothing where that cannot be found out here: the fit's start will tell."""
+    folder = Path(settings.study)
+    if effect.acts == OBSERVATION or not (folder / "study.yaml").exists():
+        return ""
+    study = load_study(folder)
+    mesh = make_mesh(study, settings.model.mesh)
+    start = {parameter.name: parameter.start for parameter in settings.parameters()}
+    with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
+        file = Path(name) / "mesh.inp"
+        write_text(file, format_mesh(mesh))
+        for parameter in effect.parameters:
+            values = {**start, **with_effect(effect, effect.places()[0], parameter.name)}
+            refused = refusal(settings.solver, make_deck(settings, study, mesh, "mesh", values, known), file, "mesh")
+            if refused is not None:
+                return str(refused.found)
+    return ""
 
 
 def _found(settings: Settings, name: str) -> dict[str, float]:

@@ -13,11 +13,18 @@ if TYPE_CHECKING:
 
 
 def show_deck(args: argparse.Namespace) -> None:
-    """Write a deck as it was understood."""
+    """Write a deck as it was understood, or in ABAQUS's words."""
+    from fingerfit.deck.cards import read_cards
+    from fingerfit.deck.dialect import to_abaqus
     from fingerfit.deck.reader import read_deck
     from fingerfit.deck.write import format_deck
 
-    sys.stdout.write(format_deck(read_deck(args.deck)))
+    deck = read_deck(args.deck)
+    if args.abaqus:
+        cards = to_abaqus(read_cards(args.deck), deck)
+        sys.stdout.writelines(f"{line}\n" for card in cards for line in card.lines())
+    else:
+        sys.stdout.write(format_deck(deck))
 
 
 def simulate(args: argparse.Namespace) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from fingerfit.beside import side_by_side
-from fingerfit.fit import FINAL, SEARCH, SENSITIVITY, Fit
+from fingerfit.fit import FINAL, REFINED, SEARCH, SENSITIVITY, Fit
 from fingerfit.predict import Predictor
 from fingerfit.refine import ADDED, around_best, refine_round
 from fingerfit.rounds import Asked, Round
@@ -22,6 +23,11 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
         The round before; None for the first.
     threads : int
         Processes that warp and score the guesses of the last batch.
+
+    Raises
+    ------
+    InputError
+        In the first round, for a deck that the solver does not take.
     """
     if last is not None and last.stage in (SENSITIVITY, FINAL):
         fit.predict_all(last.batch, threads)
@@ -36,6 +42,7 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
             "meshes": _meshes(fit),
             "best": {"values": start, "score": None},
         }
+        _refuse(fit, start)
         return around_best(fit, base, start, ADDED)
     names = [parameter.name for parameter in parameters]
     history = list(last.history) if last else []
@@ -54,10 +61,20 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
     }
     if proposal.stop is None:
         batch = [fit.ask(dict(zip(names, point, strict=True))) for point in proposal.batch]
+        if last is None:
+            _refuse(fit, batch[0].values)
         return Round(stage=proposal.stage, stop=None, batch=batch, **base)
     if best is None:
         return Round(stage=proposal.stage, stop="no guess has a solution", **base)
     return around_best(fit, base, best["values"], proposal.stop)
+
+
+def _refuse(fit: Fit, values: Mapping[str, float]) -> None:
+    """Ask the solver about the first deck, on each mesh, before anything runs."""
+    for role in (SEARCH, *[FINAL] * (REFINED in fit.mesh_files)):
+        refused = fit.refusal(fit.ask(values, role))
+        if refused is not None:
+            raise refused
 
 
 def _meshes(fit: Fit) -> dict[str, str]:

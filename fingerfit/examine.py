@@ -18,7 +18,7 @@ from fingerfit.diagnose import (
     stiffness_map,
     try_suspects,
 )
-from fingerfit.errors import StateError
+from fingerfit.errors import InputError, StateError
 from fingerfit.estimate import moved
 from fingerfit.extend import extended
 from fingerfit.fit import SEARCH, Fit
@@ -27,7 +27,18 @@ from fingerfit.refine import finest, minimum
 from fingerfit.rounds import Asked, Round
 from fingerfit.simulate import run_fit, solve_missing
 from fingerfit.suspects import suspects
-from fingerfit.verdict import SEEN, Refit, Verdict, decide, doubted, explains, half_explained, threshold, to_refit
+from fingerfit.verdict import (
+    SEEN,
+    Refit,
+    Verdict,
+    decide,
+    doubted,
+    explains,
+    half_explained,
+    threshold,
+    to_refit,
+    untried,
+)
 
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
@@ -54,6 +65,8 @@ class Examined:
         Changes of the measurement and by how much each would separate the first two effects better.
     stiffness : ndarray, shape (places, dim + 2)
         As from `stiffness_map`.
+    lacking : dict
+        Effects that were not tried, by title, and what the solver lacks for them.
     """
 
     examination: Examination
@@ -64,6 +77,7 @@ class Examined:
     run: int
     measurements: list[tuple[str, float]]
     stiffness: np.ndarray
+    lacking: dict[str, InputError]
 
 
 def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examined:
@@ -100,7 +114,8 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
         measurements, more = separation(found.examination, first, second, threads)
         run += more
     stiffness = stiffness_map(found.examination, found.everywhere)
-    return Examined(found.examination, judge, looks, refits, verdict, run, measurements, stiffness)
+    verdict = untried(verdict, fit.settings.solver, list(found.lacking))
+    return Examined(found.examination, judge, looks, refits, verdict, run, measurements, stiffness, found.lacking)
 
 
 @dataclass(frozen=True)
@@ -113,10 +128,11 @@ class _Looked:
     looks: list[Look]
     tests: int
     run: int
+    lacking: dict[str, InputError]
 
 
 def _look(fit: Fit, last: Round, everything: Data, threads: int) -> _Looked:
-    found = suspects(fit, finest(fit, last).values)
+    found, lacking = suspects(fit, finest(fit, last).values)
     run = solve_missing(fit, [anchor_of(fit, last), *(asked for suspect in found for asked in suspect.asked)], threads)
     examination = Examination(fit, last, everything)
     judge = judge_of(examination)
@@ -125,7 +141,7 @@ def _look(fit: Fit, last: Round, everything: Data, threads: int) -> _Looked:
     if fit.meshes[SEARCH].dim == 3:
         looks, more = look_again(examination, judge, looks, len(found), threads)
         run += more
-    return _Looked(examination, judge, everywhere, looks, len(found), run)
+    return _Looked(examination, judge, everywhere, looks, len(found), run, lacking)
 
 
 def _refit_best(fit: Fit, last: Round, everything: Data, found: _Looked, refits: dict[str, Refit], threads: int) -> int:

@@ -13,12 +13,11 @@ import numpy as np
 
 from fingerfit.beside import side_by_side
 from fingerfit.data import Data
-from fingerfit.deck.context import deck_context
-from fingerfit.deck.render import render_deck
+from fingerfit.decks import make_deck, refusal
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.effects.observe import Observation
-from fingerfit.errors import StateError
+from fingerfit.errors import InputError, StateError
 from fingerfit.files import digest, write_text
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import format_mesh, read_mesh
@@ -33,7 +32,6 @@ from fingerfit.study_file import load_study, with_gain
 if TYPE_CHECKING:
     from fingerfit.settings import Settings
 
-TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 SEARCH, REFINED = "search", "refined"
 """Meshes: of the search, and the finer one where there is one."""
 SENSITIVITY, FINAL = "sensitivity", "final"
@@ -119,17 +117,15 @@ class Fit:
             Another one than the role has.
         """
         mesh = mesh or (REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH)
-        context = deck_context(
-            with_gain(study or self.study, gain),
-            self.meshes[mesh],
-            f"../../meshes/{self.mesh_names[mesh]}.inp",
-            {**self.settings.fixed(), **values},
-            self.settings.model.material,
-            self.effects,
-        )
-        folders = [Path(self.settings.study), TEMPLATES]
-        deck = render_deck(self.settings.model.template, context, folders)
+        study, name = with_gain(study or self.study, gain), self.mesh_names[mesh]
+        deck = make_deck(self.settings, study, self.meshes[mesh], name, values, self.effects)
         return Asked(dict(values), simulation_name(deck, self.solver), self.mesh_names[mesh], deck, role)
+
+    def refusal(self, asked: Asked) -> InputError | None:
+        """Why the solver does not take the deck of a guess; None where it does, or has solved it before."""
+        if (self.sims / asked.sim / "solution.npz").exists():
+            return None
+        return refusal(self.settings.solver, asked.deck, self.mesh_files[self.mesh_of(asked)], asked.mesh)
 
     def with_mesh(self, name: str, mesh: Mesh) -> Fit:
         """The fit with one mesh more."""

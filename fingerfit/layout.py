@@ -36,6 +36,7 @@ _FIT = (
     *_READ,
     *_MESH,
     "deck/render.py",
+    "decks.py",
     "estimate.py",
     "effects",
     "fit.py",

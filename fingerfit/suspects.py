@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fingerfit.decks import with_effect
 from fingerfit.effects.contract import OBSERVATION, Effect
+from fingerfit.errors import InputError
 from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.rounds import Asked
 from fingerfit.study import Study
@@ -29,9 +31,18 @@ class Suspect:
     asked: tuple[Asked, ...] = ()
 
 
-def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
-    """Effects that make sense in this study and are not in the model, with their simulations at small sizes."""
-    study, found = fit.study, []
+def suspects(fit: Fit, values: Mapping[str, float]) -> tuple[list[Suspect], dict[str, InputError]]:
+    """Effects that make sense in this study and are not in the model, with their simulations at small sizes.
+
+    Returns
+    -------
+    list of Suspect
+    dict
+        What the solver lacks for others, by their titles: they are not tried.
+    """
+    study = fit.study
+    found: list[Suspect] = []
+    lacking: dict[str, InputError] = {}
     there = what_is_there(study, fit.meshes[SEARCH].dim)
     without = fit.ask(values).sim
     for effect in fit.effects.values():
@@ -48,12 +59,18 @@ def suspects(fit: Fit, values: Mapping[str, float]) -> list[Suspect]:
                 continue
             asked = []
             for parameter in effect.parameters if effect.acts != OBSERVATION and effect.name != "coarse_mesh" else ():
-                trial = {**effect.null(), **place, effect.key(parameter.name): parameter.null + parameter.step}
+                trial = with_effect(effect, place, parameter.name)
                 asked.append(fit.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
             if asked and all(one.sim == without for one in asked):
                 continue  # no part of this study's deck: friction where nothing is in contact
+            if asked and not any(one.effect.name == effect.name for one in found):
+                # its first place only: the others have the same keywords
+                refused = next(filter(None, map(fit.refusal, asked)), None)
+                if refused is not None:
+                    lacking[effect.title] = refused
+                    break
             found.append(Suspect(effect, place, tuple(asked)))
-    return found
+    return found, lacking
 
 
 def _is_fitted(effect: Effect, fit: Fit) -> bool:

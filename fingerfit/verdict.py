@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fingerfit.diagnose import Look, alike
 from fingerfit.effects.contract import NUMERICS
@@ -236,6 +236,14 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
         return verdict
     text = f"something is missing: the measurements differ by {error:.2g} times their noise, but no effect explains it"
     return Verdict("unexplained", (), text, verdict.threshold)
+
+
+def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:
+    """The verdict, and in its sentence the effects that were not tried since the solver lacks what they need."""
+    if not titles:
+        return verdict
+    sentence = f"{verdict.sentence}; not tried, since solver {solver} lacks what they need: {', '.join(titles)}"
+    return replace(verdict, sentence=sentence)
 
 
 def _rival(one: Refit, best: Refit) -> bool:

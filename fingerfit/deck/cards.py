@@ -10,6 +10,14 @@ import numpy as np
 
 from fingerfit.errors import InputError
 
+_WIDTH = 110
+"""Characters of a keyword line that all programs read."""
+_NAMES = frozenset(
+    {"NAME", "NSET", "ELSET", "MATERIAL", "ORIENTATION", "INTERACTION", "PART", "INSTANCE", "AMPLITUDE", "INPUT"}
+    | {"REF NODE", "ROT NODE", "PIN NSET", "TIE NSET", "ANALYTICAL SURFACE"}
+)
+"""Parameters whose values are names: these stand in quotes where they have blanks or commas."""
+
 
 @dataclass
 class Card:
@@ -23,6 +31,21 @@ class Card:
 
     def error(self, found: object, expected: str, line: int | None = None) -> InputError:
         return InputError(self.path, f"line {line or self.line}, *{self.name}", found, expected)
+
+    def lines(self) -> Iterator[str]:
+        """The card as text; a long keyword line goes on after a comma."""
+        line = f"*{self.name}"
+        for option, value in self.options.items():
+            if option in _NAMES and set(value) & {" ", ","}:
+                value = f'"{value}"'
+            word = f"{option}={value}" if value else option
+            if len(line) + len(word) > _WIDTH:
+                yield line + ","
+                line = word
+            else:
+                line += f", {word}"
+        yield line
+        yield from (text for _, text in self.data)
 
     def allow(self, *names: str) -> None:
         """Refuse other parameters; those that are written without blanks get their names."""

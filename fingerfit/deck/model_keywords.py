@@ -109,7 +109,8 @@ def _profile(card: Card, surface: Surface) -> None:
     a, b = np.array(frame[0][:3]), np.array(frame[0][3:6])
     first = (b - a) / np.linalg.norm(b - a)
     if surface.kind == "CYLINDER":
-        z = np.array(frame[1][:3]) - a
+        # ABAQUS's local axes are right-handed with z against the generator
+        z = a - np.array(frame[1][:3])
         z /= np.linalg.norm(z)
         surface.axes = np.array([first, np.cross(z, first), z])
     else:  # local r anywhere across the axis of revolution, local z along it

@@ -61,7 +61,7 @@ LATER = (
 def _handle_later(reading: Reading, card: Card) -> None:
     from fingerfit.deck.model_keywords import KEYWORDS as RARE
 
-    RARE[_NAMES[squeeze(card.name)]](reading, card)
+    RARE[NAMES[squeeze(card.name)]](reading, card)
 
 
 KEYWORDS: dict[str, Handler] = {
@@ -72,11 +72,12 @@ KEYWORDS: dict[str, Handler] = {
 }
 
 
-_NAMES = {squeeze(name): name for name in (*KEYWORDS, *IGNORED)}
+NAMES = {squeeze(name): name for name in (*KEYWORDS, *IGNORED)}
+"""Keywords as ABAQUS writes them, by what CalculiX takes them for: without blanks."""
 
 
 def _handle(reading: Reading, card: Card) -> None:
-    name = _NAMES.get(squeeze(card.name), card.name)
+    name = NAMES.get(squeeze(card.name), card.name)
     if name in IGNORED:
         return
     if name not in KEYWORDS:

@@ -137,7 +137,7 @@ class _Writer:
             along = axes[0] if surface.kind == "CYLINDER" else axes[2]
             yield _row(*origin.tolist(), *(origin + along).tolist())
             if surface.kind == "CYLINDER":
-                yield _row(*(origin + axes[2]).tolist())
+                yield _row(*(origin - axes[2]).tolist())
         yield from (_row(word, *values) for word, values in surface.profile)
 
     def _constraints(self) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""ABAQUS as a solver: the same decks, its ASCII results file read back.
+"""ABAQUS as a solver: the same decks in its own words (`fingerfit.deck.dialect`), its ASCII results file read back.
 
 ABAQUS itself waits for a licence when none is free; the time limit holds for waiting and running together.
 """
@@ -16,18 +16,31 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.deck.reader import Deck, read_deck
-from fingerfit.errors import InputError, SolverError
+from fingerfit.deck.cards import Card, read_cards
+from fingerfit.deck.content import Deck
+from fingerfit.deck.dialect import to_abaqus
+from fingerfit.deck.reader import read_deck
+from fingerfit.errors import SolverError
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.solvers.abaqus_fil import FilIncrement, read_fil
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
-from fingerfit.solvers.process import copy_deck, run
+from fingerfit.solvers.needs import FEATURES, refuse_lacking, require_sets
+from fingerfit.solvers.process import LOG, run, write_cards
 
 COMMAND = "abaqus job={job} cpus={threads} interactive ask_delete=OFF"
 """Template of the command; a site changes it by FINGERFIT_ABAQUS, for example to go through a container."""
+ADAPTER = 2
+"""Part of the identity; raised when the adapter accepts other decks or reads something else, so that old answers go."""
 TIME_LIMIT = 4 * 3600.0
 """Seconds for one deck, licence included."""
-_RESULTS = ("*FILE FORMAT, ASCII", "*NODE FILE, FREQUENCY=9999", "U, RF")
+_RESULTS = (
+    Card(Path(), 0, "FILE FORMAT", {"ASCII": ""}),
+    Card(Path(), 0, "NODE FILE", {"FREQUENCY": "9999"}, [(0, "U, RF")]),
+)
+"""Asked for at the end of every step."""
+LACKS = frozenset({"*DLOAD", "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN"})
+"""What pressures push is not read back, so that the indenter's force would be wrong; strain without stress is
+CalculiX's."""
 _DIVERGED = (
     "TOO MANY ATTEMPTS",
     "TIME INCREMENT REQUIRED IS LESS THAN",
@@ -49,14 +62,14 @@ class AbaqusSolver:
     """
 
     name = "abaqus"
-    capabilities = Capabilities(elements=frozenset(ELEMENTS), dialect="abaqus")
+    capabilities = Capabilities(elements=frozenset(ELEMENTS), features=FEATURES - LACKS)
 
     def __init__(self, command: str | None = None, time_limit: float = TIME_LIMIT) -> None:
         self.command = command or os.environ.get("FINGERFIT_ABAQUS", COMMAND)
         self.time_limit = time_limit
 
     def identity(self) -> dict[str, Any]:
-        """Name, version and command.
+        """Name, version, command and the adapter's own version.
 
         Raises
         ------
@@ -64,29 +77,33 @@ class AbaqusSolver:
             When the executable is missing or does not tell its release.
         """
         program = self._arguments(1)[0]
-        return {"name": self.name, "version": _version(program), "command": self.command}
+        return {"name": self.name, "version": _version(program), "command": self.command, "adapter": ADAPTER}
 
     def check(self, deck: Path) -> None:
         """Read the deck; SolverError without an executable, InputError for a deck without what is read back."""
         self._arguments(1)
-        _sets(read_deck(deck), deck)
+        self._cards(deck)
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Run ABAQUS in a temporary folder inside `workdir`.
 
         Raises
         ------
+        InputError
+            For what it lacks.
         SolverError
             When it cannot be run, has no licence, or refuses the deck.
         """
-        read = read_deck(deck)
-        _sets(read, deck)
         command = self._arguments(threads)
+        cards, read = self._cards(deck)
         with tempfile.TemporaryDirectory(dir=workdir, prefix="abaqus-") as name:
             folder = Path(name)
-            copy_deck(deck, folder)
-            _request_results(folder / "deck.inp")
-            code, output = run(command, folder, self.time_limit)
+            write_cards(cards, folder / "deck.inp")
+            try:
+                code, output = run(command, folder, self.time_limit)
+            except SolverError as error:
+                waiting = _waits(_text(folder / LOG) + _text(folder / "deck.log"))
+                raise SolverError(f"{error}, while it waited for a licence: {waiting}" if waiting else error) from None
             said = output + "".join(_text(folder / f"deck.{end}") for end in ("msg", "dat", "sta"))
             results = folder / "deck.fil"
             found = read_fil(results).last() if results.exists() and results.stat().st_size else []
@@ -95,6 +112,13 @@ class AbaqusSolver:
         if len(complete) < len(read.steps) and not diverged:
             raise SolverError(f"abaqus: {deck}: {_reason(said, code)}")
         return _outcome(complete, read)
+
+    def _cards(self, path: Path) -> tuple[list[Card], Deck]:
+        """The deck for ABAQUS, and what it says."""
+        deck = read_deck(path)
+        require_sets(deck, path, "BOTTOM", "INDENTER")
+        refuse_lacking(deck, path, self.name, self.capabilities)
+        return list(to_abaqus(read_cards(path), deck, _RESULTS)), deck
 
     def _arguments(self, threads: int) -> list[str]:
         try:
@@ -108,27 +132,6 @@ class AbaqusSolver:
             name = parts[0] if parts else "(empty)"
             raise SolverError(f"solver abaqus: no executable {name}; install ABAQUS or set FINGERFIT_ABAQUS")
         return [program, *parts[1:]]
-
-
-def _sets(deck: Deck, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes of the base and the indenter's reference node."""
-    found = []
-    for name in ("BOTTOM", "INDENTER"):
-        nodes = deck.mesh.node_sets.get(name)
-        if nodes is None or (name == "INDENTER" and len(nodes) != 1):
-            raise InputError(path, "*NSET", f"no node set {name}", "the base's nodes and the indenter's reference node")
-        found.append(nodes)
-    return found[0], found[1]
-
-
-def _request_results(deck: Path) -> None:
-    """Ask for the results file at the end of every step."""
-    lines: list[str] = []
-    for line in deck.read_text(encoding="utf-8").splitlines():
-        if re.match(r"\s*\*\s*END\s+STEP", line, re.IGNORECASE):
-            lines += _RESULTS
-        lines.append(line)
-    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _ended(increment: FilIncrement, deck: Deck) -> bool:
@@ -153,8 +156,11 @@ def _outcome(found: list[FilIncrement], deck: Deck) -> Outcome:
         forces = np.zeros((nodes, dim))
         for label, values in increment.nodal.get("RF", {}).items():
             forces[index[label]] = values[:dim]
-        # equilibrium: the base holds what the indenter pushes
+        # equilibrium: base and springs hold what the indenter pushes, whose own nodes may follow one of them
         reaction[step] = -forces[base].sum(axis=0)
+        for spring in deck.springs:
+            (node, axis), grounded = spring.first, spring.second is None
+            reaction[step, axis] += grounded * spring.stiffness * displacement[step, node, axis]
     status = CONVERGED if len(found) == len(deck.steps) else DIVERGED
     message = f"{len(found)} steps"
     if status == DIVERGED:
@@ -164,15 +170,18 @@ def _outcome(found: list[FilIncrement], deck: Deck) -> Outcome:
 
 def _reason(said: str, code: int) -> str:
     """Why it did not run, in one line."""
-    for sign in (r"[^\n]*licen[sc]e[^\n]*", r"\*\*\*\s*ERROR[^\n]*(?:\n\s+\S[^\n]*)?"):
-        found = re.search(sign, said, re.IGNORECASE)
-        if found:
-            return " ".join(found.group(0).split())
-    return f"exit code {code}, no results"
+    error = re.search(r"\*\*\*\s*ERROR[^\n]*(?:\n\s+\S[^\n]*)?", said, re.IGNORECASE)
+    return _waits(said) or (" ".join(error.group(0).split()) if error else f"exit code {code}, no results")
+
+
+def _waits(said: str) -> str:
+    """The last that it said of licences, unless it got one."""
+    lines = re.findall(r"[^\n]*licen[sc]e[^\n]*", said, re.IGNORECASE)
+    return "" if not lines or re.search(r"checked out|checked in|released", lines[-1]) else " ".join(lines[-1].split())
 
 
 def _text(path: Path) -> str:
-    return path.read_text(errors="replace") if path.exists() else ""
+    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
 
 
 @cache

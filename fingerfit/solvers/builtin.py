@@ -14,6 +14,7 @@ from fingerfit.errors import InputError
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.files import digest
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
+from fingerfit.solvers.needs import FEATURES
 
 if TYPE_CHECKING:
     from fingerfit.deck.content import Deck
@@ -49,7 +50,7 @@ class BuiltinSolver:
     """
 
     name = "builtin"
-    capabilities = Capabilities(elements=frozenset(ELEMENTS))
+    capabilities = Capabilities(elements=frozenset(ELEMENTS), features=FEATURES)
 
     def __init__(self, averaged: bool = True) -> None:
         self.averaged = averaged

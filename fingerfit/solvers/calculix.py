@@ -1,4 +1,8 @@
-"""CalculiX (ccx) as a solver: the same decks, its .dat file read back."""
+"""CalculiX (ccx) as a solver: the same decks, its .dat file read back.
+
+The .dat file has seven digits and the nodes of the deck; the .frd file has six, and the nodes of the solid elements
+that CalculiX makes of plane ones.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +10,43 @@ import os
 import re
 import shutil
 import tempfile
+from collections.abc import Iterator
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fingerfit.deck.cards import Card, read_cards, squeeze
+from fingerfit.deck.content import Deck
 from fingerfit.deck.reader import read_deck
-from fingerfit.errors import InputError, SolverError
+from fingerfit.errors import SolverError
+from fingerfit.solvers.calculix_output import diverged, not_understood, read_dat, reason
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
-from fingerfit.solvers.process import copy_deck, run
+from fingerfit.solvers.needs import FEATURES, refuse_lacking, require_sets
+from fingerfit.solvers.process import run, write_cards
 
 ELEMENTS = frozenset({"CPE3", "CPE4", "CPE6", "CPE8", "CPE8R", "C3D4", "C3D8", "C3D10", "C3D20", "C3D20R"})
 """Those that are tested against the built-in solver; CalculiX has no hybrids."""
+LACKS = frozenset(
+    {
+        "*ANISOTROPIC HYPERELASTIC",
+        "*FRICTION, ROUGH",
+        "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN",
+        "*INITIAL CONDITIONS, TYPE=STRESS",
+        "*INSTANCE",
+        "*STATIC, LONG TERM",
+        "*SURFACE BEHAVIOR, NO SEPARATION",
+        "*SURFACE, TYPE=CYLINDER",
+        "*SURFACE, TYPE=REVOLUTION",
+        "*SURFACE, TYPE=SEGMENTS",
+        "*VISCOELASTIC",
+    }
+)
+"""Of 2.20. Of some of these it only warns, and goes on without them; initial stress it takes by integration point."""
+ADAPTER = 2
+"""Part of the identity; raised when the adapter accepts other decks or reads something else, so that old answers go."""
 TIME_LIMIT = 3600.0
 """Seconds for one deck."""
 RESIDUAL = 1e-5
@@ -37,45 +65,42 @@ class CalculixSolver:
     """
 
     name = "calculix"
-    capabilities = Capabilities(elements=ELEMENTS, dialect="calculix")
+    capabilities = Capabilities(elements=ELEMENTS, features=FEATURES - LACKS)
 
     def __init__(self, time_limit: float = TIME_LIMIT, residual: float | None = RESIDUAL) -> None:
         self.time_limit, self.residual = time_limit, residual
 
     def identity(self) -> dict[str, Any]:
-        """Name, version and where it stops iterating.
+        """Name, version, where it stops iterating and the adapter's own version.
 
         Raises
         ------
         SolverError
             When the executable is missing.
         """
-        return {"name": self.name, "version": _version(_executable()), "residual": self.residual}
+        version = _version(_executable())
+        return {"name": self.name, "version": version, "residual": self.residual, "adapter": ADAPTER}
 
     def check(self, deck: Path) -> None:
-        """Read the deck; SolverError without an executable, InputError for elements that are not tested."""
+        """Read the deck; SolverError without an executable, InputError for what CalculiX lacks."""
         _executable()
-        for block in read_deck(deck).mesh.blocks:
-            if block.element not in self.capabilities.elements:
-                raise InputError(
-                    deck, "*ELEMENT", block.element, "one of " + ", ".join(sorted(self.capabilities.elements))
-                )
+        self._read(deck)
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Run ccx in a temporary folder inside `workdir`.
 
         Raises
         ------
+        InputError
+            For what it lacks.
         SolverError
-            When it cannot be run, or refuses the deck.
+            When it cannot be run, refuses the deck or leaves a part of it out.
         """
-        read = read_deck(deck)
         executable = _executable()
+        read = self._read(deck)
         with tempfile.TemporaryDirectory(dir=workdir, prefix="ccx-") as name:
             folder = Path(name)
-            copy_deck(deck, folder)
-            if self.residual is not None:
-                _control(folder / "deck.inp", self.residual)
+            write_cards(_own_cards(list(read_cards(deck)), read, self.residual), folder / "deck.inp")
             code, output = run(
                 [executable, "-i", "deck"],
                 folder,
@@ -83,39 +108,69 @@ class CalculixSolver:
                 {"OMP_NUM_THREADS": str(threads), "CCX_NPROC_EQUATION_SOLVER": str(threads)},
             )
             result = folder / "deck.dat"
-            text = result.read_text(errors="replace") if result.exists() else ""
-        refused = re.search(r"\*ERROR(?! in|: increment size).*?(?:\n\s+.*)?", output)
-        found, silent = _read_dat(text, len(read.steps))
-        if not found and not _diverged(output):
-            reason = " ".join(refused.group(0).split()) if refused else f"exit code {code}, no results"
-            raise SolverError(f"calculix: {deck}: {reason}")
-        return _outcome(found, read.mesh, len(read.steps) - silent)
+            text = result.read_text(encoding="utf-8", errors="replace") if result.exists() else ""
+        left_out = not_understood(output)
+        if left_out:
+            raise SolverError(f"calculix: {deck}: it does not know {left_out}, and went on without it")
+        ends = list(accumulate(step.period for step in read.steps))
+        found, silent = read_dat(text, ends, ("U ALL", f"RF {_pushed(read)}"))
+        if not found and not diverged(output):
+            raise SolverError(f"calculix: {deck}: {reason(output) or f'exit code {code}, no results'}")
+        return _outcome(found, read, len(read.steps) - silent)
+
+    def _read(self, path: Path) -> Deck:
+        deck = read_deck(path)
+        require_sets(deck, path, "INDENTER")
+        refuse_lacking(deck, path, self.name, self.capabilities)
+        return deck
 
 
-def _outcome(found: list[dict[str, np.ndarray]], mesh: Any, wanted: int) -> Outcome:
+def _outcome(found: list[dict[str, np.ndarray]], deck: Deck, wanted: int) -> Outcome:
+    mesh, sets = deck.mesh, deck.mesh.node_sets
     # without what a deck adds to its mesh: rigid surfaces of elements
-    dim, nodes = mesh.dim, int(mesh.node_sets["ALL"].max()) + 1
+    dim, nodes = mesh.dim, int(sets["ALL"].max()) + 1 if "ALL" in sets else len(mesh.points)
+    index = {label: n for n, (_, label) in enumerate(deck.labels)}
     displacement = np.zeros((len(found), nodes, dim))
     reaction = np.zeros((len(found), dim))
     for step, tables in enumerate(found):
-        rows = tables["ALL"]
-        displacement[step, rows[:, 0].astype(int) - 1] = rows[:, 1 : 1 + dim]
-        # equilibrium: the base holds what the indenter pushes
-        reaction[step] = -tables["BOTTOM"][:, 1 : 1 + dim].sum(axis=0)
+        rows = tables["U ALL"]
+        displacement[step, [index[int(label)] for label in rows[:, 0]]] = rows[:, 1 : 1 + dim]
+        # internal forces, also where nodes follow others or a force is given
+        reaction[step] = tables[f"RF {_pushed(deck)}"][:, 1 : 1 + dim].sum(axis=0)
     status = CONVERGED if len(found) == wanted else DIVERGED
     message = f"{wanted} steps" if status == CONVERGED else f"no equilibrium in step {len(found) + 1} of {wanted}"
-    return Outcome(status, displacement, reaction, displacement[:, mesh.node_sets["INDENTER"][0]], message)
+    return Outcome(status, displacement, reaction, displacement[:, sets["INDENTER"][0]], message)
 
 
-def _control(deck: Path, residual: float) -> None:
-    """Set where iterations stop, in each step of a deck that does not."""
-    lines = deck.read_text().splitlines()
-    if any(line.strip().upper().startswith("*CONTROLS") for line in lines):
-        return
-    given = f"*CONTROLS, PARAMETERS=FIELD\n{residual:g}\n"
-    starts = tuple(f"*{name}" for name in ("STATIC", "VISCO"))
-    lines = [given + line if line.strip().upper().startswith(starts) else line for line in lines]
-    deck.write_text("\n".join(lines) + "\n")
+def _own_cards(cards: list[Card], deck: Deck, residual: float | None) -> Iterator[Card]:
+    """A deck as ccx gets it: where iterations stop, and prints of what is read back, in each step that counts.
+
+    These are the steps that print the nodes ALL, or all steps of a deck that has none. Its own *CONTROLS stay.
+    """
+    names = [squeeze(card.name) for card in cards]
+    controlled, unnamed = "CONTROLS" in names, "ALL" not in deck.mesh.node_sets
+    printing = [squeeze(c.name) == "NODEPRINT" and c.options.get("NSET", "").upper() == "ALL" for c in cards]
+    silent, prints = not any(printing), False
+    for card, name, own in zip(cards, names, printing, strict=True):
+        prints = own or (prints and name != "STEP")
+        if name == "STEP" and unnamed:
+            unnamed = False
+            yield _card("NSET", {"NSET": "ALL"}, *(str(label) for _, label in deck.labels))
+        if name in ("STATIC", "VISCO") and residual is not None and not controlled:
+            yield _card("CONTROLS", {"PARAMETERS": "FIELD"}, f"{residual:g}")
+        if name == "ENDSTEP" and (silent or prints):
+            for nodes, what in [("ALL", "U")] * silent + [(_pushed(deck), "RF")]:
+                yield _card("NODE PRINT", {"NSET": nodes, "FREQUENCY": "1000000"}, what)
+        yield card
+
+
+def _pushed(deck: Deck) -> str:
+    """Nodes that the indenter pushes: TOP where there is such a set."""
+    return "TOP" if "TOP" in deck.mesh.node_sets else "INDENTER"
+
+
+def _card(name: str, options: dict[str, str], *data: str) -> Card:
+    return Card(Path(), 0, name, options, [(0, line) for line in data])
 
 
 def _executable() -> str:
@@ -136,28 +191,3 @@ def _version(executable: str) -> str:
     if not found:
         raise SolverError(f"{executable}: its -v names no version: is it CalculiX?")
     return found.group(1)
-
-
-def _diverged(output: str) -> bool:
-    return any(sign in output for sign in ("too many cutbacks", "increment size smaller", "best solution", "diverg"))
-
-
-def _read_dat(text: str, steps: int) -> tuple[list[dict[str, np.ndarray]], int]:
-    """Tables by set at the end of each step (total times 1, 2, ...) that was reached; steps before the first such.
-
-    Force control begins with a step that only finds the contact; it prints nothing, and its end is no answer.
-    """
-    tables: dict[float, dict[str, np.ndarray]] = {}
-    heads = list(re.finditer(r"(?:displacements|forces) \(.*?\) for set (\S+) and time\s+(\S+)", text))
-    for head, following in zip(heads, [*heads[1:], None], strict=False):
-        body = text[head.end() : following.start() if following else len(text)]
-        values = np.array(body.split(), dtype=float)
-        tables.setdefault(round(float(head.group(2)), 6), {})[head.group(1)] = values.reshape(-1, 4)
-    complete = {time for time, sets in tables.items() if {"ALL", "BOTTOM"} <= set(sets)}
-    first = next((step for step in range(1, steps + 1) if float(step) in complete), 1)
-    found = []
-    for step in range(first, steps + 1):
-        if float(step) not in complete:
-            break
-        found.append(tables[float(step)])
-    return found, first - 1

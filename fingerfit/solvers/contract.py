@@ -86,11 +86,20 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What an adapter can do; anything else is refused before a run."""
+    """What an adapter can do; `fingerfit.solvers.needs.refuse_lacking` refuses anything else before a run.
+
+    Parameters
+    ----------
+    elements : frozenset of str
+    control : frozenset of str
+        ``force``, ``displacement`` or both.
+    features : frozenset of str
+        Some of `fingerfit.solvers.needs.FEATURES`: materials, constraints, contact and loads beside these.
+    """
 
     elements: frozenset[str]
     control: frozenset[str] = field(default_factory=lambda: frozenset({"force", "displacement"}))
-    dialect: str = "abaqus"
+    features: frozenset[str] = frozenset()
 
 
 class Solver(Protocol):
@@ -106,7 +115,10 @@ class Solver(Protocol):
         """
 
     def check(self, deck: Path) -> None:
-        """Look at a deck cheaply; InputError for what the solver lacks, SolverError when it is not there."""
+        """Look at a deck before anything runs: once for each fit, and once for each effect that is tried.
+
+        Raises InputError for what the solver lacks, SolverError when it is not there.
+        """
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Run the deck in a folder of its own; raises SolverError when it could not be run at all."""

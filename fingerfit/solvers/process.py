@@ -5,22 +5,53 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
-import re
-import shutil
 import signal
 import subprocess
+import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from fingerfit.deck.cards import Card
 from fingerfit.errors import SolverError
 
+LOG = "output.log"
+"""Where a program's output goes, in the folder that it runs in."""
 _PR_SET_PDEATHSIG = 1
+_WATCH = "read nothing; kill -9 -$0"
+"""Waits until the pipe it reads is closed, which only the end of its writer does, and ends a group of processes."""
 
 
 def _die_with_parent() -> None:
     """Ask Linux to end this process when its parent ends, however that happens (prctl(2))."""
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+@contextlib.contextmanager
+def _ended_at_last(process: subprocess.Popen[bytes]) -> Iterator[None]:
+    """End the whole group of a process, also what it left behind; when this process is killed, a watcher does it.
+
+    Linux ends the direct child alone: its own children know nothing of us.
+    """
+    watcher = None
+    try:
+        watcher = subprocess.Popen(
+            ["/bin/sh", "-c", _WATCH, str(process.pid)],
+            cwd="/",
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        yield
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        if watcher is not None:
+            watcher.kill()
+            watcher.communicate()
 
 
 def run(
@@ -33,9 +64,10 @@ def run(
     command : sequence of str
         Program and arguments; no shell is involved.
     folder : Path
-        Where it runs; its output goes to ``output.log`` there.
+        Where it runs; its output goes to `LOG` there.
     limit : float
-        Seconds after which it and its children are ended.
+        Seconds after which it and its children are ended; as they are when this process ends before them, even killed.
+        A child that makes itself a session of its own is not followed.
     environment : mapping
         Added to this process's environment.
 
@@ -51,7 +83,7 @@ def run(
     SolverError
         When it cannot be started or exceeds the limit.
     """
-    log = folder / "output.log"
+    log = folder / LOG
     try:
         with log.open("wb") as sink:
             process = subprocess.Popen(
@@ -69,31 +101,21 @@ def run(
     main = threading.current_thread() is threading.main_thread()
     handler = signal.signal(signal.SIGTERM, lambda number, frame: _stop(number)) if main else None
     try:
-        code = process.wait(timeout=limit)
+        with _ended_at_last(process):
+            code = process.wait(timeout=limit)
     except subprocess.TimeoutExpired:
         raise SolverError(f"{command[0]}: not finished after {limit:g} s, ended") from None
     finally:
-        # the whole group, also what a program that has ended left behind
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
         if main:
             signal.signal(signal.SIGTERM, handler)
-    return code, log.read_text(errors="replace")
+    return code, log.read_text(encoding="utf-8", errors="replace")
 
 
 def _stop(number: int) -> None:
     raise SystemExit(128 + number)
 
 
-def copy_deck(deck: Path, folder: Path) -> None:
-    """Copy a deck as deck.inp, with the files it includes, which programs look up where they run."""
-    lines = []
-    for line in deck.read_text(encoding="utf-8").splitlines():
-        match = re.match(r"\*INCLUDE\s*,\s*INPUT\s*=\s*(.+)", line, re.IGNORECASE)
-        if match:
-            source = deck.parent / match.group(1).strip()
-            shutil.copy(source, folder / source.name)
-            line = f"*INCLUDE, INPUT={source.name}"
-        lines.append(line)
-    (folder / "deck.inp").write_text("\n".join(lines) + "\n", encoding="utf-8")
+def write_cards(cards: Iterable[Card], path: Path) -> None:
+    """Write a deck as one file: keywords from several files, as `fingerfit.deck.cards.read_cards` finds them."""
+    with path.open("w", encoding="utf-8") as file:
+        file.writelines(f"{line}\n" for card in cards for line in card.lines())

@@ -12,8 +12,10 @@ and, for one that runs an external program, `ExternalSolverConformance` with two
 from __future__ import annotations
 
 import json
+import re
 import stat
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +28,7 @@ from fingerfit.material.ogden import Ogden
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import brick, layered_block
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome, Solver
+from fingerfit.solvers.needs import FEATURES
 
 MATERIAL = Ogden((0.03,), (1.4,), (0.7,))
 SIZE, DEPTH = 10.0, 2.0
@@ -78,6 +81,41 @@ def write_block(
     return folder / "deck.inp"
 
 
+def _amplitude(text: str) -> str:
+    text = text.replace("*STEP", "*AMPLITUDE, NAME=HALF\n0., 0., 1., 0.5\n*STEP", 1)
+    return text.replace("*BOUNDARY\nINDENTER", "*BOUNDARY, AMPLITUDE=HALF\nINDENTER")
+
+
+def _relaxing(text: str) -> str:
+    text = text.replace("*SOLID SECTION", "*VISCOELASTIC, TIME=PRONY\n0.4, 0., 2.\n*SOLID SECTION")
+    text = text.replace("*STEP, NLGEOM", "*STEP, NLGEOM, AMPLITUDE=RAMP")
+    return text.replace("*STATIC\n0.5, 1., 1e-5, 1.", "*VISCO, CETOL=1e-3\n0.25, 5., 1e-5, 0.25")
+
+
+def _stressed(text: str) -> str:
+    rows = "*INITIAL CONDITIONS, TYPE=STRESS\nALL_LAYERS, 0.002, -0.004, 0.001, 0., 0., 0.\n"
+    return text.replace("*STEP", rows + "*STEP", 1)
+
+
+def _loaded(text: str) -> str:
+    return text.replace("*NODE PRINT", "*DLOAD\n1, P2, 0.02\n*NODE PRINT", 1)
+
+
+def _sprung(text: str) -> str:
+    rows = "*ELEMENT, TYPE=SPRING1, ELSET=SPRUNG\n900, 20\n*SPRING, ELSET=SPRUNG\n2\n2.\n"
+    return text.replace("*MATERIAL", rows + "*MATERIAL", 1)
+
+
+CHANGES: dict[str, Callable[[str], str]] = {
+    "*AMPLITUDE": _amplitude,
+    "*DLOAD": _loaded,
+    "*INITIAL CONDITIONS, TYPE=STRESS": _stressed,
+    "*SPRING": _sprung,
+    "*VISCOELASTIC": _relaxing,
+}
+"""Features that a program may leave out without a word, each with what brings it into the deck of the glued block."""
+
+
 def homogeneous_force(stretch: float, dim: int) -> tuple[float, float]:
     """Force in N on the sliding block and lateral stretch, in closed form by bisection."""
     low, high = 0.5, 2.0
@@ -118,6 +156,7 @@ class SolverConformance:
         assert solver.capabilities.elements
         assert solver.capabilities.elements <= set(ELEMENTS)
         assert solver.capabilities.control <= {"force", "displacement"}
+        assert solver.capabilities.features <= FEATURES
         assert self.elements(solver)
 
     def test_it_accepts_what_it_declares(self, solver: Solver, tmp_path: Path) -> None:
@@ -179,6 +218,63 @@ class SolverConformance:
         theirs, ours = solver.solve(deck, tmp_path), BuiltinSolver().solve(deck, tmp_path)
         assert theirs.displacement == pytest.approx(ours.displacement, abs=2 * 10 * self.tolerance)
         assert theirs.reaction[:, 1] == pytest.approx(ours.reaction[:, 1], rel=10 * self.tolerance)
+
+    def test_a_keyword_changes_the_answer_or_is_refused(self, solver: Solver, tmp_path: Path) -> None:
+        from fingerfit.solvers.builtin import BuiltinSolver
+
+        plain = BuiltinSolver().solve(write_block(tmp_path, "displacement", [1.0]), tmp_path)
+        for feature, change in CHANGES.items():
+            deck = write_block(tmp_path, "displacement", [1.0])
+            deck.write_text(change(deck.read_text(encoding="utf-8")), encoding="utf-8")
+            if feature not in solver.capabilities.features:
+                with pytest.raises(InputError, match=re.escape(feature[:6])):  # *VISCO is told of *VISCOELASTIC, too
+                    solver.check(deck)
+                continue
+            solver.check(deck)
+            theirs, ours = solver.solve(deck, tmp_path), BuiltinSolver().solve(deck, tmp_path)
+            assert theirs.status == ours.status == CONVERGED, feature
+            change_of = [np.ptp(each.displacement - plain.displacement) for each in (theirs, ours)]
+            pushed = [abs(each.reaction[0, 1] / plain.reaction[0, 1] - 1) for each in (theirs, ours)]
+            assert max(change_of[1], pushed[1]) > 1e-3, feature
+            assert max(change_of[0], pushed[0]) > 1e-3, f"{feature} is left out"
+            assert theirs.displacement == pytest.approx(ours.displacement, abs=2 * 10 * self.tolerance), feature
+            assert theirs.reaction[:, 1] == pytest.approx(ours.reaction[:, 1], rel=10 * self.tolerance), feature
+
+    def test_control_that_it_lacks_is_refused(self, solver: Solver, tmp_path: Path) -> None:
+        for control in ("force", "displacement"):
+            deck = write_block(tmp_path, control, [1.0], self.elements(solver)[0])
+            if control in solver.capabilities.control:
+                solver.check(deck)
+            else:
+                with pytest.raises(InputError, match=control):
+                    solver.check(deck)
+
+    def test_steps_may_last_any_time(self, solver: Solver, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [0.5, 1.0])
+        usual = solver.solve(deck, tmp_path)
+        text = deck.read_text(encoding="utf-8")
+        first, second = "*STATIC\n2.5, 5., 1e-5, 5.", "*STATIC\n0.1, 0.2, 1e-6, 0.2"
+        text = text.replace("*STATIC\n0.5, 1., 1e-5, 1.", first, 1).replace("*STATIC\n0.5, 1., 1e-5, 1.", second, 1)
+        deck.write_text(text, encoding="utf-8")
+        outcome = solver.solve(deck, tmp_path)
+        assert (outcome.status, outcome.steps) == (CONVERGED, 2)
+        assert outcome.displacement == pytest.approx(usual.displacement, abs=10 * self.tolerance)
+
+    def test_included_files_are_found_as_the_reader_finds_them(self, solver: Solver, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [1.0])
+        text, plain = deck.read_text(encoding="utf-8"), solver.solve(deck, tmp_path)
+        start = text.index("*STEP")
+        (tmp_path / "mesh").mkdir()
+        (tmp_path / "mesh/block.inp").write_text(format_mesh(read_deck(deck).mesh), encoding="utf-8")
+        (tmp_path / "mesh/outer.inp").write_text("*INCLUDE, INPUT=block.inp\n", encoding="utf-8")
+        (tmp_path / "with blank.inp").write_text("*include,\n  input=mesh/outer.inp\n", encoding="utf-8")
+        (tmp_path / "steps.inp").write_text(text[start:].replace("*END STEP", "*ENDSTEP"), encoding="utf-8")
+        text = text[:start].replace("*INCLUDE, INPUT=block.inp", ' *Include , input = "with blank.inp"')
+        (tmp_path / "other").mkdir()
+        deck.write_text(text + "*INCLUDE, INPUT=steps.inp\n", encoding="utf-8")
+        outcome = solver.solve(deck, tmp_path / "other")
+        assert np.array_equal(outcome.displacement, plain.displacement)
+        assert np.array_equal(outcome.reaction, plain.reaction)
 
     def test_the_same_deck_has_the_same_answer(self, solver: Solver, tmp_path: Path) -> None:
         deck = write_block(tmp_path, "displacement", [1.0])

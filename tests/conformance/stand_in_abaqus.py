@@ -29,13 +29,14 @@ def main():
     parts = [record(1921, "6.23-1", "stand-in", "", "", 0, 0, 1.0)]
     for label, point in enumerate(deck.mesh.points.tolist(), 1):
         parts.append(record(1901, label, *point))
-    code = 0
+    code, time = 0, 0.0
     for number, step in enumerate(run_steps(deck, path), 1):
         if not step.arrived:
             Path(f"{job}.msg").write_text(" ***ERROR: TOO MANY ATTEMPTS MADE FOR THIS INCREMENT\n")
             code = 1
             break
-        parts.append(record(2000, float(number), 1.0, 0.0, 0.0, 1, number, 1, 0))
+        time += deck.steps[number - 1].period
+        parts.append(record(2000, time, deck.steps[number - 1].period, 0.0, 0.0, 1, number, 1, 0))
         for key, values in ((101, step.displacement), (104, step.internal)):
             parts += [record(key, label, *row) for label, row in enumerate(values.tolist(), 1)]
         parts.append(record(2001))

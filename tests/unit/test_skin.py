@@ -8,9 +8,9 @@ import pytest
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.render import render_deck
+from fingerfit.decks import TEMPLATES
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.errors import InputError
-from fingerfit.fit import TEMPLATES
 from fingerfit.imaging.points import estimate_covariance
 from fingerfit.mesh_io import format_mesh, read_mesh
 from fingerfit.prepare import make_mesh, prepare

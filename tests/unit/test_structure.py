@@ -25,7 +25,7 @@ ORDER = (
     ("predict", "estimate", "rounds", "scan"),
     ("choices",),
     ("settings", "pictured"),
-    ("prepare", "fit", "experiment", "settings_check"),
+    ("decks", "prepare", "fit", "experiment", "settings_check"),
     ("residual",),
     ("refine",),
     ("course", "judge", "extend", "suspects"),

@@ -6,6 +6,8 @@ from scipy.sparse import csr_matrix
 from solving import solve_deck
 
 from fingerfit.deck.content import Surface
+from fingerfit.deck.reader import read_deck
+from fingerfit.deck.write import format_deck
 from fingerfit.errors import InputError
 from fingerfit.fem.contact import Interaction, RigidContact
 from fingerfit.fem.faces import faces_of
@@ -511,3 +513,17 @@ def test_the_bodys_side_is_where_most_of_it_lies():
     assert surface.gap(inside)[0] == pytest.approx([0.1, 2 - np.sqrt(3.25), 2 - np.sqrt(3.25), -0.1])
     above = rigid_surface(ring, np.array([[0.0, 2.1], [1.0, 2.5], [0.0, 1.99]]))
     assert isinstance(above, Round) and above.side == 1
+
+
+def test_local_axes_of_a_cylinder_are_abaqus_s(tmp_path):
+    """A plate above, as a program writes it for ABAQUS: z is against the generator, so local y = -3 is z = 3."""
+    mesh = brick((1.0, 1.0, 1.0), (1, 1, 1), "E")
+    plate = "*SURFACE, TYPE=CYLINDER, NAME=PLATE\n0., 0., 0., 1., 0., 0.\n0., -1., 0.\nSTART, -1., -3.\nLINE, 1., -3.\n"
+    rest = "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.3\n*SOLID SECTION, ELSET=E, MATERIAL=M\n*STEP\n*STATIC\n*END STEP\n"
+    (tmp_path / "deck.inp").write_text(format_mesh(mesh) + plate + rest)
+    deck = read_deck(tmp_path / "deck.inp")
+    (tmp_path / "again.inp").write_text(format_deck(deck))
+    for path in ("deck.inp", "again.inp"):
+        surface = rigid_surface(read_deck(tmp_path / path).surfaces["PLATE"], mesh.points)
+        assert isinstance(surface, Plane)
+        assert surface.gap(np.array([[5.0, 7.0, 0.0], [0.0, 0.0, 2.5]]))[0] == pytest.approx([3.0, 0.5])

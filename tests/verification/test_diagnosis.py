@@ -60,7 +60,7 @@ def world(tmp_path_factory):
     settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting})
     fit, everything = begin(settings, folder / "model")
     last = run_fit(fit, 1)[0]
-    found = [s for s in suspects(fit, finest(fit, last).values) if s.effect.name in NAMES]
+    found = [s for s in suspects(fit, finest(fit, last).values)[0] if s.effect.name in NAMES]
     solve_missing(fit, [anchor_of(fit, last), *(a for s in found for a in s.asked)], 1)
     examination = Examination(fit, last, everything)
     return examination, try_suspects(examination, judge_of(examination), found)

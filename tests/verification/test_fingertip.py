@@ -1,6 +1,7 @@
 """The deck of the fingertip: both solvers, its parts, and that they can be exchanged."""
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,15 @@ import pytest
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
+from fingerfit.deck.cards import read_cards
 from fingerfit.deck.context import deck_context
+from fingerfit.deck.dialect import to_abaqus
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.render import render_deck
 from fingerfit.deck.write import format_deck
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.mesh_io import format_mesh
+from fingerfit.solvers.abaqus import AbaqusSolver
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.calculix import CalculixSolver
 from fingerfit.solvers.contract import CONVERGED
@@ -204,3 +208,48 @@ def test_letting_go_is_read_and_written(finger, tmp_path):
     (tmp_path / "again.inp").write_text(format_deck(deck))
     again = read_deck(tmp_path / "again.inp")
     assert [step.displacement for step in again.steps] == [step.displacement for step in deck.steps]
+
+
+@pytest.mark.parametrize("name, side", [("HALFTUBE", "DORSAL"), ("SPHERE", "PALMAR")])
+def test_profiles_are_as_abaqus_wants_them(finger, tmp_path, name, side):
+    """Arcs of less than 180 degrees, and the body to the left of the way along the profile."""
+    deck = read_deck(write(tmp_path, finger, "displacement", [1.0]))
+    surface = deck.surfaces[name]
+    (_, start), (_, values) = surface.profile
+    centre = np.array(values[2:])
+    a, b = np.array(start) - centre, np.array(values[:2]) - centre
+    angle = np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)
+    assert 0.1 < abs(angle) < np.deg2rad(175)
+    assert np.linalg.norm(a) == pytest.approx(np.linalg.norm(b), rel=1e-9)
+    nodes = np.unique(finger.blocks[0].nodes[finger.surfaces[side][:, 0]])
+    local = (finger.points[nodes] - surface.origin) @ surface.axes.T
+    place = local[:, :2] if name == "HALFTUBE" else np.stack([np.hypot(local[:, 0], local[:, 1]), local[:, 2]], axis=1)
+    beyond = np.linalg.norm(place - centre, axis=1) - np.linalg.norm(a)
+    # turning to the left, the left is inside
+    assert np.sign(np.median(beyond)) == -np.sign(angle)
+    # the arc is where they touch: its middle looks at the nearest node
+    nearest = place[np.abs(beyond).argmin()] - centre
+    middle = a + b
+    assert nearest @ middle > np.cos(abs(angle) / 2) * np.linalg.norm(nearest) * np.linalg.norm(middle)
+    (tmp_path / "shown.inp").write_text(format_deck(deck))
+    again = read_deck(tmp_path / "shown.inp").surfaces[name]
+    assert np.allclose(again.axes[2], surface.axes[2])
+    assert name == "SPHERE" or np.allclose(again.axes, surface.axes)
+
+
+def test_abaqus_gets_the_same_finger(finger, pressed, tmp_path):
+    for template in ("fingertip_meshed.inp.j2", "fingertip.inp.j2"):
+        deck = write(tmp_path, finger, "displacement", [0.5, 1.0], template)
+        assert "ROT NODE" in deck.read_text()
+        AbaqusSolver(sys.executable).check(deck)
+        lines = [line for card in to_abaqus(read_cards(deck), read_deck(deck)) for line in card.lines()]
+        bodies = [line for line in lines if line.startswith("*RIGID BODY")]
+        assert len(bodies) == 2
+        assert not any("ROT NODE" in line or " NSET=" in line.replace("TIE NSET=", "") for line in bodies)
+        assert not any(line.startswith("*INCLUDE") for line in lines)
+        for name in ("INDENTER", "TUBE"):
+            assert f"{finger.node_sets[name][0] + 1}, 4, 6" in lines
+    (tmp_path / "abaqus.inp").write_text("\n".join(lines) + "\n")
+    again = BuiltinSolver().solve(tmp_path / "abaqus.inp", tmp_path)
+    assert np.allclose(again.displacement, pressed.displacement, atol=1e-9)
+    assert np.allclose(again.reaction, pressed.reaction, atol=1e-9)

@@ -10,8 +10,8 @@ import numpy as np
 
 from fingerfit.deck.reader import Deck, read_deck
 from fingerfit.errors import InputError
-from fingerfit.material.ogden import Ogden
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
+from fingerfit.solvers.needs import refuse_lacking
 from smallfem.program import Program
 
 
@@ -19,7 +19,7 @@ class SmallFem:
     """Adapter; an object is made without arguments."""
 
     name = "smallfem"
-    capabilities = Capabilities(elements=frozenset({"CPE8"}))
+    capabilities = Capabilities(frozenset({"CPE8"}), features=frozenset({"*EQUATION", "*HYPERELASTIC, OGDEN"}))
 
     def identity(self) -> dict[str, Any]:
         """Whatever changes the answer: simulations are found again by it."""
@@ -52,19 +52,11 @@ class SmallFem:
     def _read(self, path: Path) -> Deck:
         """The deck in zero-based numbers; fingerfit's reader refuses unknown keywords with file and line."""
         deck = read_deck(path)
-        for block in deck.mesh.blocks:
-            if block.element not in self.capabilities.elements:
-                raise InputError(path, "*ELEMENT", block.element, "CPE8")
-        for material in deck.materials.values():
-            if not isinstance(material, Ogden) or len(material.mu) != 1 or not material.d or material.prony:
-                raise InputError(path, "*MATERIAL", type(material).__name__, "*HYPERELASTIC, OGDEN, N=1 with D")
-        for keyword, found in (("*CONTACT PAIR", deck.contacts), ("*SPRING", deck.springs), ("*TIE", deck.ties)):
-            if found or deck.rigid:
-                raise InputError(path, keyword if found else "*RIGID BODY", "it", "a body with *EQUATION only")
+        refuse_lacking(deck, path, self.name, self.capabilities)
+        if any(not deck.materials[section.material].d for section in deck.sections):
+            raise InputError(path, "*HYPERELASTIC", "no D", "a compressible body")
         if any(len(terms) != 2 for terms in deck.equations):
             raise InputError(path, "*EQUATION", "more than two terms", "a slave and its master")
-        if any(step.pressure or step.curve or not step.finite for step in deck.steps):
-            raise InputError(path, "*STEP", "pressure, amplitudes or no NLGEOM", "forces and displacements with NLGEOM")
         return deck
 
     def _constants(self, deck: Deck) -> np.ndarray:

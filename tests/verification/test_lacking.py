@@ -1,0 +1,130 @@
+"""What a solver lacks is refused before anything runs: at the start of a fit, among the suspects, by `fingerfit add`."""
+
+import json
+from dataclasses import replace
+
+import pytest
+import yaml
+
+from fingerfit.climb import add
+from fingerfit.course import next_round
+from fingerfit.deck.reader import read_deck
+from fingerfit.errors import InputError
+from fingerfit.examine import examine
+from fingerfit.files import write_json
+from fingerfit.findings import write_diagnosis
+from fingerfit.mesh_io import format_mesh
+from fingerfit.meshing import layered_block
+from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, run_fit
+from fingerfit.solvers.builtin import BuiltinSolver
+from fingerfit.solvers.calculix import CalculixSolver
+from fingerfit.solvers.needs import FEATURES, refuse_lacking
+from fingerfit.suspects import suspects
+
+STUDY = {
+    "title": "block",
+    "units": {"length": "mm", "force": "N", "time": "s"},
+    "control": "displacement",
+    "steps": "steps.csv",
+    "noise": {"force": 0.05, "displacement": 0.001},
+    "body": {"width": 12, "thickness": 70, "layers": [{"name": "top", "height": 4}, {"name": "bottom", "height": 4}]},
+    "boundary": {"base": "held", "indenter": "glued"},
+}
+STEPS = "step,displacement,force,time\n1,0.4,10.0,10\n2,0.8,21.0,20\n3,1.2,32.0,30\n"
+MU = {"unit": "MPa", "start": 0.05, "lower": 0.005, "upper": 0.5}
+MODEL = {"material": {"alpha": 1.4, "poisson": 0.45}, "parameters": {"mu": MU}}
+FIT = {"score": "likelihood", "stages": [{"name": "grid", "kind": "grid", "points": 3}]}
+
+
+def made(folder, solver, element="CPE8", own_mesh=False):
+    """Study and config.yaml in a folder; the mesh is the study's or the model's."""
+    (folder / "study").mkdir()
+    study, model = STUDY, {**MODEL, "mesh": {"element": element, "across": 2, "per_layer": 2}}
+    if own_mesh:
+        mesh = layered_block(12.0, [("top", 4.0), ("bottom", 4.0)], 2, 2, element)
+        (folder / "study/mesh.inp").write_text(format_mesh(mesh))
+        layers = [{"name": "top"}, {"name": "bottom"}]
+        study = {**STUDY, "body": {"mesh": "mesh.inp", "thickness": 70, "layers": layers}}
+        model = MODEL
+    write_json(folder / "study/study.yaml", study)
+    (folder / "study/steps.csv").write_text(STEPS)
+    config = {"study": str(folder / "study"), "solver": solver, "model": model, "fit": FIT}
+    (folder / "config.yaml").write_text(yaml.safe_dump({**config, "results": str(folder / "results")}))
+    return load_settings(folder / "config.yaml")
+
+
+def test_elements_of_a_study_that_brings_its_mesh(tmp_path, needs_ccx):
+    settings = made(tmp_path, "calculix", "CPE8H", own_mesh=True)
+    fit, _ = begin(settings, tmp_path / "model")
+    with pytest.raises(InputError, match=r"solver calculix: \*ELEMENT: found CPE8H; .*CPE8R"):
+        next_round(fit, None)
+    assert not (tmp_path / "model/sims").exists()
+
+
+def test_the_solver_is_asked_once(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(BuiltinSolver, "check", lambda self, deck: asked.append(deck.read_text()))
+    fit, _ = begin(made(tmp_path, "builtin"), tmp_path / "model")
+    run_fit(fit, 1)
+    assert len(asked) == 1
+    assert "*MATERIAL" in asked[0]
+
+
+def test_control_is_asked_for(tmp_path, monkeypatch, needs_ccx):
+    pushing = replace(CalculixSolver.capabilities, control=frozenset({"force"}))
+    monkeypatch.setattr(CalculixSolver, "capabilities", pushing)
+    fit, _ = begin(made(tmp_path, "calculix"), tmp_path / "model")
+    with pytest.raises(InputError, match=r"solver calculix: \*BOUNDARY: found displacement control; .*force control"):
+        next_round(fit, None)
+
+
+def test_effects_that_the_solver_lacks_are_no_suspects(tmp_path, needs_ccx):
+    names = {}
+    for solver in ("builtin", "calculix"):
+        folder = tmp_path / solver
+        folder.mkdir()
+        fit, _ = begin(made(folder, solver), folder / "model")
+        found, lacking = suspects(fit, {"mu": 0.05})
+        names[solver] = {one.effect.name for one in found}, set(lacking)
+    assert names["builtin"][1] == set()
+    assert names["calculix"][1] == {"fibres", "viscoelastic relaxation"}
+    assert names["builtin"][0] - names["calculix"][0] == {"fibres", "relaxation"}
+    assert "base_slip" in names["calculix"][0]
+
+
+def test_the_diagnosis_says_so(tmp_path, monkeypatch):
+    less = replace(BuiltinSolver.capabilities, features=FEATURES - {"*VISCOELASTIC"})
+    monkeypatch.setattr(BuiltinSolver, "check", lambda self, deck: refuse_lacking(read_deck(deck), deck, "less", less))
+    fit, everything = begin(made(tmp_path, "builtin"), tmp_path / "model")
+    last, _ = run_fit(fit, 1)
+    found = examine(fit, last, everything)
+    write_diagnosis(found, tmp_path / "diagnosis.json")
+    diagnosis = json.loads((tmp_path / "diagnosis.json").read_text())
+    said = "; not tried, since solver builtin lacks what they need: viscoelastic relaxation"
+    assert diagnosis["sentence"].endswith(said)
+    assert [(entry["title"], entry["lacks"]) for entry in diagnosis["not_tried"]] == [
+        ("viscoelastic relaxation", "*VISCOELASTIC")
+    ]
+    tested = {entry["effect"] for entry in diagnosis["ranking"]}
+    assert "fibres" in tested
+    assert "relaxation" not in tested
+
+
+def test_add_refuses_it(tmp_path, needs_ccx):
+    made(tmp_path, "calculix")
+    config = tmp_path / "config.yaml"
+    before = config.read_text()
+    with pytest.raises(InputError, match=r"found relaxation, which needs \*VISCOELASTIC; .*solver calculix"):
+        add(config, "relaxation")
+    assert config.read_text() == before
+    assert "added base_slip" in add(config, "base_slip")
+
+
+def test_a_model_with_such_an_effect_does_not_start(tmp_path, needs_ccx):
+    settings = made(tmp_path, "calculix")
+    data = settings.model_dump(mode="json")
+    data["model"]["effects"] = {"relaxation": {"share": 0.2}}
+    fit, _ = begin(load_settings(data), tmp_path / "model")
+    with pytest.raises(InputError, match=r"solver calculix: \*VISCOELASTIC: found \*VISCOELASTIC"):
+        next_round(fit, None)
