@@ -47,6 +47,7 @@ class _Writer:
         flat = not any(scope for scope, _ in labels)
         self.label = [label if flat else n for n, (_, label) in enumerate(labels, 1)]
         self.renumbered = not flat
+        self.next = deck.mesh.element_count + len(deck.springs) + 1
         self.named = {tuple(sorted(nodes.tolist())): name for name, nodes in deck.mesh.node_sets.items()}
 
     def lines(self) -> Iterator[str]:
@@ -129,8 +130,15 @@ class _Writer:
             yield _text(spring.stiffness)
 
     def _surface(self, name: str, surface: Surface) -> Iterator[str]:
+        rigid = []
+        for nodes in surface.facets:
+            rigid.append(self.next)
+            self.next += 1
+            yield f"*ELEMENT, TYPE={'R2D2' if self.dim == 2 else f'R3D{len(nodes)}'}"
+            yield _row(rigid[-1], *(self.label[node] for node in nodes))
         yield f"*SURFACE, NAME={name}, TYPE={surface.kind}"
         yield from (f"{element + 1}, S{face + 1}" for element, face in surface.faces)
+        yield from (f"{element}, SPOS" for element in rigid)
         yield from (str(self.label[node]) for node in surface.nodes)
         origin, axes = surface.origin, surface.axes
         if surface.kind in ("CYLINDER", "REVOLUTION") and (origin.any() or not np.array_equal(axes, np.eye(3))):
@@ -163,7 +171,8 @@ class _Writer:
             yield str(len(terms))
             yield from (_row(self.label[node], axis + 1, factor) for node, axis, factor in terms)
         for tie in deck.ties:
-            yield "*TIE" + ("" if tie.tolerance is None else f", POSITION TOLERANCE={_text(tie.tolerance)}")
+            tolerance = "" if tie.tolerance is None else f", POSITION TOLERANCE={_text(tie.tolerance)}"
+            yield f"*TIE, ADJUST={'YES' if tie.adjust else 'NO'}{tolerance}"
             yield _row(tie.slave, tie.master)
 
     def _step(self, step: DeckStep, before: DeckStep) -> Iterator[str]:
@@ -239,8 +248,8 @@ def _law(law: Law) -> Iterator[str]:
     if law.stiffness:
         yield f"*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR{options}"
         yield _text(law.stiffness)
-    elif options:
-        yield f"*SURFACE BEHAVIOR{options}"
+    elif law.hard:
+        yield f"*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD{options}"
     if law.rough:
         yield "*FRICTION, ROUGH"
     elif law.friction:

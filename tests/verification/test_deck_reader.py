@@ -382,7 +382,7 @@ ERRORS = {
     "*MATERIAL, NAME=M\n*VISCOELASTIC, TIME=PRONY\n0.5, 0., 1.\n": "no elastic constants",
     "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.3\n*VISCOELASTIC, TIME=PRONY\n0.5, 0.1, 1.\n": "line 5.*k = 0",
     "*AMPLITUDE, NAME=A\n0., 0., 0., 1.\n": "times growing",
-    "*SURFACE INTERACTION, NAME=I\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD\n": "found HARD",
+    "*SURFACE INTERACTION, NAME=I\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL\n1., 1.\n": "found EXPONENTIAL",
     "*SURFACE, NAME=S\nX, S1\n": "an element or a set of them",
     "*CLOAD\n1, 1, 1.\n": "found no step",
     "*NODE, SYSTEM=C\n1, 0., 0.\n": "Cartesian",
