@@ -137,7 +137,7 @@ class Reading:
             for key, _ in rows:
                 numbers[key] = len(numbers)
         for card, turn in self.turned:
-            if dim == 2 and np.abs(turn[2, :2]).max() > 1e-9:
+            if dim == 2 and turn[2, 2] < 1 - 1e-9:
                 raise card.error("a rotation out of the plane", "a rotation about an axis along z")
         mesh = Mesh(
             np.array([row[:dim] for row in self.coordinates]),
