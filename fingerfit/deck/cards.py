@@ -102,7 +102,7 @@ def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
 def _keyword_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Lines without comments, by number; a keyword line that ends with a comma has the next data line behind it."""
     pending: tuple[int, str] | None = None
-    for number, raw in enumerate(_read(path).splitlines(), 1):
+    for number, raw in enumerate(read_text(path).splitlines(), 1):
         text = raw.strip()
         if not text or text.startswith("**"):
             continue
@@ -117,7 +117,7 @@ def _keyword_lines(path: Path) -> Iterator[tuple[int, str]]:
         yield pending
 
 
-def _read(path: Path) -> str:
+def read_text(path: Path) -> str:
     """Text of a file in UTF-8 or, where it is none, in Latin-1, as comments of old decks are."""
     try:
         content = path.read_bytes()

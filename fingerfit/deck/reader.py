@@ -188,7 +188,10 @@ def _facet(reading: Reading, at: tuple[Key, int | None]) -> tuple[int, ...]:
     if side not in (SPOS, SNEG):
         raise card.error(f"a surface of {kind} without side", "SPOS or SNEG", line)
     nodes = tuple(reading.index[k] for k in keys)
-    return nodes if side == SPOS else nodes[::-1]
+    if side == SPOS:
+        return nodes
+    # the first node of a quadrilateral stays, so that it is cut along the same diagonal
+    return nodes[::-1] if len(nodes) == 2 else (nodes[0], *nodes[:0:-1])
 
 
 class _Faces:

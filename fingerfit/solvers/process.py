@@ -13,6 +13,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from fingerfit.deck.cards import read_text
 from fingerfit.errors import SolverError
 
 _PR_SET_PDEATHSIG = 1
@@ -89,7 +90,7 @@ def _stop(number: int) -> None:
 def copy_deck(deck: Path, folder: Path) -> None:
     """Copy a deck as deck.inp, with the files it includes, which programs look up where they run."""
     lines = []
-    for line in deck.read_text(encoding="utf-8").splitlines():
+    for line in read_text(deck).splitlines():
         match = re.match(r"\*INCLUDE\s*,\s*INPUT\s*=\s*(.+)", line, re.IGNORECASE)
         if match:
             source = deck.parent / match.group(1).strip()

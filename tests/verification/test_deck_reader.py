@@ -11,6 +11,7 @@ from fingerfit.errors import InputError
 from fingerfit.material.holzapfel import Holzapfel
 from fingerfit.material.prony import Prony
 from fingerfit.material.yeoh import Yeoh
+from fingerfit.solvers.process import copy_deck
 
 SQUARE = """*NODE
 1, 0., 0.
@@ -446,8 +447,11 @@ def test_names_in_quotes_may_have_commas(run):
 def test_decks_of_other_encodings_are_read(tmp_path, encoding):
     text = "*HEADING\nPr\u00fcfung\n** Fl\u00e4che\n" + SQUARE + ELASTIC + HELD + PULL
     path = tmp_path / "deck.inp"
+    (tmp_path / "for").mkdir()
     path.write_bytes(text.encode(encoding))
     assert read_deck(path).mesh.element_count == 1
+    copy_deck(path, tmp_path / "for")
+    assert read_deck(tmp_path / "for" / "deck.inp").mesh.element_count == 1
 
 
 def test_hourglass_controls_and_files_for_a_restart_change_nothing(run):
