@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from fingerfit.solvers.model import Model
 
 
+_HARD = 100.0
+"""Stiffness of hard contact over that of the elements behind it."""
+
+
 def add_contacts(model: Model) -> None:
     """Add a term for each contact pair."""
     from scipy.sparse import csr_matrix
@@ -95,8 +99,10 @@ def _refuse_turns(model: Model, body: Rigid) -> None:
 def _hard(model: Model, slave: str) -> float:
     """Slope in MPa/mm in place of hard contact.
 
-    Ten times the largest Young's modulus of the elements behind the slave's faces over their depth, as ABAQUS's penalty
-    is about ten times the stiffness behind it (ABAQUS Analysis User's Guide, contact constraint enforcement methods).
+    A hundred times the largest Young's modulus of the elements behind the slave's faces over their depth: at a pressure
+    of that modulus the overclosure is a hundredth of an element. Found on a sphere pressed into a block of 6 x 6 x 3
+    C3D8, nu = 0.4999: the force has 99 to 100 % of what ever stiffer contact goes to, 92 % with ten times; with the
+    stiffness of a hardly compressed body in place of Young's modulus no equilibrium is found.
     """
     found = []
     elements, points = list(model.elements()), model.deck.mesh.points
@@ -109,7 +115,7 @@ def _hard(model: Model, slave: str) -> float:
     if not found:
         expected = "a slave surface of faces, or PRESSURE-OVERCLOSURE=LINEAR"
         raise InputError(model.path, "*SURFACE BEHAVIOR", f"HARD with {slave}, which has no faces", expected)
-    return 10 * float(max(found))
+    return _HARD * float(max(found))
 
 
 def _interaction(model: Model, name: str, law: Law) -> Interaction:

@@ -141,6 +141,90 @@ SPACE = {
 }
 
 
+CAE = """*Heading
+** Job name: press Model name: pr\u00fcfung
+*Preprint, echo=NO, model=NO, history=NO, contact=NO
+*Part, name=Body
+*Node
+      1,           0.,           0.
+      2,           2.,           0.
+      3,           2.,           1.
+      4,           0.,           1.
+*Element, type=CPE4H
+1, 1, 2, 3, 4
+*Nset, nset=Set-1, generate
+ 1,  4,  1
+*Elset, elset=Set-1
+ 1,
+** Section: Section-1
+*Solid Section, elset=Set-1, controls=EC-1, material="Silicone, soft"
+,
+*End Part
+*Part, name=Tool
+*End Part
+*Assembly, name=Assembly
+*Instance, name=Body-1, part=Body
+*End Instance
+*Instance, name=Tool-1, part=Tool
+          0.,           1.,           0.
+*Node
+      1,           0.,           0.,           0.
+*Nset, nset=Tool-1-RefPt_, internal
+1,
+*Surface, type=SEGMENTS, name=RigidSurface_, internal
+START,          -5.,           0.
+ LINE,           5.,           0.
+*Rigid Body, ref node=Tool-1-RefPt_, analytical surface=RigidSurface_
+*End Instance
+*Nset, nset=Ref, instance=Tool-1
+ 1,
+*Nset, nset=Bottom, instance=Body-1
+ 1, 2
+*Elset, elset=_S_S3, internal, instance=Body-1
+ 1,
+*Surface, type=ELEMENT, name=S
+_S_S3, S3
+*End Assembly
+*Section Controls, name=EC-1, hourglass=ENHANCED
+1., 1., 1.
+*Material, name="Silicone, soft"
+*Hyperelastic, neo hooke
+0.5, 0.01
+*Surface Interaction, name=IntProp-1
+1.,
+*Friction, slip tolerance=0.005
+ 0.3,
+*Surface Behavior, pressure-overclosure=HARD
+*Contact Pair, interaction=IntProp-1, type=SURFACE TO SURFACE
+S, Tool-1.RigidSurface_
+*Boundary
+Bottom, ENCASTRE
+*Step, name=Step-1, nlgeom=YES, inc=1000
+*Static
+0.5, 1., 1e-05, 1.
+*Boundary
+Ref, 1, 1
+Ref, 2, 2, -0.1
+Ref, 6, 6
+*Restart, write, frequency=0
+*Output, field, variable=PRESELECT
+*Output, history, variable=PRESELECT
+*End Step
+"""
+
+
+def test_a_deck_as_cae_writes_it(tmp_path):
+    (tmp_path / "deck.inp").write_bytes(CAE.encode("latin-1"))
+    _, steps = solve_deck(tmp_path / "deck.inp")
+    assert steps[-1].arrived
+    shear, bulk = 1.0, 200.0
+    stiffness = 100 * 9 * bulk * shear / (3 * bulk + shear)
+    top = steps[-1].displacement[[2, 3], 1]
+    # overclosure times stiffness is the pressure
+    assert steps[-1].internal[-1, 1] == pytest.approx(-2 * stiffness * (0.1 + top.mean()), rel=0.05)
+    assert -0.1 < top.max() < -0.096
+
+
 @pytest.mark.parametrize("name", SPACE)
 def test_surfaces_in_space_go_with_their_instance(press, name):
     """A part has its profile in x and y, swept along z or turned about y, as ABAQUS/CAE writes it."""
