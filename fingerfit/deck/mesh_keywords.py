@@ -84,6 +84,7 @@ def on_elset(reading: Reading, card: Card) -> None:
 def _set(reading: Reading, card: Card, name: str, sets: dict[str, list[Key]]) -> None:
     card.allow(name, "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED")
     chosen = sets.setdefault(reading.name(card.need(name)), [])
+    known = reading.index if name == "NSET" else reading.numbered
     outer, reading.scope = reading.scope, card.options.get("INSTANCE", reading.scope).upper()
     try:
         for line, row in card.rows():
@@ -93,7 +94,10 @@ def _set(reading: Reading, card: Card, name: str, sets: dict[str, list[Key]]) ->
                 step = numbers[2] if len(numbers) > 2 else 1
                 if not 2 <= len(numbers) <= 3 or step < 1 or numbers[1] < numbers[0]:
                     raise card.error(row, "first, last and step: last not below first, step above 0", line)
-                found.extend(reading.key(i) for i in range(numbers[0], numbers[1] + 1, step))
+                generated = [reading.key(i) for i in range(numbers[0], numbers[1] + 1, step)]
+                # numbers may be left out between the first and the last
+                ends = generated[0] in known and generated[-1] in known
+                found.extend(key for key in generated if not ends or key in known)
             else:
                 for value in row:
                     found.extend(reading.keys(card, value, line, sets, "a number"))
@@ -110,6 +114,8 @@ def on_part(reading: Reading, card: Card) -> None:
 
 def on_instance(reading: Reading, card: Card) -> None:
     card.allow("NAME", "PART")
+    if reading.placed is not None:
+        raise card.error("an instance within another", "*END INSTANCE before it")
     name = card.need("PART")
     if name not in reading.parts:
         raise card.error(name, "a part defined before")

@@ -121,6 +121,10 @@ class Reading:
 
     def mesh(self) -> tuple[Mesh, dict[Key, int]]:
         """The mesh, and the numbers of its elements."""
+        if self.part is not None:
+            raise InputError(self.path, "*PART", "no end of it", "*END PART")
+        if self.placed is not None:
+            raise self.placed[0].error("no end of it", "*END INSTANCE")
         if not self.elements:
             raise InputError(self.path, "deck", "no elements", "*ELEMENT")
         for what, key, card, line in self.awaited:

@@ -235,6 +235,9 @@ class Model:
             if not masters_of:
                 raise InputError(self.path, "*TIE", tie.master, "a master surface of elements")
             weights_of = tie_nodes(self.nodes_of(tie.slave), masters_of, points, tie.tolerance)
+            if not weights_of:
+                expected = "a slave surface beside its master, or a larger POSITION TOLERANCE"
+                raise InputError(self.path, "*TIE", f"no node of {tie.slave} at {tie.master}", expected)
             found += list(weights_of.items())
             places = {node: sum(w * points[n] for n, w in weights) for node, weights in weights_of.items()}
             for node, place in places.items():

@@ -332,6 +332,8 @@ def test_what_contact_lacks_is_refused(run):
     common = {"held": "BOTTOM, 1, 2\n9000, 1, 2", "steps": step()}
     with pytest.raises(InputError, match="another profile"):
         run(mesh, profile="START, -5., 1.", **common)
+    with pytest.raises(InputError, match="SLAVE without faces or nodes"):
+        run(mesh, profile="START, -5., 1.\nLINE, 5., 1.", slave="**", **common)
     broken = "*SURFACE INTERACTION, NAME=J\n*CONTACT PAIR, INTERACTION=J\nSLAVE, RIGID"
     with pytest.raises(InputError, match="no stiffness"):
         run(mesh, profile="START, -5., 1.\nLINE, 5., 1.", friction=broken, **common)

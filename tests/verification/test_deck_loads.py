@@ -173,6 +173,15 @@ def test_what_is_not_defined_is_refused_with_its_line(tmp_path, text):
         read_deck(tmp_path / "deck.inp")
 
 
+def test_numbers_may_be_left_out_between_the_first_and_the_last(run):
+    sets = "*NSET, NSET=SOME, GENERATE\n3, 9\n*ELSET, ELSET=ANY, GENERATE\n1, 5, 2\n"
+    more = "*NODE\n9, 0., 2.\n10, 2., 2.\n*ELEMENT, TYPE=CPE4, ELSET=E\n5, 4, 3, 10, 9\n"
+    deck, found = run(SQUARE.replace("*SURFACE", more + "*SURFACE", 1) + sets + step("*CLOAD", "SOME, 1, 0.1"))
+    assert deck.mesh.node_sets["SOME"].tolist() == [2, 3, 4]
+    assert deck.mesh.element_sets["ANY"].tolist() == [0, 1]
+    assert found[4, 0] > found[3, 0] > 1e-3
+
+
 def test_sets_may_name_what_is_defined_later(run):
     sets = "*NSET, NSET=LATER\n3, 4\n*ELSET, ELSET=TOO\n1\n"
     deck, found = run(sets + SQUARE + step("*CLOAD", "LATER, 1, 0.1"))

@@ -240,6 +240,20 @@ def test_a_rotation_out_of_the_plane_is_refused(press):
         press(2, "SEGMENTS", LINE, "0., 0.\n0., 0., 0., 1., 0., 0., 180.")
 
 
+@pytest.mark.parametrize(
+    "left_out, message",
+    [
+        ("*END INSTANCE\n*INSTANCE", r"line \d+, \*INSTANCE: found an instance within another"),
+        ("*END INSTANCE\n*END ASSEMBLY", r"line \d+, \*INSTANCE: found no end of it"),
+        ("*END PART\n*ASSEMBLY", r"\*PART: found no end of it"),
+    ],
+)
+def test_parts_and_instances_have_an_end(press, monkeypatch, left_out, message):
+    monkeypatch.setitem(globals(), "DECK", DECK.replace(left_out, left_out.split("\n")[1]))
+    with pytest.raises(InputError, match=message):
+        press(2, "SEGMENTS", LINE)
+
+
 @pytest.mark.parametrize("row", ["0., 0., 0., 0., 0., 0., 90.", "1., 2.", "0., 0., 0., 0., 0., 1., 90., 1."])
 def test_an_axis_that_is_none_is_refused(press, row):
     with pytest.raises(InputError, match=r"line \d+, \*INSTANCE: .*two points on the axis"):

@@ -473,6 +473,12 @@ def test_pinned_and_tied_nodes_of_a_rigid_body(run, option):
     assert np.abs(last(found)[2]).max() > 1e-3
 
 
+def test_a_tie_that_ties_nothing_is_refused(run):
+    apart = SQUARE + "*SURFACE, NAME=LOW\n1, S1\n*SURFACE, NAME=HIGH\n1, S3\n*TIE, NAME=T\nHIGH, LOW\n"
+    with pytest.raises(InputError, match=r"\*TIE: found no node of HIGH at LOW"):
+        run(apart + ELASTIC + HELD + PULL)
+
+
 @pytest.mark.parametrize("options, stays", [("", False), (", ADJUST=YES", False), (", ADJUST=NO", True)])
 def test_ties_put_the_slave_on_the_master(run, options, stays):
     """A gap of 0.02 mm is closed before anything else, and is kept with ADJUST=NO."""
