@@ -41,7 +41,7 @@ def error(element, cells):
     return float(np.sqrt(((miss**2).sum(axis=-1) * body.weight).sum() / body.weight.sum()))
 
 
-RATES = {"CPE3": 2, "CPE3H": 2, "CPE4": 2, "CPS4": 2, "CPE6": 3, "CPE8": 3, "CPE8H": 3, "CPE8RH": 3, "CPS8": 3,
+RATES = {"CPE3": 2, "CPE3H": 2, "CPE4": 2, "CPS4": 2, "CPE6": 3, "CPE6H": 3, "CPE8": 3, "CPE8H": 3, "CPE8RH": 3, "CPS8": 3,
          "C3D4": 2, "C3D4H": 2, "C3D8": 2, "C3D10": 3, "C3D20": 3, "C3D20R": 3}  # fmt: skip
 
 
