@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from fingerfit.deck import material_keywords, mesh_keywords, step_keywords
 from fingerfit.deck.cards import Card, read_cards, squeeze
 from fingerfit.deck.content import Deck, DeckStep, Rigid, Section, Spring
@@ -123,11 +125,15 @@ def _finish(reading: Reading) -> Deck:
     mesh, numbers = reading.mesh()
     if reading.step is not None or not reading.steps:
         raise InputError(reading.path, "deck", "no complete step", "*STEP ... *END STEP")
+    assigned = np.zeros(mesh.element_count, dtype=bool)
     for section, card in reading.sections:
         if section.material not in reading.materials:
             raise card.error(section.material, "a material that is defined")
         if section.elset not in mesh.element_sets:
             raise card.error(section.elset, "an element set that is defined")
+        if assigned[mesh.element_sets[section.elset]].any():
+            raise card.error(f"elements of {section.elset} in another section too", "one section for each element")
+        assigned[mesh.element_sets[section.elset]] = True
     for pair, card in reading.contacts:
         if pair.interaction not in reading.laws:
             raise card.error(pair.interaction, "an interaction that is defined")

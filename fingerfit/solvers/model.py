@@ -75,7 +75,10 @@ class Model:
         except ValueError as error:
             name = self._name(int(error.args[0]) // self.dim)
             raise InputError(
-                self.path, "*EQUATION", f"node {name} is tied twice or prescribed", "slaves that are free"
+                self.path,
+                "*EQUATION, *TIE or *RIGID BODY",
+                f"node {name} is tied twice or prescribed",
+                "slaves that are free",
             ) from None
 
     def _name(self, node: int) -> str:
@@ -219,7 +222,12 @@ class Model:
     def _tie(self, slave: int, masters: list[tuple[int, float]]) -> None:
         if slave in self.ties:
             name = self._name(slave // self.dim)
-            raise InputError(self.path, "*EQUATION", f"node {name} is tied twice or prescribed", "slaves that are free")
+            raise InputError(
+                self.path,
+                "*EQUATION, *TIE or *RIGID BODY",
+                f"node {name} is tied twice or prescribed",
+                "slaves that are free",
+            )
         self.ties[slave] = masters
 
     def _settle_ties(self) -> list[tuple[int, list[tuple[int, float]]]]:

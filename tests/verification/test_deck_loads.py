@@ -149,6 +149,7 @@ def test_rotations_belong_to_reference_nodes(run):
 
 
 UNDEFINED = {
+    "*SOLID SECTION, ELSET=E, MATERIAL=M\n": "line 19, .SOLID SECTION: found elements of E in another section too",
     "*NSET, NSET=A\n1, 99\n": "line 20, .NSET: found node 99; expected nodes that are defined",
     "*NSET, NSET=A, GENERATE\n1, 5\n": "line 20, .NSET: found node 5",
     "*ELSET, ELSET=A\n1, 7\n": "line 20, .ELSET: found element 7; expected elements that are defined",
