@@ -141,7 +141,7 @@ def _finish(reading: Reading) -> Deck:
     for surface, chosen in reading.faces.items():
         found = reading.surfaces[surface]
         found.faces = faces.numbered([at for at in chosen if at[0] not in reading.others])
-        found.facets = [_facet(reading, at) for at in chosen if at[0] in reading.others]
+        found.facets = [_facet(reading, at, mesh.dim) for at in chosen if at[0] in reading.others]
     for step, pressures in zip(reading.steps, reading.pressures, strict=True):
         for at, (value, name, _) in pressures.items():
             for face in faces.numbered([at]):
@@ -185,12 +185,14 @@ def _check_axes(reading: Reading, dim: int, rigid: list[Rigid]) -> None:
             raise card.error(f"axis {axis + 1} of node {name}", f"one that it has: 1 to {dim}", line)
 
 
-def _facet(reading: Reading, at: tuple[Key, int | None]) -> tuple[int, ...]:
+def _facet(reading: Reading, at: tuple[Key, int | None], dim: int) -> tuple[int, ...]:
     """Nodes of a rigid element, turned round where the surface is on its other side."""
     (key, side), (card, line) = at, reading.where[at]
     kind, keys = reading.others[key]
     if not kind.startswith("R"):
         raise card.error(f"element {readable(key)} of type {kind}", "elements with faces", line)
+    if kind.startswith("R3") != (dim == 3):
+        raise card.error(kind, "R3D3 or R3D4 in space, R2D2 or RAX2 in the plane", line)
     if side not in (SPOS, SNEG):
         raise card.error(f"a surface of {kind} without side", "SPOS or SNEG", line)
     nodes = tuple(reading.index[k] for k in keys)

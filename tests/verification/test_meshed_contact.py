@@ -238,6 +238,8 @@ def test_what_rigid_elements_lack_is_refused(press):
         press(mesh, rigid, master="*SURFACE, NAME=TOOL\nRIGID, SPOS", **common)
     with pytest.raises(InputError, match="facets with an area"):
         press(mesh, ("R3D4", points, bricks[:, [0, 0, 1, 2]], []), master=RIGID.format("SNEG"), **common)
+    with pytest.raises(InputError, match=r"line \d+, \*SURFACE: found R2D2; expected R3D3 or R3D4 in space"):
+        press(mesh, ("R2D2", points, bricks[:, :2], []), master=RIGID.format("SNEG"), **common)
     swapped = RIGID.format("SNEG").replace("TOOL", "BLOCK") + "\n*SURFACE, NAME=TOOL\nRIGID, SPOS"
     with pytest.raises(InputError, match="rigid elements in SLAVE"):
         press(mesh, rigid, slave="RIGID, SPOS", master=swapped, **common)
