@@ -109,13 +109,13 @@ def _outcome(found: list[dict[str, np.ndarray]], mesh: Any, wanted: int) -> Outc
 
 def _control(deck: Path, residual: float) -> None:
     """Set where iterations stop, in each step of a deck that does not."""
-    lines = deck.read_text().splitlines()
+    lines = deck.read_text(encoding="utf-8").splitlines()
     if any(line.strip().upper().startswith("*CONTROLS") for line in lines):
         return
     given = f"*CONTROLS, PARAMETERS=FIELD\n{residual:g}\n"
     starts = tuple(f"*{name}" for name in ("STATIC", "VISCO"))
     lines = [given + line if line.strip().upper().startswith(starts) else line for line in lines]
-    deck.write_text("\n".join(lines) + "\n")
+    deck.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _executable() -> str:

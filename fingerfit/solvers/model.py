@@ -73,13 +73,11 @@ class Model:
             points = self.deck.mesh.points
             return System(self.bodies, self.size, prescribed, self.ties, self.terms, self.rigid, points)
         except ValueError as error:
-            name = self._name(int(error.args[0]) // self.dim)
-            raise InputError(
-                self.path,
-                "*EQUATION, *TIE or *RIGID BODY",
-                f"node {name} is tied twice or prescribed",
-                "slaves that are free",
-            ) from None
+            raise self._not_free(int(error.args[0])) from None
+
+    def _not_free(self, dof: int) -> InputError:
+        found = f"node {self._name(dof // self.dim)} is tied twice or prescribed"
+        return InputError(self.path, "*EQUATION, *TIE or *RIGID BODY", found, "slaves that are free")
 
     def _name(self, node: int) -> str:
         if node >= len(self.deck.labels):
@@ -221,13 +219,7 @@ class Model:
 
     def _tie(self, slave: int, masters: list[tuple[int, float]]) -> None:
         if slave in self.ties:
-            name = self._name(slave // self.dim)
-            raise InputError(
-                self.path,
-                "*EQUATION, *TIE or *RIGID BODY",
-                f"node {name} is tied twice or prescribed",
-                "slaves that are free",
-            )
+            raise self._not_free(slave)
         self.ties[slave] = masters
 
     def _settle_ties(self) -> list[tuple[int, list[tuple[int, float]]]]:

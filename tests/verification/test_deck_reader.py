@@ -220,6 +220,13 @@ def test_a_rigid_body_that_may_not_turn(run):
     assert u[4, 0] == pytest.approx(u[1, 0])
 
 
+def test_a_node_that_is_tied_twice_or_prescribed_is_named(run):
+    nodes = SQUARE + "*NSET, NSET=END\n2, 3\n" + RIGID
+    for more in ("*BOUNDARY\n3, 1\n", "*EQUATION\n2\n3, 1, 1., 4, 1, -1.\n"):
+        with pytest.raises(InputError, match=r"RIGID BODY: found node 3 is tied twice or prescribed"):
+            run(nodes + ELASTIC + more + "*BOUNDARY\n1, 1, 2\n4, 1\n20, 6\n*STEP, NLGEOM\n*STATIC\n*END STEP\n")
+
+
 def test_a_rigid_body_turns_by_large_angles(run):
     """Turned by 90 degrees about its reference node: exact, and free of stress with the sheet turning along."""
     nodes = SQUARE + "*NSET, NSET=END\n1, 2, 3, 4\n"
