@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -60,11 +61,14 @@ class Card:
             raise self.error("no " + name, f"{name}=...")
         return self.options[name].upper()
 
-    def rows(self) -> Iterator[tuple[int, list[str]]]:
+    def rows(self, least: int = 0) -> Iterator[tuple[int, list[str]]]:
+        """Lines with their fields, without empty ones at the end; InputError where there are less than `least`."""
         for line, text in self.data:
-            fields = [part.strip() for part in text.split(",")]
+            fields = split(text)
             while fields and not fields[-1]:
                 fields.pop()
+            if len(fields) < least:
+                raise self.error(text, f"{least} values or more", line)
             yield line, fields
 
     def values(self, least: int = 0, most: int | None = None) -> list[float]:
@@ -96,27 +100,10 @@ class Card:
 
 
 def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
-    """Keyword cards of a file and, in place, of the files it includes.
-
-    A keyword line that ends with a comma goes on in the next line.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, "deck", error, "a readable text file") from error
+    """Keyword cards of a file and, in place, of the files it includes."""
     card: Card | None = None
-    pending: tuple[int, str] | None = None
-    for number, raw in enumerate(lines, 1):
-        text = raw.strip()
-        if not text or text.startswith("**"):
-            continue
-        if pending:
-            number, text = pending[0], pending[1] + text
-            pending = None
+    for number, text in _keyword_lines(path):
         if text.startswith("*"):
-            if text.endswith(","):
-                pending = (number, text)
-                continue
             if card:
                 yield card
             card = _keyword(path, number, text)
@@ -135,13 +122,50 @@ def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
         yield card
 
 
+def _keyword_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Lines without comments, by number; a keyword line that ends with a comma has the next data line behind it."""
+    pending: tuple[int, str] | None = None
+    for number, raw in enumerate(read_text(path).splitlines(), 1):
+        text = raw.strip()
+        if not text or text.startswith("**"):
+            continue
+        if pending and text.startswith("*"):
+            yield pending
+        elif pending:
+            number, text = pending[0], pending[1] + text
+        pending = (number, text) if text.startswith("*") and text.endswith(",") else None
+        if not pending:
+            yield number, text
+    if pending:
+        yield pending
+
+
+def read_text(path: Path) -> str:
+    """Text of a file in UTF-8 or, where it is none, in Latin-1, as comments of old decks are."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(path, "deck", error, "a readable text file") from error
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def split(text: str) -> list[str]:
+    """Fields between commas; those in quotes may have commas, and lose their quotes."""
+    if '"' not in text:
+        return [part.strip() for part in text.split(",")]
+    return [part.strip().replace('"', "") for part in re.findall(r'(?:^|,)((?:[^,"]|"[^"]*"?)*)', text)]
+
+
 def _keyword(path: Path, line: int, text: str) -> Card:
-    name, *rest = [part.strip() for part in text[1:].split(",")]
+    name, *rest = split(text[1:])
     options = {}
     for part in rest:
         if part:
             key, _, value = part.partition("=")
-            options[" ".join(key.upper().split())] = value.strip().strip('"')
+            options[" ".join(key.upper().split())] = value.strip()
     return Card(path, line, " ".join(name.upper().split()), options)
 
 

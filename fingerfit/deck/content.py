@@ -64,6 +64,8 @@ class Surface:
         ELEMENT, NODE, SEGMENTS, CYLINDER or REVOLUTION.
     origin, axes : ndarray, shape (3,) and (3, 3)
         Local system of an analytical surface, axes as rows.
+    facets : list of tuple of int
+        Nodes of rigid elements, in the order that makes their normal point to the side that is named.
     """
 
     kind: str
@@ -72,6 +74,17 @@ class Surface:
     profile: list[tuple[str, list[float]]] = field(default_factory=list)
     origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
     axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+    facets: list[tuple[int, ...]] = field(default_factory=list)
+
+    def move(self, turn: np.ndarray, offset: np.ndarray) -> None:
+        """Turn an analytical surface by a rotation (3, 3) about the origin, then move it by an offset in mm."""
+        if self.kind == "SEGMENTS":
+            for _, values in self.profile:
+                places = np.array(values).reshape(-1, 2) @ turn[:2, :2].T + offset[:2]
+                values[:] = places.ravel().tolist()
+        else:
+            self.origin = turn @ self.origin + offset
+            self.axes = self.axes @ turn.T
 
 
 @dataclass(frozen=True)
@@ -95,6 +108,12 @@ class Rigid:
     elements: tuple[int, ...]
     surface: str
 
+    def turning(self, dim: int) -> list[NodeAxis]:
+        """Nodes and axes of the rotation."""
+        if self.rotation >= 0:
+            return [(self.rotation, axis) for axis in ((2,) if dim == 2 else range(3))]
+        return [(self.reference, axis) for axis in ((5,) if dim == 2 else (3, 4, 5))]
+
 
 @dataclass
 class Law:
@@ -105,6 +124,7 @@ class Law:
     stick: float = 0.0
     rough: bool = False
     separates: bool = True
+    hard: bool = False
 
 
 @dataclass(frozen=True)
@@ -119,11 +139,20 @@ class ContactPair:
 
 @dataclass(frozen=True)
 class Tie:
-    """Slave and master surface that are tied, with the distance in mm up to which nodes are."""
+    """Slave and master surface that are tied.
+
+    Parameters
+    ----------
+    tolerance : float or None
+        Distance in mm up to which nodes are.
+    adjust : bool
+        Whether the slave's nodes are put on the master before anything else.
+    """
 
     slave: str
     master: str
     tolerance: float | None
+    adjust: bool = True
 
 
 @dataclass

@@ -40,7 +40,7 @@ def on_hyperelastic(reading: Reading, card: Card) -> None:
         from fingerfit.material.ogden import Ogden
 
         if min(values[1 : 2 * order : 2], key=abs) == 0:
-            raise card.error(values, "alpha other than 0 and D above 0")
+            raise card.error(values, "alpha other than 0")
         d = _compressibility(card, values[2 * order :])
         material: object = Ogden(tuple(values[0 : 2 * order : 2]), tuple(values[1 : 2 * order : 2]), d)
     elif model == "NEO HOOKE":
@@ -59,11 +59,16 @@ def on_hyperelastic(reading: Reading, card: Card) -> None:
 
 
 def _compressibility(card: Card, values: list[float]) -> tuple[float, ...]:
-    """D of each order; those that are 0 at the end are left out, as their terms are absent then."""
+    """D of each order; those that are 0 at the end are left out, as their terms are absent then.
+
+    Hybrids have no unknown of their own for the pressure, so that D = 0 cannot be solved.
+    """
     while len(values) > 1 and values[-1] == 0:
         values = values[:-1]
+    if not any(values):
+        raise card.error("D = 0, incompressible", "D above 0: in hybrids, 2e-4 over the shear modulus is nearly that")
     if min(values) <= 0:
-        raise card.error(values, "alpha other than 0 and D above 0")
+        raise card.error(f"D {values}", "D above 0")
     return tuple(values)
 
 
@@ -151,18 +156,22 @@ def on_orientation(reading: Reading, card: Card) -> None:
     x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
     axes = np.array([x, np.cross(z, x), z])
     extra = rows[1 : len(rows) - count]
-    if extra:
+    if extra and extra[0]:
+        if extra[0][0] not in (1, 2, 3):
+            raise card.error(extra[0], "an axis 1, 2 or 3 and an angle in degrees")
         axis = axes[int(extra[0][0]) - 1]
         axes = axes @ rotation_matrix(np.deg2rad(extra[0][1] if len(extra[0]) > 1 else 0.0) * axis).T
     directions = []
     for row in rows[len(rows) - count :]:
         vector = np.array((row + [0.0] * 3)[:3])
+        if not vector.any():
+            raise card.error(row, "a direction other than 0")
         directions.append(tuple((vector / np.linalg.norm(vector)).tolist()))
     reading.orientations[reading.name(card.need("NAME"))] = Orientation(axes, tuple(directions))
 
 
 def on_solid_section(reading: Reading, card: Card) -> None:
-    card.allow("ELSET", "MATERIAL", "ORIENTATION")
+    card.allow("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS")
     thickness = next((card.number(row[0], line) for line, row in card.rows() if row and row[0]), 1.0)
     elset = reading.find(reading.elsets, card.need("ELSET")) or card.need("ELSET")
     orientation = ""
@@ -171,7 +180,12 @@ def on_solid_section(reading: Reading, card: Card) -> None:
         if found is None:
             raise card.error(card.options["ORIENTATION"], "an orientation defined before")
         orientation = found
-    reading.sections.append(Section(elset, card.need("MATERIAL"), thickness, orientation))
+    reading.sections.append((Section(elset, card.need("MATERIAL"), thickness, orientation), card))
+
+
+def on_section_controls(reading: Reading, card: Card) -> None:
+    """Hourglass control: no element here has any, so that it changes nothing."""
+    card.allow("NAME", "HOURGLASS")
 
 
 KEYWORDS: dict[str, Handler] = {
@@ -183,4 +197,5 @@ KEYWORDS: dict[str, Handler] = {
     "DENSITY": on_density,
     "ORIENTATION": on_orientation,
     "SOLID SECTION": on_solid_section,
+    "SECTION CONTROLS": on_section_controls,
 }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fingerfit.deck.cards import Card, squeeze
-from fingerfit.deck.state import Handler, Key, Reading
+from fingerfit.deck.state import Handler, Key, Reading, readable
 from fingerfit.fem.elements import ELEMENTS
 
 OTHERS = {"R2D2": 2, "RAX2": 2, "R3D3": 3, "R3D4": 4, "SPRING1": 1, "SPRING2": 2}
@@ -17,7 +19,7 @@ def on_node(reading: Reading, card: Card) -> None:
     if card.options.get("SYSTEM", "R").upper() != "R":
         raise card.error(card.options["SYSTEM"], "SYSTEM=R: Cartesian")
     first = len(reading.labels)
-    for line, row in card.rows():
+    for line, row in card.rows(least=1):
         label = card.whole(row[0], line)
         key = reading.key(label)
         if key in reading.index:
@@ -45,6 +47,10 @@ def on_element(reading: Reading, card: Card) -> None:
             raise card.error(f"{len(values) - 1} nodes", f"{size - 1} nodes", line)
         if len(values) == size:
             key, nodes = reading.key(values[0]), [reading.key(value) for value in values[1:]]
+            if key in reading.numbered:
+                raise card.error(f"element {readable(key)} twice", "each number once", line)
+            reading.numbered.add(key)
+            reading.await_all("node", nodes, card, line)
             if kind in ELEMENTS:
                 reading.elements.setdefault(kind, []).append((key, nodes))
             else:
@@ -78,15 +84,25 @@ def on_elset(reading: Reading, card: Card) -> None:
 def _set(reading: Reading, card: Card, name: str, sets: dict[str, list[Key]]) -> None:
     card.allow(name, "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED")
     chosen = sets.setdefault(reading.name(card.need(name)), [])
+    known = reading.index if name == "NSET" else reading.numbered
     outer, reading.scope = reading.scope, card.options.get("INSTANCE", reading.scope).upper()
     try:
         for line, row in card.rows():
+            found: list[Key] = []
             if "GENERATE" in card.options:
-                start, stop, *step = [card.whole(value, line) for value in row]
-                chosen.extend(reading.key(i) for i in range(start, stop + 1, step[0] if step else 1))
+                numbers = [card.whole(value, line) for value in row]
+                step = numbers[2] if len(numbers) > 2 else 1
+                if not 2 <= len(numbers) <= 3 or step < 1 or numbers[1] < numbers[0]:
+                    raise card.error(row, "first, last and step: last not below first, step above 0", line)
+                generated = [reading.key(i) for i in range(numbers[0], numbers[1] + 1, step)]
+                # numbers may be left out between the first and the last
+                ends = generated[0] in known and generated[-1] in known
+                found.extend(key for key in generated if not ends or key in known)
             else:
                 for value in row:
-                    chosen.extend(reading.keys(card, value, line, sets, "a number"))
+                    found.extend(reading.keys(card, value, line, sets, "a number"))
+            chosen.extend(found)
+            reading.await_all("node" if name == "NSET" else "element", found, card, line)
     finally:
         reading.scope = outer
 
@@ -98,34 +114,56 @@ def on_part(reading: Reading, card: Card) -> None:
 
 def on_instance(reading: Reading, card: Card) -> None:
     card.allow("NAME", "PART")
+    if reading.placed is not None:
+        raise card.error("an instance within another", "*END INSTANCE before it")
     name = card.need("PART")
     if name not in reading.parts:
         raise card.error(name, "a part defined before")
     reading.scope = card.need("NAME")
-    reading.placed = card, len(reading.coordinates)
+    reading.placed = card, len(reading.coordinates), len(reading.springs) + len(reading.equations)
     for part_card in reading.parts[name]:
         dispatch(reading, part_card)
 
 
 def on_end_instance(reading: Reading, card: Card) -> None:
-    """Put the nodes of the instance where its data lines say: translation, then rotation about an axis."""
-    from fingerfit.fem.rigid import rotation_matrix
-
+    """Put the instance where its data lines say: its nodes, its analytical surfaces and its orientations."""
     if reading.placed is None:
         raise card.error("no instance", "*INSTANCE before it")
-    instance, first = reading.placed
-    rows = [[instance.number(v, line) if v else 0.0 for v in row] for line, row in instance.rows()]
+    instance, first, constraints = reading.placed
+    turn, offset = _placement(instance)
     points = np.array(reading.coordinates[first:]).reshape(-1, 3)
-    if rows:
-        points = points + np.array((rows[0] + [0.0] * 3)[:3])
-    if len(rows) > 1:
-        if len(rows[1]) != 7:
-            raise instance.error(f"{len(rows[1])} numbers", "two points on the axis and an angle in degrees")
-        a, b, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), np.deg2rad(rows[1][6])
-        turn = rotation_matrix(angle * (b - a) / np.linalg.norm(b - a))
-        points = a + (points - a) @ turn.T
-    reading.coordinates[first:] = points.tolist()
+    reading.coordinates[first:] = (points @ turn.T + offset).tolist()
+    if not np.array_equal(turn, np.eye(3)):
+        reading.turned.append((instance, turn))
+        if len(reading.springs) + len(reading.equations) > constraints:
+            raise instance.error("a rotation of *SPRING or *EQUATION", "those in the assembly, or no rotation")
+    for name, surface in reading.surfaces.items():
+        if name.startswith(f"{reading.scope}."):
+            surface.move(turn, offset)
+    for name, local in reading.orientations.items():
+        if name.startswith(f"{reading.scope}."):
+            reading.orientations[name] = replace(local, axes=local.axes @ turn.T)
     reading.scope, reading.placed = "", None
+
+
+def _placement(instance: Card) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and what is added after it, mm: a translation, then a rotation about an axis."""
+    from fingerfit.fem.rigid import rotation_matrix
+
+    rows = [[instance.number(v, line) if v else 0.0 for v in row] for line, row in instance.rows()]
+    if len(rows) > 2 or len((rows or [[]])[0]) > 3:
+        raise instance.error(rows, "a line with a translation, and one with a rotation")
+    turn, offset = np.eye(3), np.zeros(3)
+    if rows:
+        offset[: len(rows[0])] = rows[0]
+    if len(rows) > 1:
+        row = (rows[1] + [0.0])[:7] if len(rows[1]) > 5 else []
+        a, b = np.array(row[:3]), np.array(row[3:6])
+        if len(rows[1]) > 7 or not np.any(a != b):
+            raise instance.error(rows[1], "two points on the axis and an angle in degrees")
+        turn = rotation_matrix(np.deg2rad(row[6]) * (b - a) / np.linalg.norm(b - a))
+        offset = a + turn @ (offset - a)
+    return turn, offset
 
 
 def on_assembly(reading: Reading, card: Card) -> None:

@@ -8,14 +8,14 @@ import numpy as np
 
 from fingerfit.deck.cards import Card, squeeze
 from fingerfit.deck.content import ContactPair, Law, Surface, Tie
-from fingerfit.deck.state import Handler, Key, Reading
+from fingerfit.deck.state import SNEG, SPOS, Handler, Key, Reading
 
 ANALYTICAL = ("SEGMENTS", "CYLINDER", "REVOLUTION")
 
 
 def on_equation(reading: Reading, card: Card) -> None:
     card.allow()
-    rows = card.rows()
+    rows = card.rows(least=1)
     for line, row in rows:
         count, terms = card.whole(row[0], line), list[tuple[list[int], int, float]]()
         while len(terms) < count:
@@ -25,9 +25,10 @@ def on_equation(reading: Reading, card: Card) -> None:
             for at in range(0, len(row), 3):
                 node, axis, factor = row[at : at + 3]
                 value = card.number(factor, line)
-                terms.append((reading.nodes(card, node, line), card.whole(axis, line) - 1, value))
-        if terms[0][2] == 0:
-            raise card.error("factor 0", "a factor other than 0 in the first term", line)
+                terms.append((reading.nodes(card, node, line), reading.axis(card, axis, line), value))
+                reading.used.extend((card, line, (n, terms[-1][1])) for n in terms[-1][0])
+        if count < 1 or terms[0][2] == 0:
+            raise card.error("no term, or factor 0", "one term or more, a factor other than 0 in the first one", line)
         length = max(len(nodes) for nodes, _, _ in terms)
         if any(len(nodes) not in (1, length) for nodes, _, _ in terms) or len(terms[0][0]) != length:
             raise card.error("sets of unlike length", "single nodes, or sets of as many nodes as the first", line)
@@ -36,13 +37,14 @@ def on_equation(reading: Reading, card: Card) -> None:
 
 
 def on_rigid_body(reading: Reading, card: Card) -> None:
-    card.allow("REF NODE", "ROT NODE", "NSET", "ELSET", "TIE NSET", "ANALYTICAL SURFACE", "POSITION")
+    card.allow("REF NODE", "ROT NODE", "NSET", "ELSET", "PIN NSET", "TIE NSET", "ANALYTICAL SURFACE", "POSITION")
     if card.options.get("POSITION", "INPUT").upper() != "INPUT":
         raise card.error(card.options["POSITION"], "INPUT")
     reference = _single(reading, card, "REF NODE")
     rotation = _single(reading, card, "ROT NODE") if "ROT NODE" in card.options else -1
     nodes: list[int] = []
-    for option in ("NSET", "TIE NSET"):
+    # what is pinned may turn by itself, but nodes of solids have no rotation
+    for option in ("NSET", "PIN NSET", "TIE NSET"):
         if option in card.options:
             nodes += reading.nodes(card, card.options[option], card.line)
     elements: list[Key] = []
@@ -67,29 +69,34 @@ def on_surface(reading: Reading, card: Card) -> None:
     kind, name = card.options.get("TYPE", "ELEMENT").upper(), reading.name(card.need("NAME"))
     surface = Surface(kind)
     if kind in ANALYTICAL:
-        _profile(card, surface)
+        _profile(card, surface, bool(reading.scope))
     elif kind == "NODE":
-        for line, row in card.rows():
+        for line, row in card.rows(least=1):
             surface.nodes += reading.nodes(card, row[0], line)
     elif kind == "ELEMENT":
         faces = reading.faces.setdefault(name, [])
-        for line, row in card.rows():
+        for line, row in card.rows(least=1):
             face = None
             if len(row) > 1 and row[1]:
                 face = _face(card, row[1], line)
-            faces += [(key, face) for key in reading.keys(card, row[0], line, reading.elsets, "an element")]
+            for key in reading.keys(card, row[0], line, reading.elsets, "an element"):
+                faces.append((key, face))
+                reading.where.setdefault((key, face), (card, line))
     else:
         raise card.error(kind, "ELEMENT, NODE, " + ", ".join(ANALYTICAL))
     reading.surfaces[name] = surface
 
 
 def _face(card: Card, text: str, line: int) -> int:
+    if text.upper() in ("SPOS", "SNEG"):
+        return SPOS if text.upper() == "SPOS" else SNEG
     if text[:1].upper() not in ("S", "P") or not text[1:].isdigit() or not 1 <= int(text[1:]) <= 6:
-        raise card.error(text, "a face S1 to S6", line)
+        raise card.error(text, "a face S1 to S6, or SPOS or SNEG of rigid elements", line)
     return int(text[1:]) - 1
 
 
-def _profile(card: Card, surface: Surface) -> None:
+def _profile(card: Card, surface: Surface, in_part: bool) -> None:
+    """Read a profile and its local system; without one, a surface of a part turns about the part's axis y."""
     frame: list[list[float]] = []
     for line, row in card.rows():
         word = row[0].upper() if row else ""
@@ -98,19 +105,32 @@ def _profile(card: Card, surface: Surface) -> None:
             if len(values) != (4 if word == "CIRCL" else 2):
                 raise card.error(row, "START, LINE: x, y; CIRCL: x, y and the centre's x, y", line)
             surface.profile.append((word, values))
-        elif surface.profile:
-            raise card.error(row, "LINE or CIRCL", line)
+            if len(surface.profile) > 2:
+                raise card.error(
+                    "a second segment", "START and one LINE or CIRCL; a mesh of rigid elements may have any shape", line
+                )
+        elif surface.profile or word[:1].isalpha():
+            raise card.error(row, "START, LINE or CIRCL", line)
         else:
             frame.append([card.number(v, line) if v else 0.0 for v in row])
     if len(surface.profile) != 2 or surface.profile[0][0] != "START" or surface.profile[1][0] == "START":
         raise card.error("another profile", "START and one LINE or CIRCL")
-    if surface.kind == "SEGMENTS" or not any(frame):
+    if surface.kind == "SEGMENTS":
         return
-    a, b = np.array(frame[0][:3]), np.array(frame[0][3:6])
+    if not any(frame):
+        if surface.kind == "REVOLUTION" and in_part:
+            surface.axes = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+        return
+    places = np.array([[*row, *[0.0] * 6][:6] for row in frame])
+    a, b = places[0, :3], places[0, 3:]
+    if len(frame) != (2 if surface.kind == "CYLINDER" else 1) or not np.any(a != b):
+        raise card.error(frame, "two points, and a third on the next line for a cylinder")
     first = (b - a) / np.linalg.norm(b - a)
     if surface.kind == "CYLINDER":
         # ABAQUS's local axes are right-handed with z against the generator
-        z = a - np.array(frame[1][:3])
+        z = a - places[1, :3]
+        if np.linalg.norm(np.cross(first, z)) <= 1e-9 * np.linalg.norm(z):
+            raise card.error(frame, "a third point that is not in line with the first two")
         z /= np.linalg.norm(z)
         surface.axes = np.array([first, np.cross(z, first), z])
     else:  # local r anywhere across the axis of revolution, local z along it
@@ -146,16 +166,24 @@ def on_surface_behavior(reading: Reading, card: Card) -> None:
     law.separates = law.separates and "NO SEPARATION" not in card.options
     if "PRESSURE-OVERCLOSURE" not in card.options and not law.separates:
         return
-    if card.options.get("PRESSURE-OVERCLOSURE", "HARD").upper() != "LINEAR":
-        raise card.error(card.options.get("PRESSURE-OVERCLOSURE", "HARD"), "PRESSURE-OVERCLOSURE=LINEAR")
+    kind = card.options.get("PRESSURE-OVERCLOSURE", "HARD").upper()
+    if kind not in ("LINEAR", "HARD"):
+        raise card.error(kind, "PRESSURE-OVERCLOSURE=LINEAR or HARD")
+    law.hard = kind == "HARD"
+    if law.hard:
+        law.stiffness = 0.0
+        card.values(0, 0)
+        return
     law.stiffness = card.values(1, 3)[0]
     if law.stiffness <= 0:
         raise card.error(law.stiffness, "a slope above 0")
 
 
 def on_friction(reading: Reading, card: Card) -> None:
-    card.allow("ROUGH")
+    card.allow("ROUGH", "SLIP TOLERANCE")
     law = _law(reading, card)
+    if "SLIP TOLERANCE" in card.options and card.number(card.options["SLIP TOLERANCE"], card.line) <= 0:
+        raise card.error(card.options["SLIP TOLERANCE"], "a slip tolerance above 0")
     if "ROUGH" in card.options:
         law.rough = True
         return
@@ -177,7 +205,7 @@ def on_contact_pair(reading: Reading, card: Card) -> None:
             raise card.error(row, "slave and master surface", line)
         slave, master = (_surface(reading, card, text, line) for text in row)
         at_nodes = kind == "NODE TO SURFACE"
-        reading.contacts.append(ContactPair(slave, master, card.need("INTERACTION"), at_nodes))
+        reading.contacts.append((ContactPair(slave, master, card.need("INTERACTION"), at_nodes), card))
 
 
 def on_tie(reading: Reading, card: Card) -> None:
@@ -185,20 +213,25 @@ def on_tie(reading: Reading, card: Card) -> None:
     tolerance = None
     if "POSITION TOLERANCE" in card.options:
         tolerance = card.number(card.options["POSITION TOLERANCE"], card.line)
+    for option, allowed in (("TYPE", ("NODE TO SURFACE", "SURFACE TO SURFACE")), ("ADJUST", ("YES", "NO"))):
+        if card.options.get(option, allowed[0]).upper() not in allowed:
+            raise card.error(f"{option}={card.options[option]}", " or ".join(allowed))
+    adjust = card.options.get("ADJUST", "YES").upper() == "YES"
     for line, row in card.rows():
         if len(row) != 2:
             raise card.error(row, "slave and master surface", line)
         slave, master = (_surface(reading, card, text, line) for text in row)
-        reading.ties.append(Tie(slave, master, tolerance))
+        reading.ties.append(Tie(slave, master, tolerance, adjust))
 
 
 def on_spring(reading: Reading, card: Card) -> None:
     card.allow("ELSET")
-    rows = [[card.number(v, line) for v in row if v] for line, row in card.rows()]
-    if len(rows) != 2 or len(rows[0]) not in (1, 2) or len(rows[1]) != 1:
+    rows = [(line, [v for v in row if v]) for line, row in card.rows()]
+    if len(rows) != 2 or len(rows[0][1]) not in (1, 2) or len(rows[1][1]) != 1:
         raise card.error(f"{len(rows)} lines", "the axis (two for SPRING2), then the stiffness")
-    first, second = int(rows[0][0]) - 1, int(rows[0][-1]) - 1
-    reading.springs.append((reading.name(card.need("ELSET")), first, second, rows[1][0], card))
+    axes = [reading.axis(card, text, rows[0][0]) for text in rows[0][1]]
+    stiffness = card.number(rows[1][1][0], rows[1][0])
+    reading.springs.append((reading.name(card.need("ELSET")), axes, stiffness, card))
 
 
 def on_initial_conditions(reading: Reading, card: Card) -> None:
@@ -209,9 +242,10 @@ def on_initial_conditions(reading: Reading, card: Card) -> None:
         raise card.error(kind, "TYPE=STRESS or TYPE=PLASTIC STRAIN")
     target = reading.stress if squeeze(kind) == "STRESS" else reading.strain
     points: set[Key] = set()
-    for line, row in card.rows():
+    for line, row in card.rows(least=1):
         values = [card.number(v, line) if v else 0.0 for v in row[1:]]
         chosen = reading.keys(card, row[0], line, reading.elsets, "an element")
+        reading.await_all("element", chosen, card, line)
         by_point = len(values) == 7
         if by_point:
             values = values[1:]

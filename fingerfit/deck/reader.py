@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from fingerfit.deck import material_keywords, mesh_keywords, step_keywords
 from fingerfit.deck.cards import Card, read_cards, squeeze
 from fingerfit.deck.content import Deck, DeckStep, Rigid, Section, Spring
-from fingerfit.deck.state import Handler, Key, Reading
+from fingerfit.deck.state import SNEG, SPOS, Handler, Key, Reading, readable
 from fingerfit.errors import InputError
 from fingerfit.mesh import Mesh
 
@@ -17,7 +19,6 @@ IGNORED = frozenset(
     [
         "HEADING",
         "PREPRINT",
-        "RESTART",
         "OUTPUT",
         "NODE OUTPUT",
         "ELEMENT OUTPUT",
@@ -64,11 +65,18 @@ def _handle_later(reading: Reading, card: Card) -> None:
     RARE[NAMES[squeeze(card.name)]](reading, card)
 
 
+def _on_restart(reading: Reading, card: Card) -> None:
+    """Files for a restart change nothing."""
+    if "READ" in card.options:
+        raise card.error("READ", "a deck that begins at rest")
+
+
 KEYWORDS: dict[str, Handler] = {
     **mesh_keywords.KEYWORDS,
     **material_keywords.KEYWORDS,
     **dict.fromkeys(LATER, _handle_later),
     **step_keywords.KEYWORDS,
+    "RESTART": _on_restart,
 }
 
 
@@ -78,6 +86,7 @@ NAMES = {squeeze(name): name for name in (*KEYWORDS, *IGNORED)}
 
 def _handle(reading: Reading, card: Card) -> None:
     name = NAMES.get(squeeze(card.name), card.name)
+    card.name = name
     if name in IGNORED:
         return
     if name not in KEYWORDS:
@@ -117,46 +126,81 @@ def _finish(reading: Reading) -> Deck:
     mesh, numbers = reading.mesh()
     if reading.step is not None or not reading.steps:
         raise InputError(reading.path, "deck", "no complete step", "*STEP ... *END STEP")
-    for section in reading.sections:
+    assigned = np.zeros(mesh.element_count, dtype=bool)
+    for section, card in reading.sections:
         if section.material not in reading.materials:
-            raise InputError(reading.path, "*SOLID SECTION", section.material, "a material that is defined")
+            raise card.error(section.material, "a material that is defined")
         if section.elset not in mesh.element_sets:
-            raise InputError(reading.path, "*SOLID SECTION", section.elset, "an element set that is defined")
-    for pair in reading.contacts:
+            raise card.error(section.elset, "an element set that is defined")
+        if assigned[mesh.element_sets[section.elset]].any():
+            raise card.error(f"elements of {section.elset} in another section too", "one section for each element")
+        assigned[mesh.element_sets[section.elset]] = True
+    for pair, card in reading.contacts:
         if pair.interaction not in reading.laws:
-            raise InputError(reading.path, "*CONTACT PAIR", pair.interaction, "an interaction that is defined")
+            raise card.error(pair.interaction, "an interaction that is defined")
     faces = _Faces(reading, mesh, numbers)
     for surface, chosen in reading.faces.items():
-        reading.surfaces[surface].faces = faces.numbered(chosen, surface)
+        found = reading.surfaces[surface]
+        found.faces = faces.numbered([at for at in chosen if at[0] not in reading.others])
+        found.facets = [_facet(reading, at, mesh.dim) for at in chosen if at[0] in reading.others]
     for step, pressures in zip(reading.steps, reading.pressures, strict=True):
-        for (key, face), (value, name) in pressures.items():
-            for found in faces.numbered([(key, face)], "*DLOAD"):
-                step.pressure[found] = value
+        for at, (value, name, _) in pressures.items():
+            for face in faces.numbered([at]):
+                step.pressure[face] = value
                 if name is not None:
-                    step.curve["P", found] = name
+                    step.curve["P", face] = name
     stress, strain = (
         {numbers[key]: values for key, values in given.items() if key in numbers}
         for given in (reading.stress, reading.strain)
     )
+    springs, rigid = _springs(reading), _rigid(reading, mesh, numbers)
+    _check_axes(reading, mesh.dim, rigid)
     return Deck(
         mesh,
         reading.materials,
-        reading.sections,
+        [section for section, _ in reading.sections],
         reading.equations,
         reading.fixed,
         reading.steps,
         reading.labels,
         reading.orientations,
-        _springs(reading),
+        springs,
         reading.surfaces,
-        _rigid(reading, mesh, numbers),
+        rigid,
         reading.laws,
-        reading.contacts,
+        [pair for pair, _ in reading.contacts],
         reading.ties,
         stress,
         strain,
         reading.amplitudes,
     )
+
+
+def _check_axes(reading: Reading, dim: int, rigid: list[Rigid]) -> None:
+    """Refuse loads and the like at axes that a node has not."""
+    turning = {key for body in rigid for key in body.turning(dim)}
+    for card, line, (node, axis) in reading.used:
+        if axis >= dim and (node, axis) not in turning:
+            scope, label = reading.labels[node]
+            name = readable((scope, label) if scope else label)
+            raise card.error(f"axis {axis + 1} of node {name}", f"one that it has: 1 to {dim}", line)
+
+
+def _facet(reading: Reading, at: tuple[Key, int | None], dim: int) -> tuple[int, ...]:
+    """Nodes of a rigid element, turned round where the surface is on its other side."""
+    (key, side), (card, line) = at, reading.where[at]
+    kind, keys = reading.others[key]
+    if not kind.startswith("R"):
+        raise card.error(f"element {readable(key)} of type {kind}", "elements with faces", line)
+    if kind.startswith("R3") != (dim == 3):
+        raise card.error(kind, "R3D3 or R3D4 in space, R2D2 or RAX2 in the plane", line)
+    if side not in (SPOS, SNEG):
+        raise card.error(f"a surface of {kind} without side", "SPOS or SNEG", line)
+    nodes = tuple(reading.index[k] for k in keys)
+    if side == SPOS:
+        return nodes
+    # the first node of a quadrilateral stays, so that it is cut along the same diagonal
+    return nodes[::-1] if len(nodes) == 2 else (nodes[0], *nodes[:0:-1])
 
 
 class _Faces:
@@ -165,17 +209,31 @@ class _Faces:
     def __init__(self, reading: Reading, mesh: Mesh, numbers: dict[Key, int]) -> None:
         self.reading, self.mesh, self.numbers = reading, mesh, numbers
         self._free: set[tuple[int, int]] | None = None
+        self._counts: list[int] = []
 
-    def numbered(self, chosen: list[tuple[Key, int | None]], name: str) -> list[tuple[int, int]]:
+    def numbered(self, chosen: list[tuple[Key, int | None]]) -> list[tuple[int, int]]:
         found = []
         for key, face in chosen:
+            card, line = self.reading.where[key, face]
             if key not in self.numbers:
-                raise InputError(self.reading.path, f"surface {name}", f"element {key}", "an element with a mesh")
-            if face is not None:
-                found.append((self.numbers[key], face))
-            else:
+                raise card.error(f"element {readable(key)}", "an element of a solid that is defined", line)
+            if face is None:
                 found += [free for free in self._all_free() if free[0] == self.numbers[key]]
+                continue
+            if not 0 <= face < self._count(self.numbers[key]):
+                where = f"face {face + 1}" if face >= 0 else "SPOS or SNEG"
+                expected = f"faces 1 to {self._count(self.numbers[key])}"
+                raise card.error(f"{where} of element {readable(key)}", expected, line)
+            found.append((self.numbers[key], face))
         return found
+
+    def _count(self, number: int) -> int:
+        """Number of faces of an element."""
+        if not self._counts:
+            from fingerfit.fem.faces import faces_of
+
+            self._counts = [n for block in self.mesh.blocks for n in [len(faces_of(block.element))] * len(block.nodes)]
+        return self._counts[number]
 
     def _all_free(self) -> set[tuple[int, int]]:
         if self._free is None:
@@ -194,7 +252,7 @@ class _Faces:
 
 def _springs(reading: Reading) -> list[Spring]:
     found = []
-    for elset, first, second, stiffness, card in reading.springs:
+    for elset, axes, stiffness, card in reading.springs:
         if elset not in reading.elsets:
             raise card.error(elset, "an element set that is defined")
         for key in reading.elsets[elset]:
@@ -202,8 +260,9 @@ def _springs(reading: Reading) -> list[Spring]:
             if not kind.startswith("SPRING"):
                 raise card.error(f"element {key}", "elements of type SPRING1 or SPRING2")
             nodes = [reading.index[k] for k in keys]
-            end = (nodes[1], second) if kind == "SPRING2" else None
-            found.append(Spring((nodes[0], first), end, stiffness))
+            ends = list(zip(nodes, (axes[0], axes[-1]), strict=False))
+            reading.used.extend((card, card.line, end) for end in ends)
+            found.append(Spring(ends[0], ends[1] if kind == "SPRING2" else None, stiffness))
     return found
 
 

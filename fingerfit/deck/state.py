@@ -9,13 +9,19 @@ from typing import Any
 import numpy as np
 
 from fingerfit.deck.cards import Card
-from fingerfit.deck.content import ContactPair, DeckStep, Law, Orientation, Section, Surface, Tie
+from fingerfit.deck.content import ContactPair, DeckStep, Law, NodeAxis, Orientation, Section, Surface, Tie
 from fingerfit.errors import InputError
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.mesh import Block, Mesh
 
 Key = int | tuple[str, int]
 """Label, or instance and label."""
+
+
+SPOS, SNEG = -1, -2
+"""Sides of a rigid element, in place of a face: where its normal points to, and the other one."""
+Pressed = tuple[float, str | None, str]
+"""Pressure in MPa, name of its amplitude, and keyword that gave it."""
 
 
 class Reading:
@@ -33,32 +39,37 @@ class Reading:
         self.index: dict[Key, int] = {}
         self.elements: dict[str, list[tuple[Key, list[Key]]]] = {}
         self.others: dict[Key, tuple[str, list[Key]]] = {}
+        self.numbered: set[Key] = set()
+        self.awaited: list[tuple[str, Key, Card, int]] = []
+        self.used: list[tuple[Card, int, NodeAxis]] = []
+        self.turned: list[tuple[Card, np.ndarray]] = []
+        self.where: dict[tuple[Key, int | None], tuple[Card, int]] = {}
         self.nsets: dict[str, list[Key]] = {}
         self.elsets: dict[str, list[Key]] = {}
         self.parts: dict[str, list[Card]] = {}
         self.part: list[Card] | None = None
-        self.placed: tuple[Card, int] | None = None
+        self.placed: tuple[Card, int, int] | None = None
         self.materials: dict[str, Any] = {}
         self.material: str = ""
         self.orientations: dict[str, Orientation] = {}
-        self.sections: list[Section] = []
+        self.sections: list[tuple[Section, Card]] = []
         self.equations: list[list[tuple[int, int, float]]] = []
-        self.springs: list[tuple[str, int, int, float, Card]] = []
+        self.springs: list[tuple[str, list[int], float, Card]] = []
         self.surfaces: dict[str, Surface] = {}
         self.faces: dict[str, list[tuple[Key, int | None]]] = {}
         self.rigid: list[tuple[int, int, list[int], list[Key], str]] = []
         self.laws: dict[str, Law] = {}
         self.law: str = ""
-        self.contacts: list[ContactPair] = []
+        self.contacts: list[tuple[ContactPair, Card]] = []
         self.ties: list[Tie] = []
         self.stress: dict[Key, list[float]] = {}
         self.strain: dict[Key, list[float]] = {}
         self.amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.fixed: dict[tuple[int, int], float] = {}
-        self.pressures: list[dict[tuple[Key, int | None], tuple[float, str | None]]] = []
+        self.pressures: list[dict[tuple[Key, int | None], Pressed]] = []
         self.steps: list[DeckStep] = []
         self.step: DeckStep | None = None
-        self.renewed: DeckStep | None = None
+        self.older: dict[str, set[Any]] = {}
         self.finite: bool | None = None
 
     def key(self, label: int) -> Key:
@@ -94,12 +105,31 @@ class Reading:
         try:
             return [self.index[key] for key in self.keys(card, text, line, self.nsets, "a node")]
         except KeyError as error:
-            raise card.error(f"node {_readable(error.args[0])}", "a node that is defined", line) from None
+            raise card.error(f"node {readable(error.args[0])}", "a node that is defined", line) from None
+
+    def axis(self, card: Card, text: str, line: int) -> int:
+        """Zero-based axis of a node, rotations from 3 on."""
+        axis = card.whole(text, line)
+        if not 1 <= axis <= 6:
+            raise card.error(f"axis {axis}", "an axis from 1 to 6", line)
+        return axis - 1
+
+    def await_all(self, what: str, keys: list[Key], card: Card, line: int) -> None:
+        """Note which nodes or elements have to be defined by the end."""
+        known = self.index if what == "node" else self.numbered
+        self.awaited.extend((what, key, card, line) for key in keys if key not in known)
 
     def mesh(self) -> tuple[Mesh, dict[Key, int]]:
         """The mesh, and the numbers of its elements."""
+        if self.part is not None:
+            raise InputError(self.path, "*PART", "no end of it", "*END PART")
+        if self.placed is not None:
+            raise self.placed[0].error("no end of it", "*END INSTANCE")
         if not self.elements:
             raise InputError(self.path, "deck", "no elements", "*ELEMENT")
+        for what, key, card, line in self.awaited:
+            if key not in (self.index if what == "node" else self.numbered):
+                raise card.error(f"{what} {readable(key)}", f"{what}s that are defined", line)
         dims = {ELEMENTS[kind].dim for kind in self.elements}
         if len(dims) > 1:
             raise InputError(self.path, "*ELEMENT", "elements in the plane and in space", "one of both")
@@ -107,25 +137,21 @@ class Reading:
         blocks: list[Block] = []
         numbers: dict[Key, int] = {}
         for kind, rows in self.elements.items():
-            try:
-                nodes = np.array([[self.index[key] for key in row] for _, row in rows])
-            except KeyError as error:
-                label = _readable(error.args[0])
-                raise InputError(self.path, "*ELEMENT", f"node {label}", "a node that is defined") from None
-            blocks.append(Block(kind, nodes))
+            blocks.append(Block(kind, np.array([[self.index[key] for key in row] for _, row in rows])))
             for key, _ in rows:
                 numbers[key] = len(numbers)
-        if len(numbers) < sum(len(rows) for rows in self.elements.values()):
-            raise InputError(self.path, "*ELEMENT", "an element number twice", "each number once")
+        for card, turn in self.turned:
+            if dim == 2 and turn[2, 2] < 1 - 1e-9:
+                raise card.error("a rotation out of the plane", "a rotation about an axis along z")
         mesh = Mesh(
             np.array([row[:dim] for row in self.coordinates]),
             tuple(blocks),
-            {n: np.array([self.index[i] for i in v if i in self.index], int) for n, v in self.nsets.items()},
+            {n: np.array([self.index[i] for i in v], int) for n, v in self.nsets.items()},
             {n: np.array([numbers[i] for i in v if i in numbers], int) for n, v in self.elsets.items()},
             {
                 n: np.array([(numbers[i], face) for i, face in v], int).reshape(-1, 2)
                 for n, v in self.faces.items()
-                if all(i in numbers and face is not None for i, face in v)
+                if all(i in numbers and face is not None and face >= 0 for i, face in v)
             },
         )
         return mesh, numbers
@@ -134,5 +160,6 @@ class Reading:
 Handler = Callable[[Reading, Card], None]
 
 
-def _readable(key: Key) -> str:
+def readable(key: Key) -> str:
+    """A label as a deck has it."""
     return str(key) if isinstance(key, int) else f"{key[0]}.{key[1]}"

@@ -6,7 +6,7 @@ import numpy as np
 
 from fingerfit.deck.cards import Card
 from fingerfit.deck.content import DeckStep
-from fingerfit.deck.state import Handler, Reading
+from fingerfit.deck.state import Handler, Key, Reading
 
 _SYMMETRY = {
     "XSYMM": (0, 4, 5),
@@ -31,8 +31,11 @@ def on_step(reading: Reading, card: Card) -> None:
     reading.step = DeckStep(_ends(reading, last, "U", last.displacement), _ends(reading, last, "F", last.force))
     reading.step.finite = finite
     before = reading.pressures[-1] if reading.pressures else {}
-    ends = {face: _end(reading, last, value, name) for face, (value, name) in before.items()}
-    reading.pressures.append({face: (value, None) for face, value in ends.items()})
+    ends = {face: (_end(reading, last, value, name), None, by) for face, (value, name, by) in before.items()}
+    reading.pressures.append({**ends})
+    reading.older = {"BOUNDARY": set(reading.step.displacement), "CLOAD": set(reading.step.force)}
+    for keyword in ("DLOAD", "DSLOAD"):
+        reading.older[keyword] = {face for face, (_, _, by) in ends.items() if by == keyword}
     amplitude = card.options.get("AMPLITUDE", "").upper()
     if amplitude not in ("", "RAMP", "STEP"):
         raise card.error(amplitude, "RAMP or STEP")
@@ -91,10 +94,8 @@ def on_boundary(reading: Reading, card: Card) -> None:
     if card.options.get("TYPE", "DISPLACEMENT").upper() != "DISPLACEMENT":
         raise card.error(card.options["TYPE"], "DISPLACEMENT")
     step, curve = reading.step, _curve(reading, card)
-    if card.options.get("OP", "MOD").upper() == "NEW" and step is not None and reading.renewed is not step:
-        # the first one in a step lets go what was held before, in the model too
-        step.displacement.clear()
-        reading.renewed = step
+    if step is not None:
+        _renew(reading, card, step.displacement)
     target = step.displacement if step else reading.fixed
     for line, row in card.rows():
         if len(row) < 2:
@@ -103,18 +104,36 @@ def on_boundary(reading: Reading, card: Card) -> None:
         if name in _SYMMETRY:
             axes, value = _SYMMETRY[name], 0.0
         else:
-            first = card.whole(row[1], line)
-            last = card.whole(row[2], line) if len(row) > 2 and row[2] else first
-            axes, value = tuple(range(first - 1, last)), card.number(row[3], line) if len(row) > 3 else 0.0
+            first = reading.axis(card, row[1], line)
+            last = reading.axis(card, row[2], line) if len(row) > 2 and row[2] else first
+            if last < first:
+                raise card.error(row, "a last axis not below the first", line)
+            axes, value = tuple(range(first, last + 1)), card.number(row[3], line) if len(row) > 3 else 0.0
         for node in reading.nodes(card, row[0], line):
             for axis in axes:
-                if axis < 6:
-                    target[node, axis] = value
-                    _remember(step, "U", (node, axis), curve)
+                target[node, axis] = value
+                _remember(reading, card, "U", (node, axis), curve)
+                if value and axis > 1:
+                    # zero is what a node without this axis has anyway
+                    reading.used.append((card, line, (node, axis)))
 
 
-def _remember(step: DeckStep | None, kind: str, key: tuple[int, int], curve: str | None) -> None:
+def _renew(reading: Reading, card: Card, values: dict) -> None:
+    """With OP=NEW, let go what this keyword gave in earlier steps, and in the model; what this step gave stays."""
+    operation = card.options.get("OP", "MOD").upper()
+    if operation not in ("MOD", "NEW"):
+        raise card.error(operation, "OP=MOD or OP=NEW")
+    if operation == "NEW":
+        for key in reading.older[card.name]:
+            del values[key]
+        reading.older[card.name].clear()
+
+
+def _remember(reading: Reading, card: Card, kind: str, key: tuple[int, int], curve: str | None) -> None:
+    """Note that a load is of the present step, and its amplitude."""
+    step = reading.step
     if step is not None:
+        reading.older[card.name].discard(key)
         step.curve.pop((kind, key), None)
         if curve is not None:
             step.curve[kind, key] = curve
@@ -125,32 +144,34 @@ def on_cload(reading: Reading, card: Card) -> None:
     step, curve = reading.step, _curve(reading, card)
     if step is None:
         raise card.error("no step", "*STEP before it")
-    if card.options.get("OP", "").upper() == "NEW":
-        step.force.clear()
+    _renew(reading, card, step.force)
     for line, row in card.rows():
         if len(row) != 3:
             raise card.error(row, "a node, an axis and a force", line)
         for node in reading.nodes(card, row[0], line):
-            key = node, card.whole(row[1], line) - 1
+            key = node, reading.axis(card, row[1], line)
+            reading.used.append((card, line, key))
             step.force[key] = card.number(row[2], line)
-            _remember(step, "F", key, curve)
+            _remember(reading, card, "F", key, curve)
 
 
 def on_dload(reading: Reading, card: Card) -> None:
     """Pressure on faces of elements."""
     card.allow("OP", "AMPLITUDE")
-    pressures, curve = _pressures(reading, card), _curve(reading, card)
+    curve = _begin_pressures(reading, card)
     for line, row in card.rows():
         if len(row) != 3 or row[1][:1].upper() != "P" or not row[1][1:].isdigit():
             raise card.error(row, "an element, P1 to P6 and a pressure", line)
         for key in reading.keys(card, row[0], line, reading.elsets, "an element"):
-            pressures[key, int(row[1][1:]) - 1] = card.number(row[2], line), curve
+            face = key, int(row[1][1:]) - 1
+            reading.where.setdefault(face, (card, line))
+            _press(reading, card, line, face, row[2], curve)
 
 
 def on_dsload(reading: Reading, card: Card) -> None:
     """Pressure on a surface."""
     card.allow("OP", "AMPLITUDE")
-    pressures, curve = _pressures(reading, card), _curve(reading, card)
+    curve = _begin_pressures(reading, card)
     for line, row in card.rows():
         if len(row) != 3 or row[1].upper() != "P":
             raise card.error(row, "a surface, P and a pressure", line)
@@ -158,15 +179,25 @@ def on_dsload(reading: Reading, card: Card) -> None:
         if found is None:
             raise card.error(row[0], "a surface of elements defined before", line)
         for face in reading.faces[found]:
-            pressures[face] = card.number(row[2], line), curve
+            _press(reading, card, line, face, row[2], curve)
 
 
-def _pressures(reading: Reading, card: Card) -> dict:
+def _begin_pressures(reading: Reading, card: Card) -> str | None:
+    """Name of the amplitude, after OP=NEW."""
     if reading.step is None:
         raise card.error("no step", "*STEP before it")
-    if card.options.get("OP", "").upper() == "NEW":
-        reading.pressures[-1].clear()
-    return reading.pressures[-1]
+    _renew(reading, card, reading.pressures[-1])
+    return _curve(reading, card)
+
+
+def _press(
+    reading: Reading, card: Card, line: int, face: tuple[Key, int | None], value: str, curve: str | None
+) -> None:
+    pressures = reading.pressures[-1]
+    if face in pressures and pressures[face][2] != card.name:
+        raise card.error(f"a face with *{pressures[face][2]} too", "one of both on each face", line)
+    reading.older[card.name].discard(face)
+    pressures[face] = card.number(value, line), curve, card.name
 
 
 def on_end_step(reading: Reading, card: Card) -> None:

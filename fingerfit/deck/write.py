@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.deck.content import Deck, DeckStep, Law, NodeAxis, Surface
+from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS
 
 _PER_LINE = 12
 
@@ -30,6 +31,11 @@ def _text(value: Any) -> str:
     return repr(float(value))
 
 
+def _name(text: str) -> str:
+    """A name as a keyword line may have it: in quotes where it has a comma."""
+    return f'"{text}"' if "," in text else text
+
+
 def _row(*values: object) -> str:
     return ", ".join(_text(v) if isinstance(v, (float, np.floating)) else str(v) for v in values)
 
@@ -47,6 +53,9 @@ class _Writer:
         flat = not any(scope for scope, _ in labels)
         self.label = [label if flat else n for n, (_, label) in enumerate(labels, 1)]
         self.renumbered = not flat
+        round_about = any(ELEMENTS[block.element].state == AXISYMMETRIC for block in deck.mesh.blocks)
+        self.line = "RAX2" if round_about else "R2D2"
+        self.next = deck.mesh.element_count + len(deck.springs) + 1
         self.named = {tuple(sorted(nodes.tolist())): name for name, nodes in deck.mesh.node_sets.items()}
 
     def lines(self) -> Iterator[str]:
@@ -55,19 +64,19 @@ class _Writer:
             yield "** nodes of instances are numbered through"
         yield from self._mesh()
         for name, (times, factors) in deck.amplitudes.items():
-            yield f"*AMPLITUDE, NAME={name}"
+            yield f"*AMPLITUDE, NAME={_name(name)}"
             yield from _wrapped(np.column_stack([times, factors]).ravel().tolist(), 8)
         for name, material in deck.materials.items():
-            yield f"*MATERIAL, NAME={name}"
+            yield f"*MATERIAL, NAME={_name(name)}"
             yield from _material(material)
         for name, local in deck.orientations.items():
             count = len(local.directions)
-            yield f"*ORIENTATION, NAME={name}" + (f", LOCAL DIRECTIONS={count}" if count else "")
+            yield f"*ORIENTATION, NAME={_name(name)}" + (f", LOCAL DIRECTIONS={count}" if count else "")
             yield _row(*local.axes[0].tolist(), *local.axes[1].tolist())
             yield from (_row(*direction) for direction in local.directions)
         for section in deck.sections:
-            axes = f", ORIENTATION={section.orientation}" if section.orientation else ""
-            yield f"*SOLID SECTION, ELSET={section.elset}, MATERIAL={section.material}{axes}"
+            axes = f", ORIENTATION={_name(section.orientation)}" if section.orientation else ""
+            yield f"*SOLID SECTION, ELSET={_name(section.elset)}, MATERIAL={_name(section.material)}{axes}"
             yield _text(section.thickness)
         yield from self._springs()
         for name, surface in deck.surfaces.items():
@@ -78,12 +87,12 @@ class _Writer:
                 yield f"*INITIAL CONDITIONS, TYPE={keyword}"
                 yield from (_row(element + 1, *map(float, values)) for element, values in given.items())
         for name, law in deck.laws.items():
-            yield f"*SURFACE INTERACTION, NAME={name}"
+            yield f"*SURFACE INTERACTION, NAME={_name(name)}"
             yield from _law(law)
         for pair in deck.contacts:
             kind = "NODE TO SURFACE" if pair.at_nodes else "SURFACE TO SURFACE"
-            yield f"*CONTACT PAIR, INTERACTION={pair.interaction}, TYPE={kind}"
-            yield _row(pair.slave, pair.master)
+            yield f"*CONTACT PAIR, INTERACTION={_name(pair.interaction)}, TYPE={kind}"
+            yield _row(_name(pair.slave), _name(pair.master))
         yield from self._prescribed(deck.fixed, {})
         before = DeckStep(dict(deck.fixed))
         for step in deck.steps:
@@ -102,10 +111,10 @@ class _Writer:
                 yield from _wrapped([number, *(self.label[n] for n in nodes)], 15, goes_on=True)
             first += len(block.nodes)
         for name, nodes in mesh.node_sets.items():
-            yield f"*NSET, NSET={name}"
+            yield f"*NSET, NSET={_name(name)}"
             yield from _wrapped([self.label[n] for n in nodes])
         for name, elements in mesh.element_sets.items():
-            yield f"*ELSET, ELSET={name}"
+            yield f"*ELSET, ELSET={_name(name)}"
             yield from _wrapped([n + 1 for n in elements.tolist()])
 
     def _free_name(self, stem: str, number: int) -> str:
@@ -129,8 +138,15 @@ class _Writer:
             yield _text(spring.stiffness)
 
     def _surface(self, name: str, surface: Surface) -> Iterator[str]:
-        yield f"*SURFACE, NAME={name}, TYPE={surface.kind}"
+        rigid = []
+        for nodes in surface.facets:
+            rigid.append(self.next)
+            self.next += 1
+            yield f"*ELEMENT, TYPE={self.line if self.dim == 2 else f'R3D{len(nodes)}'}"
+            yield _row(rigid[-1], *(self.label[node] for node in nodes))
+        yield f"*SURFACE, NAME={_name(name)}, TYPE={surface.kind}"
         yield from (f"{element + 1}, S{face + 1}" for element, face in surface.faces)
+        yield from (f"{element}, SPOS" for element in rigid)
         yield from (str(self.label[node]) for node in surface.nodes)
         origin, axes = surface.origin, surface.axes
         if surface.kind in ("CYLINDER", "REVOLUTION") and (origin.any() or not np.array_equal(axes, np.eye(3))):
@@ -156,15 +172,16 @@ class _Writer:
                 yield from _wrapped([n + 1 for n in body.elements])
                 options += f", ELSET={name}"
             if body.surface:
-                options += f", ANALYTICAL SURFACE={body.surface}"
+                options += f", ANALYTICAL SURFACE={_name(body.surface)}"
             yield f"*RIGID BODY, {options}"
         for terms in deck.equations:
             yield "*EQUATION"
             yield str(len(terms))
             yield from (_row(self.label[node], axis + 1, factor) for node, axis, factor in terms)
         for tie in deck.ties:
-            yield "*TIE" + ("" if tie.tolerance is None else f", POSITION TOLERANCE={_text(tie.tolerance)}")
-            yield _row(tie.slave, tie.master)
+            tolerance = "" if tie.tolerance is None else f", POSITION TOLERANCE={_text(tie.tolerance)}"
+            yield f"*TIE, ADJUST={'YES' if tie.adjust else 'NO'}{tolerance}"
+            yield _row(_name(tie.slave), _name(tie.master))
 
     def _step(self, step: DeckStep, before: DeckStep) -> Iterator[str]:
         sudden = "" if step.sudden is None else f", AMPLITUDE={'STEP' if step.sudden else 'RAMP'}"
@@ -182,7 +199,7 @@ class _Writer:
         for name in [None, *dict.fromkeys(curves["P"].values())]:
             chosen = {face: value for face, value in pressures.items() if curves["P"].get(face) == name}
             if chosen or (operation and name is None):
-                yield f"*DLOAD{operation}" + (f", AMPLITUDE={name}" if name else "")
+                yield f"*DLOAD{operation}" + (f", AMPLITUDE={_name(name)}" if name else "")
                 operation = ""
                 yield from (_row(e + 1, f"P{face + 1}", float(value)) for (e, face), value in chosen.items())
         yield "*END STEP"
@@ -208,7 +225,7 @@ class _Writer:
             groups.setdefault((curve.get((node, axis)), axis, float(value)), []).append(node)
         names = dict.fromkeys([None] * bool(operation) + [name for name, _, _ in groups])
         for name in names:
-            yield f"*{keyword}{operation}" + (f", AMPLITUDE={name}" if name else "")
+            yield f"*{keyword}{operation}" + (f", AMPLITUDE={_name(name)}" if name else "")
             operation = ""
             for (of, axis, value), nodes in groups.items():
                 if of == name:
@@ -218,7 +235,7 @@ class _Writer:
     def _who(self, nodes: Iterable[int]) -> list[object]:
         nodes = list(nodes)
         name = self.named.get(tuple(sorted(nodes)))
-        return [name] if name else [self.label[node] for node in nodes]
+        return [_name(name)] if name else [self.label[node] for node in nodes]
 
 
 def _changed(now: Mapping[Any, float], before: Mapping[Any, float], curve: Mapping[Any, str]) -> dict[Any, float]:
@@ -239,8 +256,8 @@ def _law(law: Law) -> Iterator[str]:
     if law.stiffness:
         yield f"*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR{options}"
         yield _text(law.stiffness)
-    elif options:
-        yield f"*SURFACE BEHAVIOR{options}"
+    elif law.hard:
+        yield f"*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD{options}"
     if law.rough:
         yield "*FRICTION, ROUGH"
     elif law.friction:

@@ -49,14 +49,15 @@ class Element:
 
 
 # Linear quadrilaterals and bricks average the change of volume over the element, as ABAQUS's selectively reduced
-# integration does (ABAQUS Analysis User's Guide, 28.1.1); CalculiX integrates them fully. CPE3H and C3D4H average it
-# at the nodes.
+# integration does (ABAQUS Analysis User's Guide, 28.1.1); CalculiX integrates them fully. CPE3H, CAX3H and C3D4H
+# average it at the nodes. CPE6H and CAX6H have three points and three terms of pressure: they answer as CPE6 and CAX6.
 ELEMENTS = {
     "CPE3": Element(2, 3, 1),
     "CPE3H": Element(2, 3, 1, nodal=True),
     "CPE4": Element(2, 4, 2, 1),
     "CPE4H": Element(2, 4, 2, 1),
     "CPE6": Element(2, 6, 3),
+    "CPE6H": Element(2, 6, 3, 3),
     "CPE8": Element(2, 8, 3),
     "CPE8H": Element(2, 8, 3, 3),
     "CPE8R": Element(2, 8, 2),
@@ -67,9 +68,11 @@ ELEMENTS = {
     "CPS8": Element(2, 8, 3, state=STRESS),
     "CPS8R": Element(2, 8, 2, state=STRESS),
     "CAX3": Element(2, 3, 1, state=AXISYMMETRIC),
+    "CAX3H": Element(2, 3, 1, state=AXISYMMETRIC, nodal=True),
     "CAX4": Element(2, 4, 2, 1, state=AXISYMMETRIC),
     "CAX4H": Element(2, 4, 2, 1, state=AXISYMMETRIC),
     "CAX6": Element(2, 6, 3, state=AXISYMMETRIC),
+    "CAX6H": Element(2, 6, 3, 3, state=AXISYMMETRIC),
     "CAX8": Element(2, 8, 3, state=AXISYMMETRIC),
     "CAX8H": Element(2, 8, 3, 3, state=AXISYMMETRIC),
     "CAX8R": Element(2, 8, 2, state=AXISYMMETRIC),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fem.elements import ELEMENTS
+from fingerfit.fem.elements import ELEMENTS, rule, shape
 from fingerfit.fem.shapes import EDGES, QUAD, linear, serendipity, simplex
 
 _TRIANGLE = ((0, 1), (1, 2), (2, 0))
@@ -111,6 +111,18 @@ def collect_faces(points: np.ndarray, chosen: list[tuple[str, np.ndarray, int, f
         outward = area_vectors(slopes) @ (corners.mean(axis=0) - points[connectivity].mean(axis=0))
         groups.setdefault(len(nodes), []).append((nodes, np.sign(outward), thickness))
     return tuple(Faces(*(np.array(part) for part in zip(*rows, strict=True))) for _, rows in sorted(groups.items()))
+
+
+def depth_behind(points: np.ndarray, element: str, connectivity: np.ndarray, face: int) -> float:
+    """Mean depth of an element behind one of its faces, mm: its volume over the face's area, in the plane too."""
+    dim = points.shape[1]
+    xi, weights = rule(element)
+    jacobian = np.einsum("ni,gnj->gij", points[connectivity], shape(element, xi)[1])
+    nodes = connectivity[list(faces_of(element)[face])]
+    xi_face, weights_face = cell_rule(len(nodes), dim)
+    slopes = np.einsum("ni,gnj->gij", points[nodes], cell_shape(len(nodes), dim, xi_face)[1])
+    area = np.linalg.norm(area_vectors(slopes), axis=-1) @ weights_face
+    return float(np.linalg.det(jacobian) @ weights / area)
 
 
 def sample_faces(faces: tuple[Faces, ...], points: np.ndarray, at_nodes: bool) -> tuple[Any, np.ndarray]:

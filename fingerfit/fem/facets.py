@@ -43,6 +43,18 @@ def cut_faces(faces: tuple[Faces, ...], dim: int) -> np.ndarray:
     return np.concatenate(found)
 
 
+def rigid_faces(facets: list[tuple[int, ...]], dim: int) -> tuple[Faces, ...]:
+    """Faces of rigid elements, grouped by their number of nodes.
+
+    Their normals are those of ABAQUS: to the left of a line, and by the right hand round triangles and quadrilaterals.
+    """
+    groups: dict[int, list[tuple[int, ...]]] = {}
+    for nodes in facets:
+        groups.setdefault(len(nodes), []).append(nodes)
+    side = -1.0 if dim == 2 else 1.0
+    return tuple(Faces(np.array(g), np.full(len(g), side), np.ones(len(g))) for _, g in sorted(groups.items()))
+
+
 class Facets:
     """Triangles in space, lines in the plane; a `fingerfit.fem.surfaces.RigidSurface`.
 

@@ -35,6 +35,7 @@ class AveragedVolume:
 
         self.dim, self.connectivity = body.dim, body.connectivity
         self.volume, self.gradient = body.weight[:, 0], body.gradient[:, 0]
+        self.hoop = None if body.hoop is None else body.hoop[:, 0]
         self._dofs = body.dofs
         elements, nodes = self.connectivity.shape
         cells = groups[:, None] * (int(self.connectivity.max()) + 1) + self.connectivity
@@ -59,11 +60,13 @@ class AveragedVolume:
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Nothing."""
 
-    def _deformation(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    def _deformation(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Deformation gradient, stretch around the axis (1 where there is none) and volume ratio."""
         local = u[self._dofs].reshape(*self.connectivity.shape, self.dim)
         f = np.swapaxes(local, 1, 2) @ self.gradient + np.eye(self.dim)
-        jacobian = np.linalg.det(f)
-        return None if not jacobian.min() > 0 else (f, jacobian)
+        around = np.ones(len(f)) if self.hoop is None else 1 + (self.hoop * local[:, :, 0]).sum(axis=1)
+        area = np.linalg.det(f)
+        return None if not min(area.min(), around.min()) > 0 else (f, around, area * around)
 
     def _volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         ratio = (self.share @ jacobian) / self.patch
@@ -75,7 +78,7 @@ class AveragedVolume:
     def energy(self, u: np.ndarray) -> float:
         """Volumetric energy in N mm."""
         found = self._deformation(u)
-        return np.inf if found is None else float(self._volumetric(found[1])[0] @ self.patch)
+        return np.inf if found is None else float(self._volumetric(found[2])[0] @ self.patch)
 
     def forces(self, u: np.ndarray, tangent: bool = True) -> Contribution | None:
         """Forces of the nodal pressures and their tangent."""
@@ -84,10 +87,18 @@ class AveragedVolume:
         found = self._deformation(u)
         if found is None:
             return None
-        f, jacobian = found
+        f, around, jacobian = found
         _, pressure, bulk = self._volumetric(jacobian)
         # d(J_e V_e)/du of an element, and the pressure that acts on it: the mean of its nodes'
         by = self.gradient @ np.linalg.inv(f)
+        # second derivative of the area ratio: J (g_Ii g_Jj - g_Ij g_Ji), and of J with that of the stretch around
+        crossed = np.einsum("eij,ekl->eilkj", by, by).reshape(len(f), *[by[0].size] * 2)
+        if self.hoop is not None:
+            outward = np.zeros(by.shape)
+            outward[..., 0] = self.hoop / around[:, None]
+            flat = outward.reshape(len(f), -1)
+            crossed += flat[:, :, None] * flat[:, None, :]
+            by = by + outward
         slope = jacobian[:, None, None] * by
         elements, nodes = self.connectivity.shape
         acting = self.share.T @ pressure
@@ -98,8 +109,6 @@ class AveragedVolume:
         if not tangent:
             return Contribution(force, empty, empty, np.empty(0))
         flat = by.reshape(elements, -1)
-        # second derivative of J: J (g_Ii g_Jj - g_Ij g_Ji)
-        crossed = np.einsum("eij,ekl->eilkj", by, by).reshape(elements, nodes * self.dim, nodes * self.dim)
         local = (acting * jacobian)[:, None, None] * (flat[:, :, None] * flat[:, None, :] - crossed)
         rows = np.broadcast_to(self._dofs[:, :, None], local.shape).ravel()
         columns = np.broadcast_to(self._dofs[:, None, :], local.shape).ravel()

@@ -36,6 +36,7 @@ LACKS = frozenset(
         "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN",
         "*INITIAL CONDITIONS, TYPE=STRESS",
         "*INSTANCE",
+        "*RIGID BODY of rigid elements",
         "*STATIC, LONG TERM",
         "*SURFACE BEHAVIOR, NO SEPARATION",
         "*SURFACE, TYPE=CYLINDER",

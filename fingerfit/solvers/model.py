@@ -54,10 +54,11 @@ class Model:
         self.terms: list[Any] = []
         self.pressures: list[tuple[Any, list[tuple[int, int]]]] = []
         self._section = self._sections()
+        tied = self._settle_ties()
         self._add_rigid()
         self.size = self.nodal + len(self._extra)
         self._add_bodies(averaged)
-        self._add_ties()
+        self._add_ties(tied)
         self._add_forces()
 
     def dof(self, node: int, axis: int) -> int:
@@ -72,10 +73,11 @@ class Model:
             points = self.deck.mesh.points
             return System(self.bodies, self.size, prescribed, self.ties, self.terms, self.rigid, points)
         except ValueError as error:
-            name = self._name(int(error.args[0]) // self.dim)
-            raise InputError(
-                self.path, "*EQUATION", f"node {name} is tied twice or prescribed", "slaves that are free"
-            ) from None
+            raise self._not_free(int(error.args[0])) from None
+
+    def _not_free(self, dof: int) -> InputError:
+        found = f"node {self._name(dof // self.dim)} is tied twice or prescribed"
+        return InputError(self.path, "*EQUATION, *TIE or *RIGID BODY", found, "slaves that are free")
 
     def _name(self, node: int) -> str:
         if node >= len(self.deck.labels):
@@ -191,7 +193,7 @@ class Model:
             nodes = np.array(body.nodes, dtype=int)
             if not len(nodes):
                 continue
-            keys = self._turning(body)
+            keys = body.turning(self.dim)
             if all(key in still for key in keys):
                 for node in nodes:
                     for axis in range(self.dim):
@@ -206,15 +208,9 @@ class Model:
 
             self.rigid.append(RigidBody(nodes, body.reference, np.array(dofs), self.deck.mesh.points))
 
-    def _turning(self, body: Rigid) -> list[tuple[int, int]]:
-        """Nodes and axes of a rigid body's rotation."""
-        if body.rotation >= 0:
-            return [(body.rotation, axis) for axis in ((2,) if self.dim == 2 else range(3))]
-        return [(body.reference, axis) for axis in ((5,) if self.dim == 2 else (3, 4, 5))]
-
     def turns(self, body: Rigid) -> bool:
         """Whether a rigid body is free to turn, or turned, in any step."""
-        return not set(self._turning(body)) <= self._never_turned()
+        return not set(body.turning(self.dim)) <= self._never_turned()
 
     def _never_turned(self) -> set[tuple[int, int]]:
         """Nodes and axes that are held at 0 in all steps."""
@@ -223,11 +219,34 @@ class Model:
 
     def _tie(self, slave: int, masters: list[tuple[int, float]]) -> None:
         if slave in self.ties:
-            name = self._name(slave // self.dim)
-            raise InputError(self.path, "*EQUATION", f"node {name} is tied twice or prescribed", "slaves that are free")
+            raise self._not_free(slave)
         self.ties[slave] = masters
 
-    def _add_ties(self) -> None:
+    def _settle_ties(self) -> list[tuple[int, list[tuple[int, float]]]]:
+        """Nodes that are tied to others, with weights; they are put on the master's faces where a tie adjusts."""
+        from fingerfit.fem.faces import collect_faces
+        from fingerfit.fem.ties import tie_nodes
+
+        found = []
+        points = self.deck.mesh.points.copy()
+        small = 1e-9 * np.ptp(points, axis=0).max()
+        for tie in self.deck.ties:
+            masters_of = collect_faces(points, self.faces(tie.master))
+            if not masters_of:
+                raise InputError(self.path, "*TIE", tie.master, "a master surface of elements")
+            weights_of = tie_nodes(self.nodes_of(tie.slave), masters_of, points, tie.tolerance)
+            if not weights_of:
+                expected = "a slave surface beside its master, or a larger POSITION TOLERANCE"
+                raise InputError(self.path, "*TIE", f"no node of {tie.slave} at {tie.master}", expected)
+            found += list(weights_of.items())
+            places = {node: sum(w * points[n] for n, w in weights) for node, weights in weights_of.items()}
+            for node, place in places.items():
+                if tie.adjust and np.linalg.norm(place - points[node]) > small:
+                    points[node] = place
+        self.deck = replace(self.deck, mesh=replace(self.deck.mesh, points=points))
+        return found
+
+    def _add_ties(self, tied: list[tuple[int, list[tuple[int, float]]]]) -> None:
         for terms in self.deck.equations:
             for node, axis, _ in terms:
                 if self.dof(node, axis) < 0:
@@ -235,17 +254,9 @@ class Model:
             (slave, axis, factor), *others = terms
             masters = [(self.dof(n, a), -f / factor) for n, a, f in others]
             self._tie(self.dof(slave, axis), masters)
-        for tie in self.deck.ties:
-            from fingerfit.fem.faces import collect_faces
-            from fingerfit.fem.ties import tie_nodes
-
-            points = self.deck.mesh.points
-            masters_of = collect_faces(points, self.faces(tie.master))
-            if not masters_of:
-                raise InputError(self.path, "*TIE", tie.master, "a master surface of elements")
-            for node, weights in tie_nodes(self.nodes_of(tie.slave), masters_of, points, tie.tolerance).items():
-                for axis in range(self.dim):
-                    self._tie(node * self.dim + axis, [(n * self.dim + axis, w) for n, w in weights])
+        for node, weights in tied:
+            for axis in range(self.dim):
+                self._tie(node * self.dim + axis, [(n * self.dim + axis, w) for n, w in weights])
 
     def faces(self, surface: str) -> list[tuple[str, np.ndarray, int, float]]:
         """Faces of a surface as `fingerfit.fem.faces.collect_faces` takes them."""
@@ -268,7 +279,7 @@ class Model:
         """Nodes of a surface."""
         from fingerfit.fem.faces import faces_of
 
-        nodes = list(self.deck.surfaces[surface].nodes)
+        nodes = [*self.deck.surfaces[surface].nodes, *(n for f in self.deck.surfaces[surface].facets for n in f)]
         for kind, connectivity, face, _ in self.faces(surface):
             nodes += connectivity[list(faces_of(kind)[face])].tolist()
         return np.unique(np.array(nodes, dtype=int))
@@ -281,8 +292,6 @@ class Model:
             ends = [(s.first, s.second or (0, -1)) for s in deck.springs]
             first = np.array([self.dof(*a) for a, _ in ends])
             second = np.array([self.dof(*b) if b[1] >= 0 else -1 for _, b in ends])
-            if (first < 0).any():
-                raise InputError(self.path, "*SPRING", "an axis that is not there", f"axes 1 to {self.dim}")
             self.terms.append(Springs(first, second, np.array([s.stiffness for s in deck.springs])))
         loaded = list(dict.fromkeys(face for step in deck.steps for face in step.pressure))
         if loaded:

@@ -29,6 +29,7 @@ FEATURES = frozenset(
         "*INITIAL CONDITIONS, TYPE=STRESS",
         "*INSTANCE",
         "*RIGID BODY",
+        "*RIGID BODY of rigid elements",
         "*SPRING",
         "*STATIC, LONG TERM",
         "*STEP without NLGEOM",
@@ -81,6 +82,7 @@ def _model(deck: Deck) -> Iterator[tuple[str, Any]]:
     yield "*INITIAL CONDITIONS, TYPE=STRESS", deck.stress
     yield "*INSTANCE", any(scope for scope, _ in deck.labels)
     yield "*RIGID BODY", deck.rigid
+    yield "*RIGID BODY of rigid elements", any(surface.facets for surface in deck.surfaces.values())
     yield "*SPRING", deck.springs
     yield "*TIE", deck.ties
     for body in deck.rigid:
@@ -140,7 +142,7 @@ def refuse_lacking(deck: Deck, path: Path, name: str, capabilities: Capabilities
             )
     for feature in sorted(needs(deck) - capabilities.features):
         keyword, _, option = feature.partition(" without ")
-        keyword = keyword.partition(",")[0]
+        keyword = keyword.partition(",")[0].partition(" of ")[0]
         alike = {f for f in capabilities.features if f.partition(",")[0] == keyword}
         if feature in _ENERGIES.values():
             alike = set(_ENERGIES.values()) & capabilities.features

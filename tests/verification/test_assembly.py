@@ -165,8 +165,10 @@ def test_averaged_volume_passes_the_patch_test(element):
     plain, _ = body_of(element.removesuffix("H"))
     dim = points.shape[1]
     gradient = 0.1 * np.array([[1.0, 0.5, 0.2], [-0.3, -0.8, 0.1], [0.2, 0.4, 0.6]])[:dim, :dim]
+    if ELEMENTS[element].state == AXISYMMETRIC:
+        gradient = np.diag([0.1, -0.08])  # else the stretch around differs from element to element
     u = (points @ gradient.T).ravel()
-    assert gathered(body, u) + term.forces(u).force == pytest.approx(gathered(plain, u), abs=1e-14)
+    assert gathered(body, u) + term.forces(u).force == pytest.approx(gathered(plain, u), rel=1e-14, abs=1e-14)
 
 
 @pytest.mark.parametrize("element", ["CPS4", "CPS8"])

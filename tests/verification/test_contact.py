@@ -500,9 +500,90 @@ def test_what_contact_lacks_is_refused(run):
     common = {"held": "BOTTOM, 1, 2\n9000, 1, 2", "steps": step()}
     with pytest.raises(InputError, match="another profile"):
         run(mesh, profile="START, -5., 1.", **common)
+    with pytest.raises(InputError, match="SLAVE without faces or nodes"):
+        run(mesh, profile="START, -5., 1.\nLINE, 5., 1.", slave="**", **common)
     broken = "*SURFACE INTERACTION, NAME=J\n*CONTACT PAIR, INTERACTION=J\nSLAVE, RIGID"
     with pytest.raises(InputError, match="no stiffness"):
         run(mesh, profile="START, -5., 1.\nLINE, 5., 1.", friction=broken, **common)
+
+
+HARD = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"
+
+
+@pytest.mark.parametrize("pair", ["NODE TO SURFACE", "SURFACE TO SURFACE"])
+@pytest.mark.parametrize(
+    "element, material, young",
+    [
+        ("CPE4", "*ELASTIC\n10., 0.3", 10.0),
+        ("CPE6", "*ELASTIC\n10., 0.3", 10.0),
+        ("C3D8", "*HYPERELASTIC, NEO HOOKE\n0.5, 0.5", 9 * 4 * 1 / (3 * 4 + 1)),
+        ("C3D10", "*HYPERELASTIC, OGDEN, N=1\n1., 3., 0.5", 9 * 4 * 1 / (3 * 4 + 1)),
+    ],
+)
+def test_hard_contact_takes_its_stiffness_from_the_body(run, element, material, young, pair):
+    """A hundred times Young's modulus over the depth of the elements, here half a millimetre, a third of it in tetrahedra."""
+    if element.startswith("CPE"):
+        mesh, profile, kind, z = layered_block(2.0, [("a", 1.0)], 3, 2, element), "START, -5., 1.\nLINE, 5., 1.", "", ""
+        depth, held = 0.5 if element == "CPE4" else 0.25, "BOTTOM, 2\nMIDDLE, 1\n9000, 1"
+    else:
+        mesh, z = brick((2.0, 1.5, 1.0), (2, 2, 2), element=element), ", 1."
+        profile, kind = "1., 1., 1., 1., 1., 2.\nSTART, 0., 0.\nLINE, 9., 0.", "REVOLUTION"
+        depth, held = 0.5 if element == "C3D8" else 0.5 / 3, "BOTTOM, 3\nX0, 1\nY0, 2\n9000, 1, 2"
+    axis = 2 if element.startswith("CPE") else 3
+    given = {"slave": upper_faces(mesh), "profile": profile, "kind": kind or "SEGMENTS", "z": z, "material": material}
+    given |= {"x": 1.0, "y": 1.0, "pair": pair, "held": held, "steps": step("*BOUNDARY", f"9000, {axis}, {axis}, -0.1")}
+    deck, found = run(mesh, **given, friction=HARD)
+    assert deck.laws["I"].hard
+    _, wanted = run(mesh, **given, stiffness=100 * young / depth)
+    assert found[-1].displacement == pytest.approx(wanted[-1].displacement, abs=1e-9)
+    top = np.abs(mesh.points[:, -1] - 1) < 1e-9
+    assert -0.1 < found[-1].displacement[:-1][top, -1].mean() < -0.098
+
+
+def test_hard_contact_needs_faces(run):
+    mesh = layered_block(2.0, [("a", 1.0)], 2, 1, "CPE4")
+    nodes = "*SURFACE, NAME=SLAVE, TYPE=NODE\nTOP"
+    with pytest.raises(InputError, match="HARD with SLAVE, which has no faces"):
+        run(mesh, profile=FLAT, slave=upper_faces(mesh) + "\n" + nodes, friction=HARD, held=STANDS, steps=step())
+
+
+FLAT, STANDS = "START, -5., 1.\nLINE, 5., 1.", "BOTTOM, 1, 2\n9000, 1, 2"
+
+
+def test_a_slip_tolerance_leaves_the_sticks_slope_to_the_law(run):
+    mesh = layered_block(2.0, [("a", 1.0)], 3, 2, "CPE4")
+    given = {"profile": FLAT, "held": "BOTTOM, 1, 2", "slave": upper_faces(mesh)}
+    given["steps"] = step("*BOUNDARY", "9000, 1, 1, 0.05", "9000, 2, 2, -0.1")
+    _, wanted = run(mesh, **given, friction="*FRICTION\n0.3")
+    _, found = run(mesh, **given, friction="*FRICTION, SLIP TOLERANCE=0.005\n0.3,")
+    assert found[-1].displacement == pytest.approx(wanted[-1].displacement, abs=1e-12)
+    assert found[-1].internal[-1, 0] > 0.01
+
+
+TURNS = {
+    "a prescribed rotation": ("", step("*BOUNDARY", "9000, 6, 6, 0.05")),
+    "a prescribed rotation in the model": ("9000, 6, 6, 0.05", step()),
+    "a moment": ("", step("*CLOAD", "9000, 6, 0.3")),
+}
+
+
+@pytest.mark.parametrize("name", TURNS)
+def test_analytical_surfaces_that_turn_are_refused(run, name):
+    held, steps = TURNS[name]
+    mesh = layered_block(2.0, [("a", 1.0)], 2, 1, "CPE4")
+    common = {"profile": FLAT, "slave": upper_faces(mesh)}
+    with pytest.raises(InputError, match=f"found RIGID with {' '.join(name.split()[:3])}.*that does not turn"):
+        run(mesh, **common, held=STANDS + "\n" + held, steps=steps)
+    run(mesh, **common, held=STANDS + "\n9000, 6", steps=step("*BOUNDARY", "9000, 6, 6, 0."))
+
+
+def test_an_analytical_surface_does_not_turn_with_nodes_of_its_body(run):
+    mesh = layered_block(2.0, [("a", 1.0)], 2, 1, "CPE4")
+    nodes = "*NODE\n9001, 1., 2.\n*NSET, NSET=MORE\n9001\n*RIGID BODY, REF NODE=9000, NSET=MORE"
+    common = {"profile": FLAT, "slave": upper_faces(mesh), "friction": nodes, "steps": step()}
+    with pytest.raises(InputError, match="found RIGID on a body that turns"):
+        run(mesh, **common, held=STANDS)
+    run(mesh, **common, held=STANDS + "\n9000, 6")
 
 
 def test_the_bodys_side_is_where_most_of_it_lies():

@@ -7,6 +7,7 @@ from solving import solve_deck
 
 from fingerfit.cli import main
 from fingerfit.deck import model_keywords
+from fingerfit.deck.cards import read_cards
 from fingerfit.deck.reader import IGNORED, LATER, read_deck
 from fingerfit.errors import InputError
 from fingerfit.material.holzapfel import Holzapfel
@@ -14,6 +15,7 @@ from fingerfit.material.prony import Prony
 from fingerfit.material.yeoh import Yeoh
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import brick
+from fingerfit.solvers.process import write_cards
 
 SQUARE = """*NODE
 1, 0., 0.
@@ -268,6 +270,13 @@ def test_a_rigid_body_that_may_not_turn(run):
     assert u[4, 0] == pytest.approx(u[1, 0])
 
 
+def test_a_node_that_is_tied_twice_or_prescribed_is_named(run):
+    nodes = SQUARE + "*NSET, NSET=END\n2, 3\n" + RIGID
+    for more in ("*BOUNDARY\n3, 1\n", "*EQUATION\n2\n3, 1, 1., 4, 1, -1.\n"):
+        with pytest.raises(InputError, match=r"RIGID BODY: found node 3 is tied twice or prescribed"):
+            run(nodes + ELASTIC + more + "*BOUNDARY\n1, 1, 2\n4, 1\n20, 6\n*STEP, NLGEOM\n*STATIC\n*END STEP\n")
+
+
 def test_a_rigid_body_turns_by_large_angles(run):
     """Turned by 90 degrees about its reference node: exact, and free of stress with the sheet turning along."""
     nodes = SQUARE + "*NSET, NSET=END\n1, 2, 3, 4\n"
@@ -461,7 +470,7 @@ ERRORS = {
     "*MATERIAL, NAME=M\n*VISCOELASTIC, TIME=PRONY\n0.5, 0., 1.\n": "no elastic constants",
     "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.3\n*VISCOELASTIC, TIME=PRONY\n0.5, 0.1, 1.\n": "line 5.*k = 0",
     "*AMPLITUDE, NAME=A\n0., 0., 0., 1.\n": "times growing",
-    "*SURFACE INTERACTION, NAME=I\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD\n": "found HARD",
+    "*SURFACE INTERACTION, NAME=I\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL\n1., 1.\n": "found EXPONENTIAL",
     "*SURFACE, NAME=S\nX, S1\n": "an element or a set of them",
     "*CLOAD\n1, 1, 1.\n": "found no step",
     "*NODE, SYSTEM=C\n1, 0., 0.\n": "Cartesian",
@@ -474,6 +483,99 @@ def test_errors_name_the_line(tmp_path, text):
     path.write_text(text)
     with pytest.raises(InputError, match=ERRORS[text]):
         read_deck(path)
+
+
+REFUSED = {
+    "*NODE\n,\n": "line 2, .NODE: found ,; expected 1 values or more",
+    "*NSET, NSET=A, GENERATE\n1\n": "line 2, .NSET: .*first, last and step",
+    "*NSET, NSET=A, GENERATE\n1, 4, 0\n": "line 2, .NSET: .*step above 0",
+    "*ELSET, ELSET=A, GENERATE\n4, 1\n": "line 2, .ELSET: .*last not below first",
+    "*SURFACE, NAME=S, TYPE=NODE\n,\n": "line 2, .SURFACE: found ,; expected 1 values",
+    "*RESTART, READ, STEP=2\n": "line 1, .RESTART: found READ",
+    "*HEADING\n*PLASTIC,\n": "line 2, .PLASTIC: found an unknown keyword",
+    "*OUTPUT, FIELD,\n*PLASTIC\n": "line 2, .PLASTIC: found an unknown keyword",
+    "*SECTION CONTROLS, NAME=C, DISTORTION CONTROL=YES\n1., 1.\n": "line 1, .SECTION CONTROLS: found DISTORTION",
+    "*MATERIAL, NAME=M\n*HYPERELASTIC, OGDEN\n1., 0., 1.\n": "line 2, .HYPERELASTIC: .*expected alpha other than 0$",
+    "*MATERIAL, NAME=M\n*HYPERELASTIC, OGDEN\n1., 2., 0.\n": "line 2, .HYPERELASTIC: found D = 0, incompressible",
+    "*SURFACE, NAME=S, TYPE=SEGMENTS\nSTART, 0., 0.\nLINE, 1., 0.\nLINE, 1., 1.\n": "line 4, .*found a second segment",
+    "*SURFACE, NAME=S, TYPE=SEGMENTS\nSTART, 0., 0.\nPARAB, 1., 0., 2., 1.\n": "line 3, .SURFACE: .*LINE or CIRCL",
+    "*SURFACE, NAME=S, TYPE=CYLINDER\n0., 0., 0., 1., 0., 0.\nSTART, 0., 0.\nLINE, 1., 0.\n": "line 1, .*a third",
+    "*ORIENTATION, NAME=O\n1., 0., 0., 0., 1., 0.\n4, 30.\n": "line 1, .ORIENTATION: .*an axis 1, 2 or 3",
+    "*SURFACE INTERACTION, NAME=I\n*FRICTION, SLIP TOLERANCE=0.\n0.3\n": "line 2, .FRICTION: .*slip tolerance above 0",
+    SQUARE + "*SURFACE, NAME=S\nE, S1\n*TIE, NAME=T, TYPE=OTHER\nS, S\n": "line 10, .TIE: found TYPE=OTHER",
+    SQUARE + "*SURFACE, NAME=S\nE, S1\n*TIE, NAME=T, ADJUST=MAYBE\nS, S\n": "line 10, .TIE: found ADJUST=MAYBE",
+    SQUARE + "*ELEMENT, TYPE=SPRING1\n1, 2\n": "line 9, .ELEMENT: found element 1 twice",
+    "*ELEMENT, TYPE=SPRING1\n1, 2\n" + SQUARE: "line 9, .ELEMENT: found element 1 twice",
+}
+
+
+@pytest.mark.parametrize("text", REFUSED, ids=lambda t: t.split("\n")[-2][:20])
+def test_what_cannot_be_read_is_refused_with_its_line(tmp_path, text):
+    path = tmp_path / "deck.inp"
+    path.write_text(text)
+    with pytest.raises(InputError, match=REFUSED[text]):
+        read_deck(path)
+
+
+def test_a_last_keyword_line_that_ends_with_a_comma_counts(run):
+    _, steps = run(SQUARE + ELASTIC + HELD + PULL.replace("*END STEP\n", "*END STEP,"))
+    assert last(steps)[2, 0] == pytest.approx(0.08)
+
+
+def test_names_in_quotes_may_have_commas(run):
+    deck = (SQUARE + ELASTIC).replace("ELSET=E", 'ELSET="E, part 1"') + HELD
+    surface = '*SURFACE, NAME="RIGHT, OUTER"\n"E, PART 1", S2\n'
+    read, steps = run(deck + surface + '*STEP\n*STATIC\n*DSLOAD\n"right, outer", P, -0.4\n*END STEP\n')
+    assert read.sections[0].elset == "E, PART 1"
+    assert last(steps)[2, 0] == pytest.approx(0.08)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig"])
+def test_decks_of_other_encodings_are_read(tmp_path, encoding):
+    text = "*HEADING\nPr\u00fcfung\n** Fl\u00e4che\n" + SQUARE + ELASTIC + HELD + PULL
+    path = tmp_path / "deck.inp"
+    path.write_bytes(text.encode(encoding))
+    assert read_deck(path).mesh.element_count == 1
+    write_cards(read_cards(path), tmp_path / "for.inp")
+    assert read_deck(tmp_path / "for.inp").mesh.element_count == 1
+
+
+def test_hourglass_controls_and_files_for_a_restart_change_nothing(run):
+    deck = SQUARE + ELASTIC.replace("MATERIAL=M\n", "MATERIAL=M, CONTROLS=EC-1\n", 1) + HELD
+    controls = "*SECTION CONTROLS, NAME=EC-1, HOURGLASS=ENHANCED\n1., 1., 1.\n*RESTART, WRITE, FREQUENCY=0\n"
+    _, steps = run(deck + controls + PULL)
+    assert last(steps)[2, 0] == pytest.approx(0.08)
+
+
+@pytest.mark.parametrize("option", ["PIN NSET", "TIE NSET"])
+def test_pinned_and_tied_nodes_of_a_rigid_body(run, option):
+    """Nodes of solids have no rotation of their own: both are the same."""
+    nodes = SQUARE + "*NSET, NSET=END\n2, 3\n"
+    load = "*STEP, NLGEOM\n*STATIC\n*CLOAD\n20, 6, 0.1\n*END STEP\n"
+    held = ELASTIC + "*BOUNDARY\n1, 1, 2\n4, 1\n"
+    _, wanted = run(nodes + RIGID + held + load)
+    _, found = run(nodes + RIGID.replace(" NSET", f" {option}") + held + load)
+    assert last(found) == pytest.approx(last(wanted), abs=1e-12)
+    assert np.abs(last(found)[2]).max() > 1e-3
+
+
+def test_a_tie_that_ties_nothing_is_refused(run):
+    apart = SQUARE + "*SURFACE, NAME=LOW\n1, S1\n*SURFACE, NAME=HIGH\n1, S3\n*TIE, NAME=T\nHIGH, LOW\n"
+    with pytest.raises(InputError, match=r"\*TIE: found no node of HIGH at LOW"):
+        run(apart + ELASTIC + HELD + PULL)
+
+
+@pytest.mark.parametrize("options, stays", [("", False), (", ADJUST=YES", False), (", ADJUST=NO", True)])
+def test_ties_put_the_slave_on_the_master(run, options, stays):
+    """A gap of 0.02 mm is closed before anything else, and is kept with ADJUST=NO."""
+    upper = "*NODE\n11, 0., {0}\n12, 2., {0}\n13, 2., 2.\n14, 0., 2.\n*ELEMENT, TYPE=CPS4, ELSET=E\n2, 11, 12, 13, 14\n"
+    faces = "*SURFACE, NAME=LOW\n1, S3\n*SURFACE, NAME=HIGH\n2, S1\n"
+    tie = "*TIE, NAME=T, TYPE=SURFACE TO SURFACE, POSITION TOLERANCE=0.05{}\nHIGH, LOW\n"
+    load = "*BOUNDARY\n1, 1, 2\n2, 2\n*STEP\n*STATIC\n*CLOAD\n13, 2, 0.1\n14, 2, 0.1\n*END STEP\n"
+    _, steps = run(SQUARE + upper.format(1.02) + faces + tie.format(options) + ELASTIC + load)
+    stress = 0.2 / 2 / 0.5
+    height = 1.98 if stays else 2.0
+    assert last(steps)[6, 1] == pytest.approx(stress / 10 * height, rel=1e-9)
 
 
 def test_a_material_of_finite_strain_needs_nlgeom(run):

@@ -98,7 +98,7 @@ DECK = """*NODE, NSET=ALL
 *SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR
 {stiffness}
 {friction}
-*CONTACT PAIR, INTERACTION=I, TYPE=NODE TO SURFACE
+*CONTACT PAIR, INTERACTION=I, TYPE={pair}
 SLAVE, TOOL
 *SOLID SECTION, ELSET=BODY, MATERIAL=M
 *MATERIAL, NAME=M
@@ -141,6 +141,7 @@ def press(tmp_path):
             "master": master + "\n*RIGID BODY, ELSET=RIGID, REF NODE=9000",
             "stiffness": 1000.0,
             "friction": "",
+            "pair": "NODE TO SURFACE",
             "material": "*ELASTIC\n10., 0.3",
         }
         base = [f"{n + 1}, {dim}" for n in np.flatnonzero(mesh.points[:, -1] < 1e-9)]
@@ -182,6 +183,68 @@ def test_patch_under_a_meshed_plate(press, element):
     assert u == pytest.approx(round_about.displacement[:count], abs=1e-9)
     assert last.internal[-1, -1] == pytest.approx(round_about.internal[-1, -1], rel=1e-9)
     assert last.internal[-1, -1] < -0.3
+
+
+RIGID = "*SURFACE, NAME=TOOL\nRIGID, {}\n*RIGID BODY, ELSET=RIGID, REF NODE=9000"
+
+
+@pytest.mark.parametrize("pair", ["NODE TO SURFACE", "SURFACE TO SURFACE"])
+@pytest.mark.parametrize("turned", [False, True], ids=["SPOS", "SNEG"])
+@pytest.mark.parametrize("solid, line", [("CPE4", "R2D2"), ("CAX4", "RAX2")])
+def test_rigid_lines_press_as_the_same_faces_of_solids(press, solid, line, turned, pair):
+    """A roof of lines; the normal of a line is to its left."""
+    mesh = layered_block(2.0, [("a", 1.0)], 6, 2, solid, origin=(0.0, 0.0))
+    x = np.linspace(0.0, 2.5, 7)
+    low, high = np.column_stack([x, 1 + 0.2 * np.abs(x - 1)]), np.column_stack([x, 0 * x + 3.0])
+    points, at = np.vstack([low, high]), np.arange(6)
+    solids = (solid, points, np.column_stack([at, at + 1, at + 8, at + 7]), [(n, 0) for n in at])
+    common = {"held": "9000, 1\n9000, 6", "load": "*BOUNDARY\n9000, 2, 2, -0.2", "friction": "*FRICTION\n0.3, 20."}
+    wanted, _ = press(mesh, solids, pair=pair, **common)
+    lines = np.column_stack([at, at + 1] if turned else [at + 1, at])
+    rigid = (line, points[:7], lines, [])
+    found, count = press(mesh, rigid, pair=pair, master=RIGID.format("SNEG" if turned else "SPOS"), **common)
+    assert found.displacement[: count + 7] == pytest.approx(wanted.displacement[: count + 7], abs=1e-9)
+    assert found.internal[-1] == pytest.approx(wanted.internal[-1], abs=1e-9)
+    assert found.internal[-1, 1] < -0.1
+
+
+@pytest.mark.parametrize("kind", ["R3D4", "R3D3"])
+@pytest.mark.parametrize("turned", [False, True], ids=["SPOS", "SNEG"])
+def test_rigid_facets_press_as_the_same_faces_of_solids(press, kind, turned):
+    """The same sphere of bricks and of rigid elements, whose normals are by the right hand: here to its middle."""
+    mesh, solids, common = sphere_on_a_block(8)
+    common |= {"held": "9000, 1, 2\n9000, 4, 6", "load": "*BOUNDARY\n9000, 3, 3, -0.4"}
+    wanted, _ = press(mesh, solids, **common)
+    _, points, bricks, _ = solids
+    facets = bricks[:, :4] if turned else bricks[:, [0, 3, 2, 1]]
+    if kind == "R3D3":
+        facets = np.vstack([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]])
+    count = bricks[:, :4].max() + 1
+    rigid = (kind, points[:count], facets, [])
+    found, nodes = press(mesh, rigid, master=RIGID.format("SNEG" if turned else "SPOS"), **common)
+    assert found.displacement[: nodes + count] == pytest.approx(wanted.displacement[: nodes + count], abs=1e-9)
+    assert found.internal[-1, 2] == pytest.approx(wanted.internal[-1, 2], rel=1e-9)
+    assert found.internal[-1, 2] < -0.3
+
+
+def test_what_rigid_elements_lack_is_refused(press):
+    mesh, (_, points, bricks, _), common = sphere_on_a_block(4)
+    rigid = ("R3D4", points, bricks[:, :4], [])
+    common |= {"held": "9000, 1, 2\n9000, 4, 6", "load": "*BOUNDARY\n9000, 3, 3, -0.1"}
+    for side in ("", "S1"):
+        with pytest.raises(InputError, match=r"line \d+, \*SURFACE: found a surface of R3D4 without side"):
+            press(mesh, rigid, master=RIGID.format(side), **common)
+    with pytest.raises(InputError, match=r"\*CONTACT PAIR: found TOOL; expected .*rigid elements in one"):
+        press(mesh, rigid, master="*SURFACE, NAME=TOOL\nRIGID, SPOS", **common)
+    with pytest.raises(InputError, match="facets with an area"):
+        press(mesh, ("R3D4", points, bricks[:, [0, 0, 1, 2]], []), master=RIGID.format("SNEG"), **common)
+    with pytest.raises(InputError, match=r"line \d+, \*SURFACE: found R2D2; expected R3D3 or R3D4 in space"):
+        press(mesh, ("R2D2", points, bricks[:, :2], []), master=RIGID.format("SNEG"), **common)
+    swapped = RIGID.format("SNEG").replace("TOOL", "BLOCK") + "\n*SURFACE, NAME=TOOL\nRIGID, SPOS"
+    with pytest.raises(InputError, match="rigid elements in SLAVE"):
+        press(mesh, rigid, slave="RIGID, SPOS", master=swapped, **common)
+    with pytest.raises(InputError, match="turns"):
+        press(mesh, rigid, master=RIGID.format("SNEG"), **{**common, "held": "9000, 1, 2\n9000, 4, 5"})
 
 
 LAWS = {
