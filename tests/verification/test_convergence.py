@@ -150,8 +150,10 @@ def test_the_rule_of_the_test_is_exact():
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_rate_of_convergence(element, law):
     dim, rate = ELEMENTS[element].dim, RATES[element]
-    # C3D10H comes near its rate later than the others
+    # two come near their rates later than the others
     coarse, fine = (4, 8) if dim == 2 or element == "C3D10H" else (2, 4) if rate == 3 else (3, 6)
+    if element == "CAX3H":
+        coarse, fine = 8, 16
     first, second = error(element, coarse, law), error(element, fine, law)
     found = np.log2(first / second)
     assert rate - 0.3 < found < rate + 1.2
