@@ -18,6 +18,8 @@ from fingerfit.keys import unknown_key
 from fingerfit.search import Plan, Stage
 
 CONFIG = "config.yaml"
+WIDE = 100.0
+"""Ratio of bounds from which a number that an effect scans is searched in the logarithm: times."""
 
 
 class Model:
@@ -45,7 +47,7 @@ class Choices:
                 added.append(Parameter(effect.key(p.name), p.unit, p.lower, p.upper, start, False, p.scale))
             for name, (lower, upper) in effect.refine.items():
                 start = min(max(given.get(name, effect.scan[name][0]), lower), upper)
-                added.append(Parameter(effect.key(name), "1", lower, upper, start, log=False))
+                added.append(Parameter(effect.key(name), "1", lower, upper, start, log=0 < WIDE * lower <= upper))
         return own + tuple(added)
 
     def effects(self: Any) -> tuple[Effect, ...]:

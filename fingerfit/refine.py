@@ -37,6 +37,8 @@ IN_TURN = 3
 """How often constants, by the score, and effects on the observation, by least squares, follow each other."""
 CLOSE = 0.05
 """A longer move, in the logarithm, is checked by another solution."""
+NEARER = 0.01
+"""The same in a model with effects, where constants and an effect may compensate each other."""
 SOLUTIONS = 4
 """At most as many on the finest mesh."""
 ORDER = 1.2
@@ -86,14 +88,15 @@ def refine_round(fit: Fit, last: Round) -> Round:
         if back is not None:
             return _slopes_again(fit, last, back, {"before": (last.best or {})["before"], "trust": trust})
         # no search came before the first slopes of a model with effects: they are taken where it was predicted to be
-        far = FIRST if last.reason == ADDED and last.slopes == 1 else FAR
+        far = FAR if last.reason != ADDED else FIRST if last.slopes == 1 else CLOSE
         if found.move > far or _promises(fit, found):
             before = {"values": dict(found.base.values), "score": fit.score(found.model.base), "fall": found.fall}
             return _slopes_again(fit, last, found.values, {"before": before, "trust": trust})
     asked = fit.ask(found.values, FINAL)
     solutions = sum(a.role == FINAL for a in last.batch)
     lost = solutions > 1 and _diverged(fit, last.batch[-1])
-    enough = found.move <= CLOSE or solutions + 1 >= SOLUTIONS or lost
+    close = NEARER if last.reason == ADDED else CLOSE
+    enough = found.move <= close or solutions + 1 >= SOLUTIONS or lost
     return Round(
         number=last.number + 1,
         stage=FINAL,
