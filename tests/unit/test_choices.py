@@ -41,6 +41,15 @@ def test_they_say_the_same(tmp_path, monkeypatch, effects):
     assert read.model.full_name == checked.model.full_name
 
 
+def test_a_time_is_searched_in_the_logarithm_and_a_place_is_not(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    data = yaml.safe_load((ROOT / "config.yaml").read_text())
+    data["model"]["effects"] = {"relaxation": {"share": 0.1}, "inclusion": {"across": 0.3}}
+    log = {p.name: p.log for p in load_settings(data).parameters()}
+    assert [name for name in log if "." in name and log[name]] == ["relaxation.time"]
+    assert {"relaxation.share", "inclusion.across", "inclusion.contrast"} <= set(log)
+
+
 @pytest.mark.parametrize("damage", [lambda data: [], lambda data: {**data, "fit": None}, lambda data: {"model": {}}])
 def test_what_the_workflow_did_not_write_is_told(tmp_path, damage):
     path = tmp_path / "settings.json"

@@ -1,15 +1,16 @@
 """What follows a search: the error that a finer mesh leaves, and which solution is the base."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fingerfit.estimate import LinearModel, coordinates, moved, sensitivity_values
-from fingerfit.fit import FINAL, REFINED, SEARCH
+from fingerfit.fit import FINAL, REFINED, SEARCH, SENSITIVITY
 from fingerfit.guess import Parameter
 from fingerfit.meshing import brick, layered_block
-from fingerfit.refine import ORDER, Minimum, finest, mesh_error, minimum, refine_round
+from fingerfit.refine import ADDED, ORDER, Minimum, finest, mesh_error, minimum, refine_round
 from fingerfit.rounds import Asked, Round
 from fingerfit.score import Prediction
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
@@ -156,6 +157,22 @@ def test_a_short_move_is_not_solved_again_and_again(tmp_path):
     last = refine_round(fit, fit.start(0.0290))
     assert last.stop == "tolerances met"
     assert sum(asked.role == FINAL for asked in last.batch) == 2
+
+
+def test_a_model_with_effects_is_followed_closer(tmp_path):
+    fit = Body(tmp_path)
+    searched = fit.start(0.0264)
+    effects = replace(searched, reason=ADDED, slopes=2)
+    # a move of 8 %: new slopes, where constants and an effect may compensate each other
+    assert refine_round(fit, searched).stage == FINAL
+    again = refine_round(fit, effects)
+    assert (again.stage, again.slopes) == (SENSITIVITY, 3)
+    # one of 3 %: another solution after the next one
+    searched = fit.start(0.0277)
+    assert refine_round(fit, searched).stop == "tolerances met"
+    effects = refine_round(fit, replace(searched, reason=ADDED, slopes=2))
+    assert (effects.stage, effects.stop) == (FINAL, None)
+    assert refine_round(fit, effects).stop == ADDED
 
 
 def test_when_the_finer_mesh_has_no_solution_the_search_mesh_is_the_base(tmp_path):
