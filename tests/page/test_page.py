@@ -55,7 +55,9 @@ def test_the_lines_to_type_are_understood(whole):
     asked = _parser().parse_args(shlex.split(add)[1:])
     assert asked.effect == "tilt" and str(asked.config) == "YOURS.yaml"
     _, run = parse_args(shlex.split(again)[1:])
-    assert list(run.targets) == ["diagnose"] and int(run.cores) == 2 and [str(p) for p in run.configfile] == ["YOURS.yaml"]
+    assert (
+        list(run.targets) == ["diagnose"] and int(run.cores) == 2 and [str(p) for p in run.configfile] == ["YOURS.yaml"]
+    )
 
 
 def test_words_for_numbers_and_places(whole):
@@ -131,7 +133,9 @@ def test_only_forces_give_a_page(tmp_path):
     table = re.search(r'<table class="left-by-step">.*?</table>', text, re.S)[0]
     assert re.findall(r"<td>step (\d) <small>([a-z ]+)<", table)[4] == ("5", "held out") and table.count("<tr>") == 8
     assert (
-        "0.0205" in table and "clearly above the noise" in table and "there|base|steps|conjugate" in data_of(text)["panels"]
+        "0.0205" in table
+        and "clearly above the noise" in table
+        and "there|base|steps|conjugate" in data_of(text)["panels"]
     )
     assert "This study has no pictures" in text and "force|base" in data_of(text)["panels"]
 
