@@ -193,6 +193,14 @@ class Examination:
         whole[: value.size, : value.size] = total.reshape(value.size, value.size)
         return np.nan_to_num(whole[np.ix_(self.residual.kept, self.residual.kept)])
 
+    @cached_property
+    def judge(self) -> Judge:
+        """Judge of what the model leaves."""
+        residual = self.residual
+        covariance = residual.covariance + self.mesh_covariance()
+        common = common_modes(residual, self.data.entry_step, self.slope("control"))
+        return Judge(residual.vector, covariance, self.own(), self.nuisance(), common)
+
     def _at_step(self, step: int) -> np.ndarray:
         value: np.ndarray = np.zeros(self.residual.value.shape)
         value[self.data.entry_step == step] = 1.0
@@ -255,10 +263,7 @@ def anchor_of(fit: Fit, last: Round) -> Asked:
 
 def judge_of(examination: Examination) -> Judge:
     """Judge of what a model leaves."""
-    residual = examination.residual
-    covariance = residual.covariance + examination.mesh_covariance()
-    common = common_modes(residual, examination.data.entry_step, examination.slope("control"))
-    return Judge(residual.vector, covariance, examination.own(), examination.nuisance(), common)
+    return examination.judge
 
 
 def try_suspects(examination: Examination, judge: Judge, found: Sequence[Suspect]) -> list[Look]:

@@ -2,39 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fingerfit.diagnose import Examination, summary
+from fingerfit.diagnose import Examination, Look, judge_of, summary
 from fingerfit.effects.catalogue import as_text
+from fingerfit.effects.contract import LOADING, Effect
 from fingerfit.examine import Examined, errors, fitted_steps
 from fingerfit.files import read_json, write_json, write_npz
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
 from fingerfit.plots import outline
 from fingerfit.slices import border_triangles, parts_of
-from fingerfit.verdict import confusions
+from fingerfit.verdict import confusions, unseen
 
 SHOWN = 6
-"""Effects whose patterns are kept."""
+"""Effects whose patterns are kept, and so drawn."""
+MOVES, BRIGHTNESS, CONJUGATE = "moves", "brightness", "conjugate"
+"""Parts of what a model leaves, and of what an effect would leave: displacements and brightness of patches, and the
+quantity of each step that is not prescribed."""
 
 
 def write_compare(examination: Examination, path: Path) -> None:
-    """Measured and synthesized pictures, residual displacements, forces and meshes, as arrays."""
+    """Measured and synthesized pictures, what is left with all of its noise, forces and meshes, as arrays."""
     fit, data, residual = examination.fit, examination.data, examination.residual
     mesh = fit.meshes[examination.mesh]
     outcome = fit.outcome(examination.base)
-    dim = mesh.dim
-    spread = np.full(residual.kept.shape, np.nan)
-    spread[residual.kept] = np.sqrt(np.diag(residual.covariance))
-    entries = shown(examination)
-    fields = residual.value[:entries, ..., :dim]
-    noise = spread[: residual.value.size].reshape(residual.value.shape)[:entries, ..., :dim]
+    steps = data.entry_step[: shown(examination)]
+    left, noise = (parts_left(examination, known) for known in (residual.vector, judge_of(examination).spread))
+    wanted = fit.settings.fit.steps
     error, floor = residual.error, examination.floor
     if not len(data.picture_step):  # of measured points: displacements, mm
-        error, floor = (np.array([_typical(one) for one in each]) for each in (fields, noise))
+        error, floor = (np.array([_typical(one) for one in each[MOVES]]) for each in (left, noise))
     conjugate = examination.prediction.conjugate
     moved, force = (conjugate, data.force) if data.control == "force" else (data.displacement, conjugate)
     write_npz(
@@ -42,19 +44,21 @@ def write_compare(examination: Examination, path: Path) -> None:
         {
             "measured": data.measured,
             "synthesized": examination.prediction.pictures,
-            "picture_step": data.entry_step[:entries],
-            "fitted": fitted_steps(fit, data)[:entries],
+            "picture_step": steps,
+            "fitted": fitted_steps(fit, data)[: len(steps)],
             "error": error,
             "floor": floor,
             "spacing": data.spacing,
             "origin": data.origin,
             "direction": data.direction,
-            "moves": fields,
-            "moves_noise": noise,
+            **left,
+            **{f"{name}_noise": values for name, values in noise.items()},
+            "control": np.array(data.control),
+            "step_fitted": np.isin(data.step, data.step if wanted is None else wanted),
             "patch_centre": examination.patches.centre,
             "patch_count": np.array(examination.patches.count),
             "mesh_points": mesh.points,
-            "mesh_moved": mesh.points + outcome.displacement[data.entry_step[:entries]],
+            "mesh_moved": mesh.points + outcome.displacement[steps],
             **_outlines(mesh, examination),
             "mesh_layer": np.maximum(parts_of(mesh), 0),
             "layer_names": np.array(list(mesh.parts)),
@@ -91,6 +95,54 @@ def shown(examination: Examination) -> int:
     return len(examination.data.picture_step) or len(examination.residual.value)
 
 
+def parts_left(examination: Examination, known: np.ndarray) -> dict[str, np.ndarray]:
+    """A vector like the residual by its parts, with NaN for what was not measured.
+
+    Parameters
+    ----------
+    examination : Examination
+    known : ndarray, shape (kept,)
+
+    Returns
+    -------
+    dict of ndarray
+        ``moves``, shape (fields, patches, dim), mm; ``brightness``, shape (pictures, patches); ``conjugate``, shape
+        (steps,), N or mm.
+    """
+    residual = examination.residual
+    whole = np.full(residual.kept.shape, np.nan)
+    whole[residual.kept] = known
+    fields = whole[: residual.value.size].reshape(residual.value.shape)[: shown(examination)]
+    brightness = fields[: len(examination.data.picture_step), :, -1]
+    return {MOVES: fields[..., :-1], BRIGHTNESS: brightness, CONJUGATE: whole[residual.value.size :]}
+
+
+def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:
+    """The part of what is left in which an effect is shown.
+
+    Brightness for those that change the brightness, the quantity that is not prescribed for those that change loads
+    or their reading, else displacements; another one where that is not measured or would not change.
+    """
+    chosen = MOVES
+    if "intensity" in effect.observes:
+        chosen = BRIGHTNESS
+    elif effect.acts == LOADING or set(effect.observes) & {"force", "displacement"}:
+        chosen = CONJUGATE
+    order = sorted((MOVES, CONJUGATE, BRIGHTNESS), key=lambda name: name != chosen)
+    return next((name for name in order if np.nan_to_num(pattern[name]).any()), chosen)
+
+
+def kept_looks(found: Examined) -> list[Look]:
+    """The effects whose patterns are kept: those that are blamed, those that were refitted, then the likeliest."""
+    blamed = list(found.verdict.effects)
+
+    def rank(look: Look) -> tuple[int, bool]:
+        name = look.suspect.effect.name
+        return blamed.index(name) if name in blamed else len(blamed), name not in found.refits
+
+    return sorted(found.looks, key=rank)[:SHOWN]
+
+
 def _typical(values: np.ndarray) -> float:
     """Root mean square of known values, 0 where there are none."""
     known = values[np.isfinite(values)]
@@ -100,6 +152,11 @@ def _typical(values: np.ndarray) -> float:
 def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
     """Verdict and ranking as JSON, patterns beside it as .npz; returns the former."""
     model = found.examination.fit.settings.model
+    hidden = {look.suspect.effect.name for look in unseen(found.judge, found.looks)}
+    kept = kept_looks(found)
+    patterns = {
+        look.suspect.effect.name: parts_left(found.examination, look.columns @ look.finding.size) for look in kept
+    }
     ranking = []
     for look, entry in zip(found.looks, summary(found.judge, found.looks), strict=True):
         effect, refit = look.suspect.effect, found.refits.get(look.suspect.effect.name)
@@ -108,6 +165,8 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
                 **as_text(effect),
                 **entry,
                 "units": {p.name: p.unit for p in effect.parameters},
+                "imitated": effect.name in hidden,
+                "shows": part_shown(effect, patterns[effect.name]) if effect.name in patterns else None,
                 "refit": refit
                 and {
                     "misfit": refit.misfit,
@@ -126,6 +185,8 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
         "freedom": found.judge.freedom,
         "threshold": verdict.threshold,
         "ranking": ranking,
+        "patterns": list(patterns),
+        "layers": [name.lower() for name in found.examination.fit.study.layer_names],
         "confusions": confusions(found.judge, found.looks),
         "measurements": [{"title": title, "gain": gain} for title, gain in found.measurements],
         "not_tried": [
@@ -135,15 +196,10 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
         "add": f"fingerfit add {verdict.effects[0]}" if verdict.effects else "",
         "simulations": found.run,
     }
-    residual = found.examination.residual
-    dim = residual.value.shape[2] - 1
-    patterns = {"there": residual.value[..., :dim], "stiffness": found.stiffness}
-    for look in found.looks[:SHOWN]:
-        whole = np.full(residual.kept.shape, np.nan)
-        whole[residual.kept] = look.columns @ look.finding.size
-        pattern = whole[: residual.value.size].reshape(residual.value.shape)
-        patterns[f"pattern_{look.suspect.effect.name}"] = pattern[: shown(found.examination), ..., :dim]
-    write_npz(path.with_suffix(".npz"), patterns)
+    arrays = {"stiffness": found.stiffness}
+    for name, pattern in patterns.items():
+        arrays |= {f"{part}_{name}": values for part, values in pattern.items()}
+    write_npz(path.with_suffix(".npz"), arrays)
     write_json(path, data)
     return data
 

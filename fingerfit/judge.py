@@ -49,6 +49,11 @@ class Judge:
     common : ndarray, shape (values, modes), optional
         What all values of a step have in common. Of thousands of values a few that are far off hardly raise the
         misfit of all, so that these modes are looked at by themselves: `common_misfit`, with `common_freedom`.
+
+    Attributes
+    ----------
+    spread : ndarray, shape (values,)
+        Standard deviation of each value by all of the noise, nuisances included.
     """
 
     def __init__(
@@ -60,6 +65,7 @@ class Judge:
         common: np.ndarray | None = None,
     ) -> None:
         self._root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
+        self.spread = np.sqrt((self._root**2).sum(axis=1))
         basis, sizes, turn = np.linalg.svd(self.whiten(own), full_matrices=False)
         seen = sizes > 1e-6 * sizes.max(initial=0.0)
         self._own = basis[:, seen]

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
 
+LOADING = "loading"
+"""Effects on what is prescribed and on its reading."""
 NUMERICS = "numerics"
 """Effects of mesh and load steps: they are tested, but cured by other settings instead of being fitted."""
 OBSERVATION = "observation"
 """Effects on what is measured: they need no new simulation."""
-ACTS = ("material", "structure", "boundary", "loading", NUMERICS, OBSERVATION)
+ACTS = ("material", "structure", "boundary", LOADING, NUMERICS, OBSERVATION)
 """Where an effect acts."""
 NEEDS = ("time", "pictures", "displacements", "layers", "plane", "space")
 """What an effect may need of a study: times of all steps, pictures, pictures or points, a block of layers in

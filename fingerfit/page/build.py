@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -16,16 +17,25 @@ from markupsafe import Markup
 from fingerfit import __version__
 from fingerfit.files import write_text
 from fingerfit.page.inputs import Inputs, Model, read_inputs
-from fingerfit.page.ladder import constants_figure, ladder_figure, rung_label
+from fingerfit.page.ladder import constants_figures, ladder_figure, rung_label
 from fingerfit.page.panels import Panels
 from fingerfit.page.regions import in_words, places
-from fingerfit.page.words import VERDICTS, headline, number, with_unit
+from fingerfit.page.words import (
+    VERDICTS,
+    commands,
+    first_upper,
+    headline,
+    number,
+    place_words,
+    titles,
+    with_unit,
+)
 from fingerfit.plots import COLOURS
 
 FOLDER = Path(__file__).resolve().parents[2] / "templates" / "report"
 SHOWN_ROWS = 8
-SEEN = 0.001
-"""Share of an effect's signal that the constants must leave, for it to be told from them."""
+FOR_SCRIPT = ("pictures", "regions", "first_effect", "parts", "titles")
+"""What the page's script knows of a model."""
 
 
 def write_page(study: Path, out: Path) -> None:
@@ -51,7 +61,7 @@ def write_page(study: Path, out: Path) -> None:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    env.filters.update(number=number, with_unit=with_unit, in_words=in_words)
+    env.filters.update(number=number, with_unit=with_unit, in_words=in_words, first_upper=first_upper)
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
     stamp = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     # Markup: our own files, not escaped; everything that comes from a study is
@@ -69,7 +79,6 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
     panels = Panels(inputs.models)
     models = [_model(inputs, panels, model, n) for n, model in enumerate(inputs.models)]
     rungs = inputs.ladder.get("rungs") or []
-    constants = constants_figure(inputs.ladder) if rungs else None
     found = headline(inputs)
     return {
         "study": inputs.study,
@@ -77,11 +86,12 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
         "models": models,
         "rungs": _rungs(inputs),
         "ladder_figure": panels.keep(ladder_figure(inputs.ladder)) if rungs else None,
-        "constants_figure": panels.keep(constants) if constants is not None else None,
+        "constants_figures": [(name, panels.keep(figure)) for name, figure in constants_figures(inputs.ladder).items()],
         "constants": list(dict.fromkeys(name for rung in rungs for name in rung.get("parameters") or {})),
         "units": {name: p.get("unit", "") for rung in rungs for name, p in (rung.get("parameters") or {}).items()},
         "verdicts": VERDICTS,
         "files": inputs.files,
+        "in_space": any(m["in_sections"] for m in models),
         "versions": _versions(),
         "shown_rows": SHOWN_ROWS,
         "views": panels.view_data(),
@@ -94,7 +104,7 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
             "frames": panels.frame_data(),
             "maps": panels.map_data(),
             "views": panels.view_data(),
-            "models": {m["name"]: {k: m[k] for k in ("pictures", "regions", "first_effect")} for m in models},
+            "models": {m["name"]: {k: m[k] for k in FOR_SCRIPT} for m in models},
             "order": [m["name"] for m in models],
         },
     }
@@ -115,7 +125,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
             regions.append({"patches": place.patches, "elements": panels.elements(model, place.patches)})
             rows.append({"place": place, "label": compare.label(place.picture), "seen": compare.seen(place.picture)})
     ranking = [_candidate(model, entry) for entry in diagnosis.get("ranking") or []]
-    drawn = [c["effect"] for c in ranking if c["drawn"]]
+    effects, named = [str(name) for name in diagnosis.get("effects") or []], titles(diagnosis)
     return {
         "name": model.name,
         "label": rung_label(model.rung or {"model": model.name}, index == 0),
@@ -132,8 +142,16 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "in_sections": compare is not None and compare.volumes,
         "diagnosis": diagnosis,
         "ranking": ranking,
-        "first_effect": drawn[0] if drawn else "",
-        "add": str(diagnosis.get("add") or ""),
+        "first_effect": next(iter(model.patterns), ""),
+        "parts": {effect: part for effect, (part, _) in model.patterns.items()},
+        "titles": named,
+        "blamed": [c for c in ranking if c["effect"] in effects],
+        "commands": commands(effects[0]) if effects else (),
+        "steps": _steps(model),
+        "curve": panels.keys.get(f"there|{model.name}|steps|conjugate"),
+        "conjugate": (compare.conjugate_name if compare is not None else ("", "")),
+        "settings": json.dumps(model.settings, indent=1) if model.settings else "",
+        "solver": ", ".join(f"{key} {value}" for key, value in model.solver.items() if isinstance(value, str)),
         "verdict": VERDICTS.get(model.verdict, ("", model.verdict)),
         "verdict_key": model.verdict if model.verdict in VERDICTS else "none",
         "last": index == len(inputs.models) - 1,
@@ -150,17 +168,32 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
         "effect": str(entry.get("effect", "")),
         "title": entry.get("title") or entry.get("effect", ""),
         "texts": {key: entry.get(key) or "" for key in ("words", "look", "confirm", "acts")},
-        "place": ", ".join(f"{name} = {number(value)}" for name, value in (entry.get("place") or {}).items()),
+        "place": place_words(entry.get("place") or {}, model.diagnosis.get("layers") or []),
         "size": [(name, with_unit(value, units.get(name, ""))) for name, value in (entry.get("size") or {}).items()],
         "predicted": entry.get("predicted_fall"),
         "achieved": achieved,
         "share": share,
         "bar": 0 if share is None else round(100 * min(1.0, max(0.0, share))),
-        "visible": float(entry.get("visible", 1.0)) >= SEEN,
+        "visible": not entry.get("imitated"),
         "error": (refit or {}).get("error") or {},
         "refit": refit is not None,
         "drawn": entry.get("effect") in model.patterns,
     }
+
+
+def _steps(model: Model) -> list[dict[str, Any]]:
+    """What is left by step of the quantity that is not prescribed, against its noise."""
+    compare = model.compare
+    if compare is None or not np.isfinite(compare.conjugate).any():
+        return []
+    found = []
+    for n, step in enumerate(compare.step):
+        left, noise = float(compare.conjugate[n]), float(compare.conjugate_noise[n])
+        ratio = abs(left) / noise if noise > 0 else float("nan")
+        seen = "fitted" if n >= len(compare.step_fitted) or compare.step_fitted[n] else "held out"
+        found.append({"label": f"step {int(step)}", "seen": seen, "left": number(left, 3), "noise": number(noise, 3),
+                      "words": in_words(ratio), "ratio": number(ratio, 3)})  # fmt: skip
+    return found
 
 
 def _forces(model: Model) -> list[dict[str, Any]]:

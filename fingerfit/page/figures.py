@@ -161,19 +161,8 @@ def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -
     """
     figure, axes, scale = frame.panel()
     size = patch_size(compare)
-    nx, ny = (int(n) for n in compare.patch_count)
-    low = compare.patch_centre.min(axis=0) - size / 2
-    edges = [low[k] + size[k] * np.arange(n + 1) for k, n in enumerate((nx, ny))]
     length = np.hypot(moves[:, 0], moves[:, 1])
-    cells = np.ma.masked_invalid(length.reshape(nx, ny).T)
-    axes.set_facecolor("white")
-    gone = np.where(np.ma.getmaskarray(cells), 1.0, np.nan)
-    known_layers = len(compare.mesh_rings) or len(compare.patch_layer)
-    inside = patch_layers(compare).reshape(nx, ny).T >= 0 if known_layers else True
-    axes.pcolormesh(*edges, np.where(inside, gone, np.nan), cmap=LinearSegmentedColormap.from_list("n", [UNKNOWN] * 2))
-    shown = axes.pcolormesh(*edges, cells, cmap=WARM, vmin=0, vmax=limit)
-    for edge in borders(compare):
-        axes.plot(*edge.T, color="#777777", linewidth=0.8)
+    shown = _cells(axes, compare, length, cmap=WARM, vmin=0, vmax=limit)
     known = np.isfinite(length) & (length > 0.02 * limit)
     reach = 1.15 * float(size.min()) / limit
     drawn = np.minimum(1.0, 1.3 * limit / np.maximum(length, 1e-12))[:, None] * moves
@@ -186,6 +175,69 @@ def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -
     axes.set_xlabel(f"{frame.labels[0]} (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
     _scale(figure, shown, scale, "displacement left over in mm", "max")
     return figure
+
+
+def _cells(axes: Any, compare: Compare, values: np.ndarray, **colours: Any) -> Any:
+    """Values of patches over the borders of the layers, grey where they are not known."""
+    size = patch_size(compare)
+    nx, ny = (int(n) for n in compare.patch_count)
+    low = compare.patch_centre.min(axis=0) - size / 2
+    edges = [low[k] + size[k] * np.arange(n + 1) for k, n in enumerate((nx, ny))]
+    cells = np.ma.masked_invalid(values.reshape(nx, ny).T)
+    axes.set_facecolor("white")
+    gone = np.where(np.ma.getmaskarray(cells), 1.0, np.nan)
+    known_layers = len(compare.mesh_rings) or len(compare.patch_layer)
+    inside = patch_layers(compare).reshape(nx, ny).T >= 0 if known_layers else True
+    axes.pcolormesh(*edges, np.where(inside, gone, np.nan), cmap=LinearSegmentedColormap.from_list("n", [UNKNOWN] * 2))
+    shown = axes.pcolormesh(*edges, cells, **colours)
+    for edge in borders(compare):
+        axes.plot(*edge.T, color="#777777", linewidth=0.8)
+    return shown
+
+
+def brightness_panel(frame: Frame, compare: Compare, values: np.ndarray, limit: float) -> Figure:
+    """Brightness of patches that is left over, shape (patches,)."""
+    figure, axes, scale = frame.panel()
+    shown = _cells(axes, compare, values, cmap="RdBu_r", vmin=-limit, vmax=limit)
+    axes.set_xlim(*frame.limits[:2])
+    axes.set_ylim(*frame.limits[2:])
+    _scale(figure, shown, scale, "brightness left over (of 1)", "both")
+    return figure
+
+
+def curve_panel(compare: Compare, values: np.ndarray, limit: float) -> Figure:
+    """What is left of the quantity that is not prescribed against the step, with the band of its noise.
+
+    Parameters
+    ----------
+    compare : Compare
+    values : ndarray, shape (steps,)
+        N or mm.
+    limit : float
+        End of the scale, the same unit.
+    """
+    figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
+    axes = figure.subplots()
+    _left_curve(axes, compare, values, "o-")
+    axes.set_ylim(-limit, limit)
+    axes.tick_params(labelsize=8.5)
+    return figure
+
+
+def _left_curve(axes: Any, compare: Compare, values: np.ndarray, style: str) -> None:
+    name, unit = compare.conjugate_name
+    noise = np.nan_to_num(compare.conjugate_noise)
+    if noise.any():
+        axes.fill_between(
+            compare.step, -2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)"
+        )
+        axes.legend(frameon=False, fontsize=8.5, loc="best")
+    axes.axhline(0, color="#555555", linewidth=0.8)
+    shown = np.isfinite(values)
+    axes.plot(compare.step[shown], values[shown], style, markersize=4.5, color=COLOURS[5])
+    axes.set_xlabel("step", fontsize=9)
+    axes.set_ylabel(f"{name} left over in {unit}", fontsize=9)
+    axes.set_xticks(compare.step if len(compare.step) <= 12 else compare.step[:: len(compare.step) // 8])
 
 
 def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
@@ -267,17 +319,10 @@ def force_figure(compare: Compare) -> Figure | None:
         )  # fmt: skip
     upper.set(xlabel="indentation in mm", ylabel="force in N")
     upper.legend(frameon=False, fontsize=9)
-    left, unit, name, noise = _left_over(compare)
-    shown = np.isfinite(left)
-    if not shown.any():
+    if not np.isfinite(compare.conjugate).any():
         figure.delaxes(lower)
         return figure
-    if noise.any():
-        lower.fill_between(compare.step, -2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0)
-    lower.axhline(0, color="#555555", linewidth=0.8)
-    lower.plot(compare.step[shown], left[shown], "o", markersize=4.5, color=COLOURS[5])
-    lower.set(xlabel="step", ylabel=f"{name} left over\nin {unit}")
-    lower.set_xticks(compare.step if len(compare.step) <= 12 else compare.step[:: len(compare.step) // 8])
+    _left_curve(lower, compare, compare.conjugate, "o")
     lower.margins(y=0.25)
     return figure
 
@@ -298,19 +343,3 @@ def _model_line(axes: Any, compare: Compare) -> None:
     if band.any():
         axes.fill_between(x, y - band, y + band, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)")
     axes.plot(x, y, "-", color=COLOURS[4], label="model")
-
-
-def _left_over(compare: Compare) -> tuple[np.ndarray, str, str, np.ndarray]:
-    """What is left of the quantity that was not prescribed, its unit, name and noise."""
-    nothing = np.full(len(compare.step), np.nan)
-
-    def minus(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        return one - other if len(one) == len(other) == len(nothing) else nothing
-
-    force = minus(compare.force, compare.force_model)
-    move = minus(compare.displacement, compare.displacement_model)
-    span = float(np.nanmax(np.abs(compare.force), initial=0.0)) if len(compare.force) else 0.0
-    prescribed = bool(np.isfinite(force).any()) and float(np.nanmax(np.abs(force))) <= 1e-6 * max(span, 1e-9)
-    if prescribed or not np.isfinite(force).any():
-        return move, "mm", "indentation", compare.displacement_noise
-    return force, "N", "force", compare.force_noise

@@ -13,6 +13,7 @@ from fingerfit.errors import StateError
 from fingerfit.files import digest, read_json, read_npz
 
 LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
+SETTINGS, ESTIMATE = "settings.json", "estimate.json"
 
 
 def _empty(*shape: int, kind: type = float) -> np.ndarray:
@@ -59,6 +60,14 @@ class Compare:
         Names of the axes of pictures.
     force_noise, displacement_noise : ndarray, shape (steps,)
         Standard deviations, N and mm.
+    brightness, brightness_noise : ndarray, shape (pictures, patches)
+        Residual brightness and its standard error; NaN where unknown.
+    conjugate, conjugate_noise : ndarray, shape (steps,)
+        What is left of the quantity that is not prescribed, and its standard error, N or mm.
+    control : ndarray of str, shape ()
+        The quantity that is prescribed, ``force`` or ``displacement``.
+    step_fitted : ndarray of bool, shape (steps,)
+        Whether the fit used the step.
     """
 
     measured: np.ndarray = field(default_factory=lambda: _empty(0, 1, 1))
@@ -91,6 +100,17 @@ class Compare:
     axes: tuple[str, str] = ("x in mm", "y in mm")
     force_noise: np.ndarray = field(default_factory=lambda: _empty(0))
     displacement_noise: np.ndarray = field(default_factory=lambda: _empty(0))
+    brightness: np.ndarray = field(default_factory=lambda: _empty(0, 0))
+    brightness_noise: np.ndarray = field(default_factory=lambda: _empty(0, 0))
+    conjugate: np.ndarray = field(default_factory=lambda: _empty(0))
+    conjugate_noise: np.ndarray = field(default_factory=lambda: _empty(0))
+    control: np.ndarray = field(default_factory=lambda: np.array("force"))
+    step_fitted: np.ndarray = field(default_factory=lambda: _empty(0, kind=bool))
+
+    @property
+    def conjugate_name(self) -> tuple[str, str]:
+        """Name and unit of the quantity that is not prescribed."""
+        return ("indentation", "mm") if str(self.control) == "force" else ("force", "N")
 
     @property
     def pictures(self) -> int:
@@ -158,6 +178,12 @@ def read_compare(path: Path) -> Compare:
     known: dict[str, Any] = {name: data[name] for name in Compare.__dataclass_fields__ if name in data}
     for name in ("force_noise", "displacement_noise"):  # one for all steps, or one for each
         known[name] = np.broadcast_to(known.get(name, 0.0), np.shape(known.get("step", ()))).astype(float)
+    for name in ("conjugate", "conjugate_noise"):  # not known of results without them
+        steps = np.shape(known.get("step", ()))
+        if np.shape(known.get(name, 0.0)) != steps:
+            known[name] = np.full(steps, np.nan)
+    if "layer_names" in known:
+        known["layer_names"] = np.char.lower(known["layer_names"].astype(str))
     for name in ("measured", "synthesized"):  # without pictures there is nothing to show, in any dimension
         if name in known and not known[name].size:
             known[name] = _empty(0, 1, 1)
@@ -182,21 +208,25 @@ class Model:
     compare : Compare or None
     diagnosis : dict
         As in ``diagnosis.json``, empty when there is none.
-    there : ndarray or None, shape (pictures, patches, 2)
-        Residual displacement, mm.
-    patterns : dict of ndarray
-        What each effect would leave, by its name, mm.
+    patterns : dict of (str, ndarray)
+        What effects would leave, the blamed ones first: by its name, the part of what is left in which it is shown
+        (``moves``, ``brightness`` or ``conjugate``), and its values, shaped like those of `compare`.
     stiffness : ndarray, shape (places, dim + 2)
         Position in mm, predicted change of log mu, and the evidence for it in standard deviations.
+    settings : dict
+        As the workflow wrote them, empty when they are not there.
+    solver : dict
+        Identity of the solver of the estimate, empty when it is not known.
     """
 
     name: str
     rung: dict[str, Any]
     compare: Compare | None
     diagnosis: dict[str, Any]
-    there: np.ndarray | None
-    patterns: dict[str, np.ndarray]
+    patterns: dict[str, tuple[str, np.ndarray]]
     stiffness: np.ndarray = field(default_factory=lambda: _empty(0, 4))
+    settings: dict[str, Any] = field(default_factory=dict)
+    solver: dict[str, Any] = field(default_factory=dict)
 
     @property
     def verdict(self) -> str:
@@ -266,8 +296,12 @@ def read_inputs(study: Path) -> Inputs:
     if not names:
         raise StateError(f"{study}: no model was compared with the measurements yet")
     models = [_model(study / name, name, rungs.get(name, {})) for name in names]
-    parts = [LADDER, *(f"{name}/{part}" for name in names for part in (COMPARE, DIAGNOSIS, PATTERNS))]
+    parts = [
+        LADDER,
+        *(f"{name}/{part}" for name in names for part in (SETTINGS, ESTIMATE, COMPARE, DIAGNOSIS, PATTERNS)),
+    ]
     files = [(part, digest((study / part).read_bytes())) for part in parts if (study / part).exists()]
+    files += [(name, digest(path.read_bytes())) for name, path in _study_files(models).items()]
     return Inputs(str(ladder.get("study") or study.name), ladder, models, files)
 
 
@@ -275,10 +309,29 @@ def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
     compare = read_compare(folder / COMPARE) if (folder / COMPARE).exists() else None
     diagnosis = read_json(folder / DIAGNOSIS) if (folder / DIAGNOSIS).exists() else {}
     arrays = read_npz(folder / PATTERNS) if (folder / PATTERNS).exists() else {}
-    there, patterns = arrays.get("there"), {}
-    if compare is not None and compare.mapped:
-        fitting = {key: value for key, value in arrays.items() if value.shape == compare.moves.shape}
-        there = fitting.get("there", compare.moves)
-        patterns = {key[len("pattern_") :]: v for key, v in fitting.items() if key.startswith("pattern_")}
+    patterns = {}
+    shows = {str(entry.get("effect")): str(entry.get("shows")) for entry in diagnosis.get("ranking") or []}
+    for effect in diagnosis.get("patterns") or []:
+        part = shows.get(effect, "")
+        values = arrays.get(f"{part}_{effect}")
+        known = compare is not None and (compare.mapped or part == "conjugate")
+        if known and values is not None and values.shape == getattr(compare, part).shape:
+            patterns[str(effect)] = (part, values)
     stiffness = arrays.get("stiffness", _empty(0, 4))
-    return Model(name, rung, compare, diagnosis, there, patterns, stiffness)
+    settings = read_json(folder / SETTINGS) if (folder / SETTINGS).exists() else {}
+    sim = read_json(folder / ESTIMATE).get("sim") if (folder / ESTIMATE).exists() else None
+    identity = folder.parent / "sims" / str(sim) / "solver.json"
+    solver = read_json(identity) if identity.exists() else {}
+    return Model(name, rung, compare, diagnosis, patterns, stiffness, settings, solver)
+
+
+def _study_files(models: list[Model]) -> dict[str, Path]:
+    """Files of the study that the models were fitted to, where they still are, by name with that of its folder."""
+    from types import SimpleNamespace
+
+    from fingerfit.layout import study_files
+
+    folders = dict.fromkeys(str(m.settings["study"]) for m in models if m.settings.get("study"))
+    chosen: list[Any] = [SimpleNamespace(study=folder) for folder in folders]
+    found = [(Path(one.study).parent, Path(file)) for one in chosen for file in study_files(one)]
+    return {str(file.relative_to(parent)): file for parent, file in found}

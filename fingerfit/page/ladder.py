@@ -78,21 +78,13 @@ def _number(rung: dict[str, Any], part: str) -> float:
     return float("nan") if value is None else float(value)
 
 
-def constants_figure(ladder: dict[str, Any]) -> Figure | None:
-    """Constants of each rung with their 95 % intervals, one panel each; None when there are none."""
-    rungs = ladder["rungs"]
-    names = list(dict.fromkeys(name for rung in rungs for name in rung.get("parameters") or {}))
-    if not names:
-        return None
-    columns = min(2, len(names))
-    rows = -(-len(names) // columns)
-    figure = Figure(figsize=(2.5 * columns + 0.4, 2.0 * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in panels[len(names) :]:
-        figure.delaxes(axes)
-    for axes, name in zip(panels, names, strict=False):
-        _constant(axes, name, rungs)
-    return figure
+def constants_figures(ladder: dict[str, Any]) -> dict[str, Figure]:
+    """Constants of each rung with their 95 % intervals, by name a figure each, small enough for a narrow screen."""
+    rungs, found = ladder.get("rungs") or [], {}
+    for name in dict.fromkeys(name for rung in rungs for name in rung.get("parameters") or {}):
+        found[name] = Figure(figsize=(2.5, 2.0), layout="constrained")
+        _constant(found[name].subplots(), name, rungs)
+    return found
 
 
 def _constant(axes: Any, name: str, rungs: list[dict[str, Any]]) -> None:

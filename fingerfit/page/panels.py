@@ -9,6 +9,8 @@ from matplotlib.figure import Figure
 
 from fingerfit.page.figures import (
     Frame,
+    brightness_panel,
+    curve_panel,
     difference_panel,
     force_figure,
     grey_panel,
@@ -23,8 +25,7 @@ from fingerfit.page.regions import patch_size
 from fingerfit.page.views import View, cuts_at, cuts_of, views_of
 from fingerfit.slices import Slice
 
-PATTERNS = 4
-"""Effects of a model whose patterns are drawn."""
+MOVES, BRIGHTNESS, CONJUGATE = "moves", "brightness", "conjugate"
 
 
 class Panels:
@@ -39,8 +40,9 @@ class Panels:
     uris : list of str
         Embedded pictures.
     keys : dict
-        Number of a picture in `uris` by ``panel|model|picture`` or ``pattern|model|picture|effect``; of slices of
-        volumes, ``picture@slice`` in place of the picture.
+        Number of a picture in `uris` by ``panel|model|picture``, ``there|model|picture|part`` or
+        ``pattern|model|picture|effect``; of slices of volumes, ``picture@slice`` in place of the picture, and of
+        curves by step, ``steps``.
     meshes : dict
         Outlines of the deformed mesh by model; of volumes, lines by ``picture@slice``.
     """
@@ -115,6 +117,7 @@ class Panels:
                 self.keys[f"stiffness|{name}|{n}"] = self.keep(figure)
         if compare.meshed:
             self._keep_mesh(name, compare)
+        self._draw_curves(model, compare)
         figure_or_none = force_figure(compare)
         if figure_or_none is not None:
             self.keys[f"force|{name}"] = self.keep(figure_or_none)
@@ -147,20 +150,29 @@ class Panels:
                 }
             )
         frame = self._map_frames[number]
-        ranked = [str(entry.get("effect")) for entry in model.diagnosis.get("ranking") or []]
-        drawn = [effect for effect in ranked if effect in model.patterns][:PATTERNS]
-        there = compare.moves if model.there is None else _in_plane(model.there, view)
-        patterns = {effect: _in_plane(model.patterns[effect], view) for effect in drawn}
-        # of volumes one scale for all slices
-        own = _limit([*([] if model.there is None else [model.there]), *(model.patterns[effect] for effect in drawn)])
         for n in range(compare.views):
             self.keys[f"map|{name}|{n}{after}"] = self.keep(map_panel(frame, compare, compare.moves[n], self.reach))
-            if not drawn:
-                continue
-            self.keys[f"there|{name}|{n}{after}"] = self.keep(map_panel(frame, compare, there[n], own))
-            for effect in drawn:
-                figure = map_panel(frame, compare, patterns[effect][n], own)
-                self.keys[f"pattern|{name}|{n}{after}|{effect}"] = self.keep(figure)
+        for part, panel in ((MOVES, map_panel), (BRIGHTNESS, brightness_panel)):
+            # of volumes one scale for all slices
+            whole, drawn = getattr(model.compare, part), _drawn(model, part)
+            own = _limit([whole, *drawn.values()], dim=part == MOVES)
+            for n in range(len(whole) if drawn else 0):
+                figure = panel(frame, compare, _in_plane(whole, view)[n], own)
+                self.keys[f"there|{name}|{n}{after}|{part}"] = self.keep(figure)
+                for effect, values in drawn.items():
+                    figure = panel(frame, compare, _in_plane(values, view)[n], own)
+                    self.keys[f"pattern|{name}|{n}{after}|{effect}"] = self.keep(figure)
+
+    def _draw_curves(self, model: Model, compare: Compare) -> None:
+        """What is left by step, where nothing else is or an effect is shown so, and what effects would leave."""
+        drawn = _drawn(model, CONJUGATE)
+        if not np.isfinite(compare.conjugate).any() or (compare.views and not drawn):
+            return
+        every = np.abs([compare.conjugate, 2 * compare.conjugate_noise, *drawn.values()])
+        limit = 1.15 * float(np.nanmax(every)) or 1.0
+        self.keys[f"there|{model.name}|steps|{CONJUGATE}"] = self.keep(curve_panel(compare, compare.conjugate, limit))
+        for effect, values in drawn.items():
+            self.keys[f"pattern|{model.name}|steps|{effect}"] = self.keep(curve_panel(compare, values, limit))
 
     def _keep_mesh(self, name: str, compare: Compare) -> None:
         rings = [[int(i) for i in ring if i >= 0] for ring in compare.mesh_rings]
@@ -185,18 +197,27 @@ def _stiffness(compare: Compare, stiffness: np.ndarray) -> list[Figure]:
     return stiffness_in_space([view.compare for view in views_of(compare, cuts)], stiffness)
 
 
-def _in_plane(moves: np.ndarray, view: View | None) -> np.ndarray:
-    """Moves of the patches that are drawn, in the plane, shape (pictures, cells, 2)."""
-    return moves if view is None else moves[:, view.patches][..., view.mains]
+def _drawn(model: Model, part: str) -> dict[str, np.ndarray]:
+    """What effects would leave of a part."""
+    return {effect: values for effect, (own, values) in model.patterns.items() if own == part}
+
+
+def _in_plane(values: np.ndarray, view: View | None) -> np.ndarray:
+    """Moves or brightness of the patches that are drawn, in the plane, shape (pictures, cells[, 2])."""
+    if view is None:
+        return values
+    own = values[:, view.patches]
+    return own[..., view.mains] if values.ndim == 3 else own
 
 
 def _frame_data(frame: Frame) -> dict[str, Any]:
     return {"limits": frame.limits, "box": frame.box, "size": frame.size}
 
 
-def _limit(moves: list[np.ndarray]) -> float:
-    """End of the scale of displacements: the greatest but for a few outliers, rounded up, mm."""
-    lengths = np.concatenate([np.zeros(1), *(np.linalg.norm(m, axis=-1).ravel() for m in moves)])
+def _limit(values: list[np.ndarray], dim: bool = True) -> float:
+    """End of the scale of displacements (or with no `dim`, of numbers): the greatest but for outliers, rounded up."""
+    sizes = [np.linalg.norm(m, axis=-1) if dim else np.abs(m) for m in values]
+    lengths = np.concatenate([np.zeros(1), *(size.ravel() for size in sizes)])
     top = float(np.nanquantile(lengths, 0.995)) if np.isfinite(lengths).any() else 0.0
     if top <= 0:
         return 1e-3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -41,13 +42,68 @@ def with_unit(value: Any, unit: str) -> str:
 
     Examples
     --------
-    >>> with_unit(1.5, "mm"), with_unit(2, "1")
-    ('1.5 mm', '2')
+    >>> with_unit(1.5, "mm"), with_unit(2, "1"), with_unit(0.195, "log")
+    ('1.5 mm', '2', '1.22 times')
     """
+    if unit == "log" and value is not None:  # logarithm of a factor
+        return f"{number(np.exp(float(value)))} times"
     return number(value) if unit in ("", "1") else f"{number(value)} {unit}"
 
 
-def headline(inputs: Inputs) -> dict[str, str]:
+PLACES = {
+    "across": "at {percent:.0f} % of the width",
+    "along": "at {percent:.0f} % of the height",
+    "thickness": "{value} mm thick",
+    "time": "with a time of {value} s",
+    "x": "at x = {value} mm from where the indenter comes down",
+    "y": "y = {value} mm",
+    "below": "{value} mm below it",
+}
+"""Where an effect was tried, in words."""
+
+
+def place_words(place: dict[str, float], layers: Sequence[str] = ()) -> str:
+    """Where an effect was tried.
+
+    Examples
+    --------
+    >>> place_words({"across": 0.85, "along": 0.5}), place_words({"layer": 2}, ["top", "bottom"])
+    ('at 85 % of the width, at 50 % of the height', 'in the layer bottom')
+    """
+    found = []
+    for name, value in place.items():
+        if name == "layer" and 1 <= value <= len(layers):
+            found.append(f"in the layer {layers[int(value) - 1]}")
+        else:
+            words = PLACES.get(name, name + " = {value}")
+            found.append(words.format(value=number(value), percent=100 * float(value)))
+    return ", ".join(found)
+
+
+def commands(effect: str) -> tuple[str, str]:
+    """The lines that add an effect and fit and diagnose again; the page does not know the name of the settings."""
+    return f"fingerfit add {effect} --config YOURS.yaml", "snakemake diagnose --cores 2 --configfile YOURS.yaml"
+
+
+def first_upper(text: str) -> str:
+    """A sentence with a capital."""
+    return text[:1].upper() + text[1:]
+
+
+def titles(diagnosis: dict[str, Any]) -> dict[str, str]:
+    """Titles of the effects of a diagnosis by their names."""
+    return {str(e.get("effect")): str(e.get("title") or e.get("effect")) for e in diagnosis.get("ranking") or []}
+
+
+def _not_shown(diagnosis: dict[str, Any]) -> str:
+    """What an adequate model may lack all the same."""
+    hidden = [str(e.get("title") or e.get("effect")) for e in diagnosis.get("ranking") or [] if e.get("imitated")]
+    untried = [str(e.get("title")) for e in diagnosis.get("not_tried") or []]
+    found = f" These data would not show: {', '.join(hidden)}." if hidden else ""
+    return found + (f" Not tried, since the solver lacks what they need: {', '.join(untried)}." if untried else "")
+
+
+def headline(inputs: Inputs) -> dict[str, Any]:
     """What was found and what to do next."""
     last = inputs.models[-1]
     first = inputs.models[0].error["fitted"]
@@ -56,12 +112,15 @@ def headline(inputs: Inputs) -> dict[str, str]:
     if error is not None:
         falls = f"What is left is {number(error)} times the noise"
         falls += f"; it was {number(first)} times with {inputs.models[0].name}." if _fell(inputs, first) else "."
-    add = str(last.diagnosis.get("add") or "")
-    blamed = [str(name) for name in last.diagnosis.get("effects") or []]
+    effects = last.diagnosis.get("effects") or []
+    add = commands(str(effects[0])) if effects else ()
+    named = titles(last.diagnosis)
+    blamed = [named.get(str(name), str(name)) for name in last.diagnosis.get("effects") or []]
     found, following = {
         "adequate": (
             f"The model “{last.name}” explains the measurements as well as their noise allows.",
-            "Nothing needs to be added: take the constants with their intervals from the ladder below.",
+            "Nothing needs to be added: take the constants with their intervals from the ladder below."
+            + _not_shown(last.diagnosis),
         ),
         "missing": (
             f"The model “{last.name}” lacks an effect" + (f": {' and '.join(blamed)}." if blamed else "."),

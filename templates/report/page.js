@@ -104,12 +104,15 @@
       for (const button of all("button[data-group]")) button.setAttribute("aria-pressed", String(button.dataset.group === group));
     }
     const effect = here.first_effect ? state.effect || here.first_effect : "";
-    for (const part of all(".now-effect")) part.textContent = effect;
+    const kind = here.parts[effect] || "", curve = kind === "conjugate";
+    for (const part of all(".now-effect")) part.textContent = here.titles[effect] || effect;
+    for (const part of all(".when-step")) part.hidden = curve;
     for (const img of all("img[data-panel]")) {
       let panel = img.dataset.panel;
       if (img.id === "blink-shot" && state.flipped) panel = "measured";
-      const key = `${panel}|${img.dataset.of || state.model}|${shot()}`;
-      put(img, uri(panel === "pattern" ? `${key}|${effect}` : key));
+      const asked = panel === "pattern" || panel === "there";
+      const key = `${panel}|${img.dataset.of || state.model}|${asked && curve ? "steps" : shot()}`;
+      put(img, uri(asked ? `${key}|${panel === "pattern" ? effect : kind}` : key));
     }
     one("blink-name").textContent = state.flipped ? "Measured" : "Synthesized";
     for (const row of all("tr[data-picture-step], tr[data-effect]")) {
@@ -172,7 +175,11 @@
     });
   }
   for (const row of all("tr[data-effect]")) {
-    row.addEventListener("click", (event) => { if (!event.target.closest("details")) go({ effect: row.dataset.effect }); });
+    row.addEventListener("click", (event) => {
+      if (event.target.closest("details")) return;
+      go({ effect: row.dataset.effect });
+      row.closest("[data-for]").querySelector(".patterns").scrollIntoView({ block: "start" });
+    });
   }
   for (const button of all("button.all")) {
     button.addEventListener("click", () => {

@@ -70,7 +70,9 @@ def compare(tilt_left, mu=1.0, seed=3, names=LAYERS):
         "measured": measured, "synthesized": synthesized, "picture_step": PICTURES, "fitted": FITTED, "error": error,
         "floor": np.full(4, NOISE * np.sqrt(2)), "spacing": np.full(2, PIXEL), "origin": origin, "moves": moves,
         "moves_noise": np.where(np.isfinite(moves), MOVES_NOISE, np.nan), "patch_centre": centre, "patch_count": count,
-        "mesh_points": points, "mesh_moved": moved, "mesh_rings": rings, "mesh_layer": layer,
+        "brightness": np.where(np.isfinite(moves[..., 0]), 0.004, np.nan), "brightness_noise": np.full(moves.shape[:2], 0.003),
+        "conjugate": depths * 0.01 - 0.004, "conjugate_noise": np.full(len(STEPS), 0.006), "control": np.array("force"),
+        "step_fitted": STEPS != 5, "mesh_points": points, "mesh_moved": moved, "mesh_rings": rings, "mesh_layer": layer,
         "layer_names": np.array(names), "step": STEPS, "force": force, "displacement": depths,
         "force_model": force_model, "displacement_model": depths, "force_noise": 0.03, "displacement_noise": 0.005,
     }  # fmt: skip
@@ -81,12 +83,13 @@ def parameters(values, spread):
                    "interval95": [v * (1 - 2 * spread), v * (1 + 2 * spread)]} for name, v in values.items()}  # fmt: skip
 
 
-def candidate(effect, title, share, refit, size, unit, visible=True):
+def candidate(effect, title, share, refit, size, unit, shows=None, **more):
     return {
         "effect": effect, "title": title, "words": f"{title}: what the body does then, in plain words.",
         "look": "a difference between left and right that grows with the indentation", "confirm": "put a level on the indenter",
         "acts": "displacement", "place": {}, "size": {effect: size}, "units": {effect: unit},
-        "predicted_fall": 5200.0 * share, "share_of_excess": share, "visible": visible, "refit": refit,
+        "predicted_fall": 5200.0 * share, "share_of_excess": share, "visible": 0.9, "refit": refit, "shows": shows,
+        "imitated": False, **more,
     }  # fmt: skip
 
 
@@ -111,16 +114,23 @@ def ladder(done=True):
 def diagnosis_of_base():
     refit = {"misfit": 611.0, "error": {"fitted": 1.01, "held_out": 1.04}, "parameters": {"tilt": 2.02}}
     ranking = [
-        candidate("tilt", "Indenter tilt", 0.94, refit, 2.1, "deg"),
-        candidate("indenter_slip", "Indenter slips", 0.38, None, 0.3, "mm"),
-        candidate("force_gain", "Force gain", 0.04, None, 1.02, "1", visible=False),
+        candidate("indenter_slip", "Indenter slips", 0.98, None, 0.3, "mm", "moves"),
+        candidate("tilt", "Indenter tilt", 0.94, refit, 2.1, "deg", "moves"),
+        candidate("inclusion", "An inclusion", 0.3, None, 0.195, "log", "moves", place={"across": 0.85, "along": 0.5}),
+        candidate("skin", "A skin", 0.2, None, 0.3, "log", "moves", place={"thickness": 0.5}),
+        candidate("intensity_drift", "Drift of the intensity", 0.2, None, 0.01, "1", "brightness"),
+        candidate("onset", "Contact onset offset", 0.1, None, 0.02, "mm", "conjugate"),
+        candidate("gradient", "Stiffness gradient", 0.05, None, 0.02, "log", "moves"),
+        candidate("split_layer", "A layer that is two", 0.05, None, 0.02, "log", place={"layer": 1.0}),
+        candidate("force_gain", "Force gain", 0.04, None, 1.02, "1", visible=0.005, imitated=True),
     ]
     return {
         "model": "base", "verdict": "missing", "sentence": "A tilt of the indenter is missing: it explains 94 % of what is left.",
         "effects": ["tilt"], "misfit": 5710.0, "freedom": 601, "threshold": 672.0, "ranking": ranking,
         "confusions": [{"a": "tilt", "b": "gradient", "likeness": 0.91}],
         "measurements": [{"title": "a step with the indenter turned by 180 degrees", "gain": 7.4}, {"title": "two finer pictures", "gain": 1.6}],
-        "add": "fingerfit add tilt",
+        "add": "fingerfit add tilt", "layers": list(LAYERS),
+        "patterns": ["tilt", "indenter_slip", "inclusion", "skin", "intensity_drift", "onset", "gradient"],
     }  # fmt: skip
 
 
@@ -136,16 +146,21 @@ def write(folder, names=LAYERS, done=True, only_compare=False):
     if only_compare:
         return folder
     centre, depths = base["patch_centre"], 0.35 * STEPS[PICTURES]
-    patterns = {"there": base["moves"]}
+    patterns = {}
     zero = np.array([displacement(centre, d) for d in depths])
-    patterns["pattern_tilt"] = np.array([displacement(centre, d, TILT) for d in depths]) - zero
-    patterns["pattern_indenter_slip"] = np.array([displacement(centre, d, 0, 0.3) for d in depths]) - zero
+    patterns["moves_tilt"] = np.array([displacement(centre, d, TILT) for d in depths]) - zero
+    patterns["moves_indenter_slip"] = np.array([displacement(centre, d, 0, 0.3) for d in depths]) - zero
+    for name, share in (("inclusion", 0.3), ("skin", 0.2), ("gradient", 0.1)):
+        patterns[f"moves_{name}"] = share * patterns["moves_tilt"]
+    patterns["brightness_intensity_drift"] = 0.01 * np.arange(1, 5)[:, None] * np.ones(len(centre))
+    patterns["conjugate_onset"] = np.full(len(STEPS), 0.02)
     save(folder / "base/diagnosis.npz", patterns)
     (folder / "base/diagnosis.json").write_text(json.dumps(diagnosis_of_base()))
     (folder / "ladder.json").write_text(json.dumps(ladder(done)))
     if done:
         save(folder / "base+tilt/compare.npz", compare(0.0, names=names))
         found = {"model": "base+tilt", "verdict": "adequate", "sentence": ladder()["rungs"][1]["sentence"], "effects": [],
-                 "misfit": 611.0, "freedom": 600, "threshold": 672.0, "ranking": [], "confusions": [], "measurements": [], "add": ""}  # fmt: skip
+                 "misfit": 611.0, "freedom": 600, "threshold": 672.0, "patterns": [], "not_tried": [{"title": "Fibres"}],
+                 "ranking": [candidate("force_gain", "Force gain", 0.0, None, 1.02, "1", imitated=True)], "confusions": [], "measurements": [], "add": ""}  # fmt: skip
         (folder / "base+tilt/diagnosis.json").write_text(json.dumps(found))
     return folder

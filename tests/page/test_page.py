@@ -4,6 +4,7 @@ import html
 import importlib.util
 import json
 import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -39,8 +40,36 @@ def test_sections_and_numbers(whole):
         assert f'<section id="{name}">' in whole
     assert "The model “base+tilt” explains the measurements" in whole
     assert "What is left is 1.01 times the noise; it was 2.71 times with base." in whole
-    assert '<code class="line">fingerfit add tilt</code>' in whole
+    assert "These data would not show: Force gain. Not tried, since the solver lacks what they need: Fibres." in whole
     assert "44 reused" in whole and "held out" in whole
+
+
+def test_the_lines_to_type_are_understood(whole):
+    """By the programs that they start, as they stand on the page."""
+    from snakemake.cli import parse_args
+
+    from fingerfit.cli import _parser
+
+    add, again = (html.unescape(line) for line in re.findall(r'<code class="line">(.*?)</code>', whole))
+    assert shlex.split(add)[0] == "fingerfit" and shlex.split(again)[0] == "snakemake"
+    asked = _parser().parse_args(shlex.split(add)[1:])
+    assert asked.effect == "tilt" and str(asked.config) == "YOURS.yaml"
+    _, run = parse_args(shlex.split(again)[1:])
+    assert (
+        list(run.targets) == ["diagnose"] and int(run.cores) == 2 and [str(p) for p in run.configfile] == ["YOURS.yaml"]
+    )
+
+
+def test_words_for_numbers_and_places(whole):
+    table = re.search(r'<table class="candidates">.*?</table>', whole, re.S)[0]
+    for words in ("contrast", " = 0.", "at at"):
+        assert words not in table
+    assert "inclusion 1.22 times" in table and "at 85 % of the width, at 50 % of the height" in table
+    assert "0.5 mm thick" in table and "in the layer top" in table
+    assert table.count("the constants can imitate it here") == 1
+    assert (
+        "missing. A tilt" not in whole and "put a level on the indenter" in whole.split('<table class="candidates">')[0]
+    )
 
 
 def test_nothing_is_loaded_from_elsewhere(whole):
@@ -55,6 +84,8 @@ def test_every_picture_of_every_model_is_there_once(whole):
         for panel in ("measured", "synthesized", "difference", "map"):
             assert all(f"{panel}|{model}|{n}" in data["panels"] for n in range(4))
     assert all(f"pattern|base|{n}|{effect}" in data["panels"] for n in range(4) for effect in ("tilt", "indenter_slip"))
+    assert "pattern|base|3|intensity_drift" in data["panels"] and "pattern|base|steps|onset" in data["panels"]
+    assert "pattern|base|3|onset" not in data["panels"]
     assert data["panels"]["measured|base|2"] == data["panels"]["measured|base+tilt|2"]
     assert len(set(data["uris"])) == len(data["uris"])
     assert all(uri.startswith("data:image/png;base64,") for uri in data["uris"])
@@ -79,7 +110,8 @@ def test_only_compare_gives_a_page(tmp_path):
 
 
 def test_only_forces_give_a_page(tmp_path):
-    keep = ("step", "force", "displacement", "force_model", "displacement_model", "force_noise", "displacement_noise")
+    keep = ("step", "force", "displacement", "force_model", "displacement_model", "force_noise", "displacement_noise",
+            "conjugate", "conjugate_noise", "control", "step_fitted")  # fmt: skip
     found = sample.compare(sample.TILT)
     arrays = {k: found[k] for k in keep} | {
         k: found[k][:0]
@@ -98,6 +130,13 @@ def test_only_forces_give_a_page(tmp_path):
     sample.save(tmp_path / "s/base/compare.npz", arrays)
     write_page(tmp_path / "s", tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    table = re.search(r'<table class="left-by-step">.*?</table>', text, re.S)[0]
+    assert re.findall(r"<td>step (\d) <small>([a-z ]+)<", table)[4] == ("5", "held out") and table.count("<tr>") == 8
+    assert (
+        "0.0205" in table
+        and "clearly above the noise" in table
+        and "there|base|steps|conjugate" in data_of(text)["panels"]
+    )
     assert "This study has no pictures" in text and "force|base" in data_of(text)["panels"]
 
 
@@ -131,9 +170,24 @@ out.row = step(); out.chosen = row.classList.contains("chosen");
 const map = document.querySelector('#fails [data-for="base"] img[data-panel=map]');
 out.map = map.src === uri("map|base|0"); out.framed = document.querySelectorAll('#fails [data-for="base"] .over-map path').length;
 out.inView = map.getBoundingClientRect().top >= 0 && map.getBoundingClientRect().top < innerHeight;
-document.querySelector('tr[data-effect="indenter_slip"]').click();
-out.pattern = document.querySelector('[data-for="base"] img[data-panel=pattern]').src === uri("pattern|base|0|indenter_slip");
+const pattern = document.querySelector('[data-for="base"] img[data-panel=pattern]');
+const there = document.querySelector('[data-for="base"] img[data-panel=there]');
+out.blamed = pattern.src === uri("pattern|base|0|tilt");
+const drawn = ["tilt", "indenter_slip", "inclusion", "skin", "intensity_drift", "onset", "gradient"];
+const rows = Array.from(document.querySelectorAll('[data-for="base"] tr[data-effect]'));
+out.clickable = rows.map((r) => r.dataset.effect).sort().join() === drawn.sort().join();
+for (const row of rows) {
+  const effect = row.dataset.effect, curve = effect === "onset";
+  row.scrollIntoView({ block: "start" });
+  row.querySelector("button").click();
+  out["pattern of " + effect] = pattern.src === uri(`pattern|base|${curve ? "steps" : 0}|${effect}`) && !pattern.closest("figure").hidden;
+  const part = { onset: "steps|conjugate", intensity_drift: "0|brightness" }[effect] || "0|moves";
+  out["there of " + effect] = there.src === uri(`there|base|${part}`) && !there.closest("figure").hidden;
+  const box = there.getBoundingClientRect();
+  out["view of " + effect] = box.bottom > 0 && box.top < innerHeight;
+}
 out.wide = document.documentElement.scrollWidth <= innerWidth;
+out.innerWidth = innerWidth;
 const blink = document.getElementById("blink"), seen = [];
 blink.click();
 const look = setInterval(() => seen.push(document.getElementById("blink-shot").src === uri("measured|base|0")), 350);
@@ -142,12 +196,12 @@ setTimeout(() => {
   out.blinked = seen.includes(true) && seen.includes(false);
   out.stopped = document.getElementById("blink-name").textContent;
   const pre = document.createElement("pre");
-  pre.id = "result"; pre.textContent = JSON.stringify(out); document.body.append(pre);
+  pre.id = "result"; pre.textContent = JSON.stringify(out); (parent || window).document.body.append(pre);
 }, 4000);
 """
 
 
-@pytest.mark.parametrize("width", [1440, 500])
+@pytest.mark.parametrize("width", [1440, 420])
 def test_in_a_browser(whole, tmp_path, width):
     binary = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
     if binary is None:
@@ -155,9 +209,12 @@ def test_in_a_browser(whole, tmp_path, width):
     # the page's policy runs no script but its own: the copy under test goes without
     text = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", whole)
     path = tmp_path / "report.html"
-    path.write_text(text.replace("</body>", f"<script>{{{CLICKS}}}</script></body>"), encoding="utf-8")
+    text = text.replace("</body>", f"<script>{{{CLICKS}}}</script></body>")
+    # a window is 500 pixels wide or more; a frame in it may be narrower
+    frame = f'<iframe style="border:0" width="{width}" height="1000" srcdoc="{html.escape(text)}"></iframe>'
+    path.write_text(f"<!DOCTYPE html><meta charset='utf-8'><body>{frame}</body>", encoding="utf-8")
     run = subprocess.run(
-        [binary, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},1000",
+        [binary, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width + 100},1100",
          "--virtual-time-budget=8000", "--dump-dom", path.as_uri()],
         capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
     )  # fmt: skip
@@ -165,6 +222,7 @@ def test_in_a_browser(whole, tmp_path, width):
     assert found.pop("mesh") == 9 and found.pop("framed") == 10
     assert found.pop("start") == "step 7 (fitted)" and found.pop("slid") == "step 5 (held out)"
     assert found.pop("row") == "step 1 (fitted)" and found.pop("stopped") == "Synthesized"
+    assert found.pop("innerWidth") == width
     assert all(found.values()), found
 
 

@@ -57,6 +57,7 @@ def arrays(turned=False, seed=1):
         "direction": frame.direction,
         "moves": np.tile(centre * [0.01, 0.001, -0.02], (2, 1, 1)),
         "moves_noise": np.full((2, 60, 3), 0.02),
+        "brightness": np.full((2, 60), 0.008),
         "patch_centre": centre,
         "patch_count": count,
         "patch_layer": np.where(centre[:, 2] > 4, 0, 1),
@@ -132,14 +133,24 @@ def page(folder, done=True):
     found = arrays()
     write_npz(study / "base/compare.npz", found)
     rng = np.random.default_rng(4)
-    patterns = {"there": found["moves"], "pattern_tilt": found["moves"] + rng.normal(0, 0.01, found["moves"].shape)}
+    patterns = {"moves_tilt": found["moves"] + rng.normal(0, 0.01, found["moves"].shape)}
+    patterns["brightness_drift"] = np.full((2, 60), 0.01)
     patterns["stiffness"] = np.array([[x, y, 4.0, 0.2 * y - 0.7, x - 4.0] for x in (2.0, 5.0) for y in (3.0, 6.0)])
     write_npz(study / "base/diagnosis.npz", patterns)
     ranking = [
-        {"effect": "tilt", "title": "tilt", "predicted_fall": 3.0, "share_of_excess": 0.5, "size": {}, "units": {}}
+        {
+            "effect": "tilt",
+            "title": "tilt",
+            "predicted_fall": 3.0,
+            "share_of_excess": 0.5,
+            "size": {},
+            "units": {},
+            "shows": "moves",
+        },
+        {"effect": "drift", "title": "drift", "predicted_fall": 1.0, "share_of_excess": 0.1, "shows": "brightness"},
     ]
     diagnosis = {"model": "base", "verdict": "unexplained", "sentence": "s", "effects": [], "misfit": 9.0, "freedom": 3.0,
-                 "ranking": ranking, "confusions": [], "measurements": [], "add": "", "simulations": 0}  # fmt: skip
+                 "ranking": ranking, "patterns": ["tilt", "drift"], "confusions": [], "measurements": [], "add": "", "simulations": 0}  # fmt: skip
     write_json(study / "base/diagnosis.json", diagnosis)
     write_page(study, folder / "report.html")
     return (folder / "report.html").read_text(encoding="utf-8")
@@ -158,9 +169,11 @@ def test_every_slice_of_every_picture_is_there(whole):
     data = data_of(whole)
     count = sum(COUNTS.values())
     assert len(data["views"]) == len(data["frames"]) == len(data["maps"]) == count
-    for panel in ("measured", "synthesized", "difference", "map", "there"):
+    for panel in ("measured", "synthesized", "difference", "map"):
         assert all(f"{panel}|base|{n}@{v}" in data["panels"] for n in range(2) for v in range(count))
-    assert all(f"pattern|base|{n}@{v}|tilt" in data["panels"] for n in range(2) for v in range(count))
+    for key in ("there|base|{}|moves", "pattern|base|{}|tilt", "there|base|{}|brightness", "pattern|base|{}|drift"):
+        assert all(key.format(f"{n}@{v}") in data["panels"] for n in range(2) for v in range(count))
+    assert "z upwards" in whole
     assert set(data["meshes"]["base"]["lines"]) == {f"{n}@{v}" for n in range(2) for v in range(count)}
 
 
