@@ -9,7 +9,7 @@ import numpy as np
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.prepare import make_mesh, prepare
 from fingerfit.settings import load_settings
-from fingerfit.settings_check import check_against_study
+from fingerfit.settings_check import check_against_study, check_effects
 from fingerfit.study import Study
 from fingerfit.study_file import load_study, study_path
 
@@ -35,6 +35,7 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
     settings = load_settings(config)
     check_against_study(settings, study, config)
     mesh = make_mesh(study, settings.model.mesh)
+    check_effects(settings, study, mesh, config)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     lines = [
         f"{study_path(path)}: {study.title}",

@@ -13,13 +13,14 @@ from typing import Any
 
 from fingerfit.decks import make_deck, refusal, with_effect
 from fingerfit.effects.catalogue import catalogue, chosen
-from fingerfit.effects.contract import NUMERICS, OBSERVATION, Effect
+from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.errors import FingerfitError, InputError, SolverError
 from fingerfit.files import read_json, write_text
 from fingerfit.layout import model_folder
 from fingerfit.mesh_io import format_mesh
 from fingerfit.prepare import make_mesh
 from fingerfit.settings import Settings, load_settings
+from fingerfit.settings_check import check_effects
 from fingerfit.study_file import load_study
 
 RUNGS = 6
@@ -35,18 +36,11 @@ def add(config: Path, name: str) -> str:
         For an effect that is not known, is there already, or needs what the solver lacks.
     """
     settings = load_settings(config)
-    known = catalogue(Path(settings.study))
-    effect = chosen([name], known, config)[0]
-    if effect.acts == NUMERICS:
-        cure = "a finer model.mesh and model.refined" if name == "coarse_mesh" else "smaller increments in the template"
-        raise InputError(config, f"model.effects.{name}", "an effect that is no part of a model", cure)
+    effect = chosen([name], catalogue(Path(settings.study)), config)[0]
     if name in settings.model.effects:
         raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
-    lacking = _lacking(settings, effect, known)
-    if lacking:
-        expected = f"an effect that solver {settings.solver} has what it needs for"
-        raise InputError(config, f"model.effects.{name}", f"{name}, which needs {lacking}", expected)
     numbers = _found(settings, name)
+    _refuse(_with(settings, name, numbers), effect, config)
     _rewrite(config, {**settings.model.effects, name: numbers})
     what = ", ".join(f"{key} {value:.4g}" for key, value in numbers.items())
     start = f", starting at {what}" if what else ""
@@ -90,13 +84,25 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
     say(f"stopped after {RUNGS} effects")
 
 
-def _lacking(settings: Settings, effect: Effect, known: dict[str, Effect]) -> str:
-    """What the solver lacks for an effect; nothing where that cannot be found out here: the fit's start will tell."""
-    folder = Path(settings.study)
-    if effect.acts == OBSERVATION or not (folder / "study.yaml").exists():
-        return ""
-    study = load_study(folder)
+def _with(settings: Settings, name: str, numbers: dict[str, float]) -> Settings:
+    data = settings.model_dump(mode="json")
+    data["model"]["effects"][name] = numbers
+    return load_settings(data)
+
+
+def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
+    """Refuse an effect of a model that makes no sense in the study, or needs what the solver lacks.
+
+    Where that cannot be found out here, the fit's start will tell.
+    """
+    if not (Path(settings.study) / "study.yaml").exists():
+        return
+    study = load_study(Path(settings.study))
     mesh = make_mesh(study, settings.model.mesh)
+    check_effects(settings, study, mesh, config)
+    if effect.acts == OBSERVATION:
+        return
+    known = catalogue(Path(settings.study))
     start = {parameter.name: parameter.start for parameter in settings.parameters()}
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
         file = Path(name) / "mesh.inp"
@@ -105,8 +111,9 @@ def _lacking(settings: Settings, effect: Effect, known: dict[str, Effect]) -> st
             values = {**start, **with_effect(effect, effect.places()[0], parameter.name)}
             refused = refusal(settings.solver, make_deck(settings, study, mesh, "mesh", values, known), file, "mesh")
             if refused is not None:
-                return str(refused.found)
-    return ""
+                found = f"{effect.name}, which needs {refused.found}"
+                expected = f"an effect that solver {settings.solver} has what it needs for"
+                raise InputError(config, f"model.effects.{effect.name}", found, expected)
 
 
 def _found(settings: Settings, name: str) -> dict[str, float]:

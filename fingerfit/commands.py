@@ -49,13 +49,14 @@ def prepare(args: argparse.Namespace) -> None:
     from fingerfit.mesh_io import format_mesh
     from fingerfit.prepare import make_mesh, prepare
     from fingerfit.settings import load_settings
-    from fingerfit.settings_check import check_against_study
+    from fingerfit.settings_check import check_against_study, check_effects
     from fingerfit.study_file import load_study
 
     settings = load_settings(args.settings)
     study = load_study(Path(settings.study))
     check_against_study(settings, study)
     mesh = make_mesh(study, settings.model.mesh)
+    check_effects(settings, study, mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     write_text(args.mesh, format_mesh(mesh))
     if args.refined:
