@@ -27,7 +27,13 @@ class Model:
     @property
     def full_name(self: Any) -> str:
         """Name with the effects: that of its folder."""
-        return "+".join([self.name, *self.effects])
+        return str(self.path[-1])
+
+    @property
+    def path(self: Any) -> list[str]:
+        """Names of the models on the way to this one: without effects, with the first, ..., with all."""
+        effects = list(self.effects)
+        return ["+".join([self.name, *effects[:count]]) for count in range(len(effects) + 1)]
 
 
 class Choices:

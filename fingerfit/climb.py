@@ -19,7 +19,7 @@ from fingerfit.files import read_json, write_text
 from fingerfit.layout import model_folder
 from fingerfit.mesh_io import format_mesh
 from fingerfit.prepare import make_mesh
-from fingerfit.settings import Settings, load_settings
+from fingerfit.settings import CONFIG, Settings, load_settings
 from fingerfit.settings_check import check_effects
 from fingerfit.study_file import load_study
 
@@ -39,12 +39,13 @@ def add(config: Path, name: str) -> str:
     effect = chosen([name], catalogue(Path(settings.study)), config)[0]
     if name in settings.model.effects:
         raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
-    numbers = _found(settings, name)
-    _refuse(_with(settings, name, numbers), effect, config)
+    numbers, reused = _found(settings, name)
+    _refuse(_with(settings, name, numbers, config), effect, config)
     _rewrite(config, {**settings.model.effects, name: numbers})
     what = ", ".join(f"{key} {value:.4g}" for key, value in numbers.items())
     start = f", starting at {what}" if what else ""
-    return f"{config}: added {name} ({effect.title}){start}; now: snakemake --cores 2 diagnose"
+    known = f"; {reused} simulations of its refit are known" if reused else ""
+    return f"{config}: added {name} ({effect.title}){start}{known}"
 
 
 def drop(config: Path, name: str) -> str:
@@ -61,6 +62,12 @@ def drop(config: Path, name: str) -> str:
         raise InputError(config, f"model.effects.{name}", "no such effect in the model", f"one that it has: {has}")
     _rewrite(config, {key: value for key, value in settings.model.effects.items() if key != name})
     return f"{config}: dropped {name}; its results stay where they are"
+
+
+def run_again(config: Path) -> str:
+    """The command that fits and diagnoses the model of a config file."""
+    chosen = "" if config == Path(CONFIG) else f" --configfile {config}"
+    return f"snakemake --cores 2 diagnose{chosen}"
 
 
 def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
@@ -84,10 +91,10 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
     say(f"stopped after {RUNGS} effects")
 
 
-def _with(settings: Settings, name: str, numbers: dict[str, float]) -> Settings:
+def _with(settings: Settings, name: str, numbers: dict[str, float], where: Path) -> Settings:
     data = settings.model_dump(mode="json")
     data["model"]["effects"][name] = numbers
-    return load_settings(data)
+    return load_settings(data, where)
 
 
 def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
@@ -116,17 +123,19 @@ def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
                 raise InputError(config, f"model.effects.{effect.name}", found, expected)
 
 
-def _found(settings: Settings, name: str) -> dict[str, float]:
-    """Place and size of an effect in the diagnosis of the model without it; nothing where there is none."""
+def _found(settings: Settings, name: str) -> tuple[dict[str, float], int]:
+    """Numbers of an effect in the diagnosis of the model without it, and how many simulations its refit asked for.
+
+    The refit's start where there was one, so that its simulations are those of the model; else place and size as they
+    were predicted; nothing where there is no diagnosis.
+    """
     path = model_folder(settings) / "diagnosis.json"
-    if not path.exists():
-        return {}
-    for entry in read_json(path)["ranking"]:
+    for entry in read_json(path)["ranking"] if path.exists() else []:
         if entry["effect"] == name:
-            fitted = (entry.get("refit") or {}).get("parameters", {})
-            own = {key.split(".")[1]: value for key, value in fitted.items() if key.split(".")[0] == name}
-            return {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"], **own}.items()}
-    return {}
+            refit = entry.get("refit") or {}
+            predicted = {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"]}.items()}
+            return refit.get("start") or predicted, refit.get("simulations", 0)
+    return {}, 0
 
 
 def _rewrite(config: Path, effects: dict[str, dict[str, float]]) -> None:

@@ -122,9 +122,9 @@ def diagnose(args: argparse.Namespace) -> None:
     """Say where a fitted model fails and which effect is missing."""
     from fingerfit.examine import examine
     from fingerfit.files import read_json, write_json
-    from fingerfit.findings import rung_of, write_compare, write_diagnosis
+    from fingerfit.findings import count_simulations, rung_of, write_compare, write_diagnosis
     from fingerfit.prepare import prepare
-    from fingerfit.rounds import Round
+    from fingerfit.rounds import Round, asked_for
     from fingerfit.settings import load_settings
 
     fit, last = _fit(args, load_settings(args.settings)), Round.load(args.last)
@@ -133,12 +133,17 @@ def diagnose(args: argparse.Namespace) -> None:
     found = examine(fit, last, everything, args.threads)
     estimate = read_json(args.estimate)
     write_compare(found.examination, args.out.parent / "compare.npz")
-    started = (args.last.parent / "0.json").stat().st_mtime
-    own = {entry["sim"] for entry in last.history} | {asked.sim for asked in last.batch}
-    known = sum((args.sims / sim / "solution.npz").stat().st_mtime < started for sim in own)
-    write_json(args.out.parent / "rung.json", rung_of(found, estimate, known))
+    study, model = args.out.parents[1], fit.settings.model
+    counted = count_simulations(study, model.path, asked_for(args.last), fit.asked)
+    write_json(args.out.parent / "rung.json", rung_of(found, estimate, counted))
     write_diagnosis(found, args.out)
-    print(f"{fit.settings.model.full_name}: {found.verdict.sentence}", flush=True)
+    total, reused = counted["run"] + counted["reused"], counted["reused"]
+    known = (
+        f"{total} simulations, {reused} of them known from the models below"
+        if model.effects
+        else f"{total} simulations"
+    )
+    print(f"{model.full_name}: {known}; {found.verdict.sentence}", flush=True)
 
 
 def export(args: argparse.Namespace) -> None:
@@ -151,16 +156,16 @@ def export(args: argparse.Namespace) -> None:
 
 def add(args: argparse.Namespace) -> None:
     """Add an effect to config.yaml."""
-    from fingerfit.climb import add
+    from fingerfit.climb import add, run_again
 
-    print(add(args.config, args.effect))
+    print(f"{add(args.config, args.effect)}; now: {run_again(args.config)}")
 
 
 def drop(args: argparse.Namespace) -> None:
     """Take an effect out of config.yaml."""
-    from fingerfit.climb import drop
+    from fingerfit.climb import drop, run_again
 
-    print(drop(args.config, args.effect))
+    print(f"{drop(args.config, args.effect)}; now: {run_again(args.config)}")
 
 
 def discover(args: argparse.Namespace) -> None:

@@ -180,6 +180,7 @@ def _partner(
             best = candidate, refit
         if explains(refit):
             break
+    fit.asked.update(ended.fit.asked)
     return best, run
 
 
@@ -271,7 +272,9 @@ def _refit(fit: Fit, last: Round, one: Look, everything: Data, before: float, th
     fitted, held_out = errors(ended.examination)
     judge, values = ended.judge, minimum(ended.fit, ended.last).values
     common = judge.common_misfit, judge.common_freedom
-    return Refit(judge.misfit, judge.freedom, fitted, held_out, values, *common, ended.share), run
+    start = ended.fit.settings.model.effects[one.suspect.effect.name]
+    count = len(ended.fit.asked)
+    return Refit(judge.misfit, judge.freedom, fitted, held_out, values, *common, ended.share, start, count), run
 
 
 @dataclass(frozen=True)
@@ -308,8 +311,11 @@ def _ended(fit: Fit, last: Round, one: Look, everything: Data, before: float, th
 
 def _fitted(fit: Fit, last: Round, one: Look, everything: Data, threads: int, share: float) -> tuple[_Ended, int]:
     wider = widened(fit, last, one, share)
-    end, run = run_fit(wider, threads)
-    run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    try:
+        end, run = run_fit(wider, threads)
+        run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    finally:
+        fit.asked.update(wider.asked)
     examination = Examination(wider, end, everything)
     return _Ended(wider, end, examination, judge_of(examination), share), run
 
@@ -321,9 +327,12 @@ def added(fit: Fit, last: Round, found: Examined, name: str) -> Fit:
 
 
 def widened(fit: Fit, last: Round, one: Look, share: float = 1.0) -> Fit:
-    """Fit of the model with a tested effect more, from where `fit` ended and a share of the predicted size."""
+    """Fit of the model with a tested effect more, from where `fit` ended and a share of the predicted size.
+
+    The size has few digits: `fingerfit add` writes it, and the model that is made so asks for the same simulations.
+    """
     effect = one.suspect.effect
-    size = {p.name: p.null + share * (one.size[p.name] - p.null) for p in effect.parameters}
+    size = {p.name: float(f"{p.null + share * (one.size[p.name] - p.null):.4g}") for p in effect.parameters}
     settings = extended(fit.settings, effect, one.suspect.place, size, minimum(fit, last).values)
     return Fit(settings, fit.data, fit.mesh_files, fit.sims)
 

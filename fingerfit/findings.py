@@ -113,6 +113,8 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
                     "misfit": refit.misfit,
                     "error": {"fitted": refit.fitted, "held_out": refit.held_out},
                     "parameters": {name: float(value) for name, value in refit.values.items()},
+                    "start": dict(refit.start),
+                    "simulations": refit.simulations,
                 },
             }
         )
@@ -148,8 +150,29 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
     return data
 
 
-def rung_of(found: Examined, estimate: dict[str, Any], known: int) -> dict[str, Any]:
-    """The model's rung of the ladder; `known` of its simulations were there before it."""
+def count_simulations(study: Path, models: list[str], fit: set[str], diagnosis: set[str]) -> dict[str, int]:
+    """How many simulations a fit ran and how many it reused: those that the models below it had asked for.
+
+    The names go to ``simulations.json`` beside the model's rung, so that the models above it can be counted.
+
+    Parameters
+    ----------
+    study : Path
+        Results of the study.
+    models : list of str
+        Names of the models on the way to this one, which is the last.
+    fit, diagnosis : set of str
+        Names of the simulations that its fit and its diagnosis asked for.
+    """
+    files = [study / name / "simulations.json" for name in models]
+    write_json(files[-1], {"fit": sorted(fit), "diagnosis": sorted(diagnosis)})
+    below = [read_json(file) for file in files[:-1] if file.exists()]
+    reused = fit & {name for one in below for part in one.values() for name in part}
+    return {"run": len(fit) - len(reused), "reused": len(reused)}
+
+
+def rung_of(found: Examined, estimate: dict[str, Any], simulations: dict[str, int]) -> dict[str, Any]:
+    """The model's rung of the ladder; `simulations` says how many its fit ran and how many it reused."""
     fitted, held_out = errors(found.examination)
     settings, judge = found.examination.fit.settings, found.judge
     count = len(settings.parameters())
@@ -165,7 +188,7 @@ def rung_of(found: Examined, estimate: dict[str, Any], known: int) -> dict[str, 
         "bic": judge.misfit + count * float(np.log(judge.freedom + count)),
         "verdict": found.verdict.kind,
         "sentence": found.verdict.sentence,
-        "simulations": {"run": estimate["simulations"]["run"] - known, "reused": known},
+        "simulations": simulations,
     }
 
 

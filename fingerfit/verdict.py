@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from fingerfit.diagnose import Look, alike
 from fingerfit.effects.contract import NUMERICS
@@ -46,6 +46,10 @@ class Refit:
         Of what all values of a step have in common.
     share : float
         Of the predicted size, from which the refit went out.
+    start : mapping
+        Numbers of the effect that it went out from: with these in the settings its simulations are asked for again.
+    simulations : int
+        How many it asked for.
     """
 
     misfit: float
@@ -56,6 +60,8 @@ class Refit:
     common_misfit: float = 0.0
     common_freedom: int = 0
     share: float = 1.0
+    start: Mapping[str, float] = field(default_factory=dict)
+    simulations: int = 0
 
 
 @dataclass(frozen=True)

@@ -130,6 +130,15 @@ def test_add_starts_at_what_the_diagnosis_found(config, tmp_path):
     assert effects(config) == {"inclusion": {"across": 0.25, "along": 0.5, "contrast": 0.7}}
 
 
+def test_add_starts_where_the_refit_did(config, tmp_path):
+    """Not where it ended: its simulations are known."""
+    refit = {"parameters": {"tilt.slope": 0.009}, "start": {"slope": 0.0123456789}, "simulations": 14}
+    ranking = [{"effect": "tilt", "place": {}, "size": {"slope": 0.02}, "refit": refit}]
+    write_json(tmp_path / "results/study/base/diagnosis.json", {"ranking": ranking})
+    assert add(config, "tilt").endswith("starting at slope 0.01235; 14 simulations of its refit are known")
+    assert effects(config) == {"tilt": {"slope": 0.0123456789}}
+
+
 def refused(config, action, name):
     before = config.read_text(encoding="utf-8")
     with pytest.raises(FingerfitError) as caught:

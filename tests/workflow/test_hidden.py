@@ -135,6 +135,15 @@ def test_nothing_of_the_first_rung_ran_again(place):
     assert len(second) > len(first)
 
 
+def test_the_second_rung_is_the_refit_of_the_first(place):
+    """All simulations of its fit were those of the diagnosis of the first rung."""
+    refit = read_json(place / "results/study/base/diagnosis.json")["ranking"][0]["refit"]
+    counted = rung(place, "base+tilt")["simulations"]
+    assert counted["run"] == 0
+    assert 5 < counted["reused"] <= refit["simulations"]
+    assert rung(place, "base")["simulations"]["reused"] == 0
+
+
 def test_both_rungs_are_on_the_ladder(place):
     rungs = read_json(place / "results/study/ladder.json")["rungs"]
     assert [entry["effects"] for entry in rungs] == [[], ["tilt"]]

@@ -14,6 +14,7 @@ rule examine:
         patterns=f"{MODEL}/diagnosis.npz",
         compare=f"{MODEL}/compare.npz",
         rung=f"{MODEL}/rung.json",
+        simulations=f"{MODEL}/simulations.json",
     log:
         f"{MODEL}/logs/examine.log",
     conda:
