@@ -16,7 +16,7 @@ from fingerfit.effects.catalogue import catalogue, chosen
 from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.errors import FingerfitError, InputError, SolverError
 from fingerfit.files import read_json, write_text
-from fingerfit.layout import model_folder
+from fingerfit.layout import PACKAGE, model_folder, study_folder
 from fingerfit.mesh_io import format_mesh
 from fingerfit.prepare import make_mesh
 from fingerfit.settings import CONFIG, Settings, load_settings
@@ -73,22 +73,46 @@ def run_again(config: Path) -> str:
 def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
     """Fit, diagnose, add what is missing, and again, until nothing is missing or nothing known explains the rest.
 
+    Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so.
+
     Raises
     ------
     FingerfitError
         When the workflow fails.
     """
     for _ in range(RUNGS):
-        command = [sys.executable, "-m", "snakemake", "diagnose", "--cores", str(cores), "--configfile", str(config)]
-        if subprocess.run(command, check=False).returncode:
+        if subprocess.run(_workflow(config, cores), check=False).returncode:
             raise FingerfitError(f"{config}: the workflow failed; its messages are above")
         settings = load_settings(config)
-        diagnosis = read_json(model_folder(settings) / "diagnosis.json")
-        say(f"{diagnosis['model']}: {diagnosis['sentence']}")
+        say(_told(read_json(model_folder(settings) / "rung.json")))
+        diagnosis, results = read_json(model_folder(settings) / "diagnosis.json"), study_folder(settings)
         if not diagnosis["effects"]:
-            return
-        say(add(config, diagnosis["effects"][0]))
-    say(f"stopped after {RUNGS} effects")
+            return say(f"ladder: {results}/ladder.json; page: {results}/report.html")
+        first, *others = diagnosis["effects"]
+        if others:
+            say(f"these data cannot tell {first} from {' and '.join(others)}: {first}, which fits best, is added")
+        say(add(config, first))
+    return say(f"stopped after {RUNGS} models; the last effect is added but not fitted: {run_again(config)}")
+
+
+def _workflow(config: Path, cores: int) -> list[str]:
+    """The workflow of the folder where this was called; where there is none, the one beside the package."""
+    own = [Path("Snakefile"), Path("workflow/Snakefile")]
+    file = [] if any(path.exists() for path in own) else ["--snakefile", str(PACKAGE.parent / "Snakefile")]
+    return [
+        sys.executable, "-m", "snakemake", "diagnose", *file, "--cores", str(cores), "--configfile", str(config),
+    ]  # fmt: skip
+
+
+def _told(rung: dict[str, Any]) -> str:
+    """One line on a rung: its errors, its simulations and the verdict."""
+    fitted, held_out = rung["error"]["fitted"], rung["error"]["held_out"]
+    held = "" if held_out is None else f", {held_out:.3g} on held-out steps"
+    counted = rung["simulations"]
+    return (
+        f"{rung['model']}: error {fitted:.3g} times the noise{held};"
+        f" {counted['run']} simulations run, {counted['reused']} of the models below reused; {rung['sentence']}"
+    )
 
 
 def _with(settings: Settings, name: str, numbers: dict[str, float], where: Path) -> Settings:

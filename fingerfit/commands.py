@@ -192,8 +192,10 @@ def ladder(args: argparse.Namespace) -> None:
     from fingerfit.page import write_page
 
     study = args.out.parent
-    folders = sorted(path.parent for path in study.glob("*/rung.json"))
-    write_json(args.out, ladder(folders, study.name))
+    found = ladder(study, args.settings)
+    for other in found["others"]:
+        print(f"{other['model']}: not on the ladder: {other['why']}", file=sys.stderr)
+    write_json(args.out, found)
     write_page(study, args.page)
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fingerfit.choices import read_checked
 from fingerfit.diagnose import Examination, summary
 from fingerfit.effects.catalogue import as_text
 from fingerfit.examine import Examined, errors, fitted_steps
-from fingerfit.files import read_json, write_json, write_npz
+from fingerfit.files import digest, read_json, write_json, write_npz
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
 from fingerfit.plots import outline
@@ -178,6 +181,7 @@ def rung_of(found: Examined, estimate: dict[str, Any], simulations: dict[str, in
     count = len(settings.parameters())
     return {
         "model": settings.model.full_name,
+        "made_with": made_with(settings.model_dump(mode="json")),
         "effects": list(settings.model.effects),
         "parameters": estimate["parameters"],
         "error": {"fitted": fitted, "held_out": held_out},
@@ -192,7 +196,42 @@ def rung_of(found: Examined, estimate: dict[str, Any], simulations: dict[str, in
     }
 
 
-def ladder(folders: list[Path], study: str) -> dict[str, Any]:
-    """The ladder from the rungs that are there, in order of the number of their effects."""
-    rungs = [read_json(folder / "rung.json") for folder in folders if (folder / "rung.json").exists()]
-    return {"study": study, "rungs": sorted(rungs, key=lambda rung: len(rung["effects"]))}
+COMPARED = ("score", "steps", "smooth", "crop", "bins")
+"""Settings of a fit that its errors depend on; those of the search only say how it is found."""
+
+
+def made_with(settings: Mapping[str, Any]) -> str:
+    """Hash of the settings that rungs of one ladder share: all that errors depend on, but effects and starts."""
+    model, fit = settings["model"], settings["fit"]
+    shared = {key: value for key, value in model.items() if key not in ("effects", "parameters")}
+    bounds = {name: {**entry, "start": None} for name, entry in model["parameters"].items()}
+    chosen = [settings["study"], settings["solver"], shared, bounds, [fit[key] for key in COMPARED]]
+    return digest(json.dumps(chosen, sort_keys=True))
+
+
+def ladder(study: Path, settings: Path) -> dict[str, Any]:
+    """The ladder of a model: the rungs on the way to it, from the model without effects.
+
+    Parameters
+    ----------
+    study : Path
+        Results of the study.
+    settings : Path
+        ``settings.json`` of the model.
+
+    Returns
+    -------
+    dict
+        ``study``, ``rungs`` and under ``others`` the models that are not on this ladder, with the reason: a side
+        branch, or a rung that was made with other settings, whose errors are not comparable.
+    """
+    now, path = made_with(read_json(settings)), read_checked(settings).model.path
+    there = {file.parent.name: read_json(file) for file in sorted(study.glob("*/rung.json"))}
+    same = {name for name, rung in there.items() if rung.get("made_with") == now}
+    reasons = {
+        name: "not on the way to this model" if name in same else "made with other settings"
+        for name in there
+        if name not in same or name not in path
+    }
+    others = [{"model": name, "why": why} for name, why in reasons.items()]
+    return {"study": study.name, "rungs": [there[name] for name in path if name in same], "others": others}

@@ -55,7 +55,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
     "plot": (*_FIT, "plots.py", "slices.py", "volumes.py"),
-    "ladder": ("findings.py", "page"),
+    "ladder": ("choices.py", "findings.py", "page"),
     "export": (*_READ, *_MESH, "export.py", "fields.py", "slices.py", "deck", "fem", "solvers/model.py"),
     "diagnose": (
         *_FIT,
@@ -103,7 +103,7 @@ def settings_of(settings: Settings, stage: str) -> str:
         },
         "estimate": {"model": every["model"], "fit": fit},
         "plot": {},
-        "ladder": {},
+        "ladder": {name: every[name] for name in ("study", "solver", "model", "fit")},
         "export": {},
         "diagnose": {"solver": get_solver(settings.solver).identity(), "model": every["model"], "fit": fit},
     }

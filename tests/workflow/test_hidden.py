@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -81,15 +82,14 @@ def diagnose(place):
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """The study, its first rung, and then its second one."""
+    """The study, its first rung, and then those that `fingerfit discover` climbs."""
     place = tmp_path_factory.mktemp("hidden")
     (place / "experiment.yaml").write_text(yaml.safe_dump(DESCRIPTION))
     run_experiment(place / "experiment.yaml", place / "study")
     (place / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
     diagnose(place)
     (place / "first.txt").write_text("\n".join(f"{sim} {when}" for sim, when in simulations(place).items()))
-    run(place, sys.executable, "-m", "fingerfit", "add", "tilt")
-    diagnose(place)
+    (place / "said.txt").write_text(run(place, sys.executable, "-m", "fingerfit", "discover"))
     return place
 
 
@@ -148,6 +148,36 @@ def test_both_rungs_are_on_the_ladder(place):
     rungs = read_json(place / "results/study/ladder.json")["rungs"]
     assert [entry["effects"] for entry in rungs] == [[], ["tilt"]]
     assert (place / "results/study/report.html").stat().st_size > 10000
+
+
+def test_discover_tells_each_rung(place):
+    lines = (place / "said.txt").read_text(encoding="utf-8").splitlines()
+    base, tilted = rung(place, "base"), rung(place, "base+tilt")
+    wanted = [
+        f"base: error {base['error']['fitted']:.3g} times the noise, {base['error']['held_out']:.3g} on held-out steps;"
+        f" {base['simulations']['run']} simulations run, 0 of the models below reused; {base['sentence']}",
+        "config.yaml: added tilt (tilt of the indenter), starting at slope ",
+        f"base+tilt: error {tilted['error']['fitted']:.3g} times the noise,"
+        f" {tilted['error']['held_out']:.3g} on held-out steps; 0 simulations run,",
+        "ladder: results/study/ladder.json; page: results/study/report.html",
+    ]
+    found = [next((n for n, line in enumerate(lines) if line.startswith(start)), None) for start in wanted]
+    assert None not in found, lines
+    assert found == sorted(found)
+
+
+def test_a_dropped_effect_leaves_the_ladder(place, tmp_path):
+    """Its results stay, and nothing is simulated."""
+    copy = tmp_path / "copy"
+    shutil.copytree(place, copy, symlinks=True)
+    known = simulations(copy)
+    assert "dropped tilt" in run(copy, sys.executable, "-m", "fingerfit", "drop", "tilt")
+    diagnose(copy)
+    ladder = read_json(copy / "results/study/ladder.json")
+    assert [entry["model"] for entry in ladder["rungs"]] == ["base"]
+    assert ladder["others"] == [{"model": "base+tilt", "why": "not on the way to this model"}]
+    assert (copy / "results/study/base+tilt/rung.json").exists()
+    assert simulations(copy) == known
 
 
 def test_no_rule_reads_what_is_sealed(place, monkeypatch):
