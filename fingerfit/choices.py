@@ -65,7 +65,10 @@ class Choices:
         """
         if not self.model.effects:
             return ()
-        found = chosen(list(self.model.effects), catalogue(Path(self.study)), where)
+        every = catalogue(Path(self.study))
+        if not every.keys() >= self.model.effects.keys() and not Path(self.study).is_dir():
+            raise InputError(where, "study", self.study, "the folder of a study")
+        found = chosen(list(self.model.effects), every, where)
         for effect in found:
             known, bounds = list(effect.own({})), effect.bounds()
             for key, value in self.model.effects[effect.name].items():

@@ -179,10 +179,14 @@ def discover(args: argparse.Namespace) -> None:
 
 def effects(args: argparse.Namespace) -> None:
     """List the effects that are known."""
-    from fingerfit.effects.catalogue import catalogue
+    from fingerfit.effects.catalogue import as_lines, catalogue
+    from fingerfit.errors import InputError
+    from fingerfit.study_file import study_path
 
-    for effect in catalogue(args.study).values():
-        print(f"{effect.name:<18}{effect.title}\n{'':<18}{effect.words}\n{'':<18}looks like: {effect.look}")
+    if args.study and not study_path(args.study).is_file():
+        raise InputError(args.study, "study", "no study.yaml", "the folder of a study")
+    known = catalogue(study_path(args.study).parent if args.study else None)
+    print("\n\n".join(as_lines(effect) for effect in known.values()))
 
 
 def ladder(args: argparse.Namespace) -> None:

@@ -13,7 +13,7 @@ from fingerfit.extend import extended
 from fingerfit.files import digest, read_json, write_text
 from fingerfit.prepare import make_mesh
 from fingerfit.settings import CONFIG, Settings
-from fingerfit.settings_check import check_effects
+from fingerfit.settings_check import check_against_study, check_effects
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study_file import load_study
 
@@ -147,15 +147,18 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
 
 
 def check_model(settings: Settings, where: Path | str = CONFIG) -> None:
-    """Refuse a model with effects that make no sense in the study; `where` is named in errors.
+    """Refuse settings and effects of a model that make no sense in the study; `where` is named in errors.
 
     Raises
     ------
     FingerfitError
         With one line for each.
     """
+    if not Path(settings.study).exists():
+        raise InputError(where, "study", settings.study, "the folder of a study")
+    study = load_study(Path(settings.study))
+    check_against_study(settings, study, where)
     if settings.model.effects:
-        study = load_study(Path(settings.study))
         check_effects(settings, study, make_mesh(study, settings.model.mesh), where)
 
 
