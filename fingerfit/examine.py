@@ -26,14 +26,16 @@ from fingerfit.judge import Judge
 from fingerfit.refine import finest, minimum
 from fingerfit.rounds import Asked, Round
 from fingerfit.simulate import run_fit, solve_missing
-from fingerfit.suspects import suspects
+from fingerfit.suspects import suspects, untestable
 from fingerfit.verdict import (
     SEEN,
     Refit,
     Verdict,
+    by_settings,
     decide,
     doubted,
     explains,
+    generalising,
     half_explained,
     threshold,
     to_refit,
@@ -67,6 +69,8 @@ class Examined:
         As from `stiffness_map`.
     lacking : dict
         Effects that were not tried, by title, and what the solver lacks for them.
+    untestable : dict
+        Effects that were not tried, by title, and what would have to be measured.
     """
 
     examination: Examination
@@ -78,6 +82,7 @@ class Examined:
     measurements: list[tuple[str, float]]
     stiffness: np.ndarray
     lacking: dict[str, InputError]
+    untestable: dict[str, InputError]
 
 
 def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examined:
@@ -97,14 +102,15 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     run, refits = found.run, dict[str, Refit]()
     judge, looks, tests = found.judge, found.looks, found.tests
     halves: set[str] = set()
+    fitted, held_out = errors(found.examination)
     for _ in range(BATCHES):
         run += _refit_best(fit, last, everything, found, refits, threads)
-        verdict = doubted(decide(judge, looks, refits, tests), errors(found.examination)[0])
-        half = half_explained(judge, looks, refits, tests)
+        verdict = doubted(decide(judge, looks, refits, tests, held_out=held_out), fitted)
+        half = half_explained(judge, looks, generalising(judge, refits, held_out), tests)
         if half is not None and half.suspect.effect.name not in halves:
             halves.add(half.suspect.effect.name)
             partner, more = _partner(fit, last, half, everything, judge.misfit, threads)
-            verdict, run = decide(judge, looks, refits, tests, partner), run + more
+            verdict, run = decide(judge, looks, refits, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
     measurements: list[tuple[str, float]] = []
@@ -114,8 +120,10 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
         measurements, more = separation(found.examination, first, second, threads)
         run += more
     stiffness = stiffness_map(found.examination, found.everywhere)
+    verdict = by_settings(verdict, judge, looks, tests)
     verdict = untried(verdict, fit.settings.solver, list(found.lacking))
-    return Examined(found.examination, judge, looks, refits, verdict, run, measurements, stiffness, found.lacking)
+    untold = found.lacking, untestable(fit)
+    return Examined(found.examination, judge, looks, refits, verdict, run, measurements, stiffness, *untold)
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,7 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
         "measurements": [{"title": title, "gain": gain} for title, gain in found.measurements],
         "not_tried": [
             {"title": title, "lacks": str(error.found), "expected": error.expected}
-            for title, error in found.lacking.items()
+            for title, error in {**found.lacking, **found.untestable}.items()
         ],
         "add": f"fingerfit add {verdict.effects[0]}" if verdict.effects else "",
         "simulations": found.run,

@@ -7,7 +7,7 @@ from pathlib import Path
 from fingerfit.decks import make_deck
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import NUMERICS, OBSERVATION, Effect
-from fingerfit.effects.sense import unmet
+from fingerfit.effects.sense import cure_of, unmet
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.mesh import Mesh
@@ -70,13 +70,6 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
         raise Problems(problems)
 
 
-CURES = {
-    "coarse_mesh": "a finer model.mesh and model.refined",
-    "load_step": "smaller increments in the template",
-}
-"""What to do about effects of mesh and load steps, which are no part of a model."""
-
-
 def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | str = CONFIG) -> None:
     """Problems of the effects of a model with the study and with each other.
 
@@ -91,8 +84,7 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
         field = f"model.effects.{effect.name}"
         lacking = unmet(effect, study, mesh.dim)
         if effect.acts == NUMERICS:
-            cure = CURES.get(effect.name, "other settings of the solver")
-            problems.append(InputError(where, field, "an effect that is no part of a model", cure))
+            problems.append(InputError(where, field, "an effect that is no part of a model", cure_of(effect)[1]))
         elif lacking:
             found = f"{effect.name}, which needs {' and '.join(lacking)}"
             problems.append(InputError(where, field, found, f"an effect that makes sense in {study.path}"))

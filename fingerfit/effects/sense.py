@@ -17,6 +17,17 @@ IN_WORDS = {
 MEASURED = ("time", "pictures", "displacements")
 """Needs that another measurement of the same body would meet."""
 
+CURES = {
+    "coarse_mesh": ("the mesh is too coarse", "a finer model.mesh and model.refined"),
+    "load_step": ("the load steps are too large", "smaller increments in the template"),
+}
+"""What is wrong, and what to do, about effects of mesh and load steps, which are no part of a model."""
+
+
+def cure_of(effect: Effect) -> tuple[str, str]:
+    """What is wrong, and what to do, where an effect of mesh and load steps shows."""
+    return CURES.get(effect.name, (effect.title, "other settings of the solver"))
+
 
 def what_is_there(study: Study, dim: int) -> set[str]:
     """Which of the needs of effects a study meets; `dim` is that of its mesh."""
