@@ -88,7 +88,7 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
         elif lacking:
             found = f"{effect.name}, which needs {' and '.join(lacking)}"
             problems.append(InputError(where, field, found, f"an effect that makes sense in {study.path}"))
-        elif effect.acts != OBSERVATION and not _changes_the_deck(settings, study, mesh, effect):
+        elif effect.acts != OBSERVATION and not changes_the_deck(settings, study, mesh, effect):
             found = f"{effect.name}, which changes nothing in the deck of this study"
             expected = f"an effect on what {settings.model.template} has"
             problems.append(InputError(where, field, found, expected))
@@ -96,7 +96,7 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
         raise Problems(problems)
 
 
-def _changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> bool:
+def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> bool:
     """Whether the deck with an effect at the sizes of a first look differs from that without it."""
     known = catalogue(Path(settings.study))
     start = {parameter.name: parameter.start for parameter in settings.parameters()}

@@ -180,6 +180,47 @@ def test_a_dropped_effect_leaves_the_ladder(place, tmp_path):
     assert simulations(copy) == known
 
 
+SEALED = """
+import sys
+
+def hook(event, arguments):
+    if event == "open" and "sealed" in str(arguments[0]):
+        print("opened", arguments[0], flush=True)
+        raise SystemExit(3)
+
+sys.addaudithook(hook)
+from fingerfit.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_the_diagnosis_opens_nothing_that_is_sealed(place, tmp_path):
+    """Diagnosed once more, every simulation known; processes that are forked have the hook, too."""
+    copy = tmp_path / "copy"
+    shutil.copytree(place, copy, symlinks=True)
+    model = copy / "results/study/base"
+    before = read_json(model / "diagnosis.json")
+    (model / "diagnosis.json").unlink()
+    last = max(model.glob("rounds/*.json"), key=lambda path: int(path.stem))
+    options = ["--data", "prepared.npz", "--mesh", "mesh.inp", "--refined", "refined.inp", "--last", last,
+               "--estimate", "estimate.json", "--out", "diagnosis.json", "--sims", "../sims", "--threads", "2"]  # fmt: skip
+    paths = [model / value if isinstance(value, str) and value[0] != "-" and value != "2" else value for value in options]
+    command = [sys.executable, "-c", SEALED, "diagnose", model / "settings.json", *paths]
+    run(copy, *map(str, command))
+    again = read_json(model / "diagnosis.json")
+    assert again["simulations"] == 0
+    assert {**again, "simulations": before["simulations"]} == before
+    # what would open it is stopped
+    deck = [sys.executable, "-c", SEALED, "deck", "show", copy / "study/sealed/truth.yaml"]
+    stopped = subprocess.run(list(map(str, deck)), cwd=copy, capture_output=True, text=True)
+    assert stopped.returncode == 3
+    assert "opened" in stopped.stdout
+    # and without it the diagnosis is the same
+    shutil.rmtree(copy / "study/sealed")
+    run(copy, *map(str, command))
+    assert read_json(model / "diagnosis.json") == again
+
+
 def test_no_rule_reads_what_is_sealed(place, monkeypatch):
     """The workflow's own record of its inputs, and the list that its rules take them from."""
     monkeypatch.chdir(place)
