@@ -96,7 +96,9 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
         effect = known[path.stem]
         lacking = unmet(effect, study, mesh.dim)
         try:
-            use = f"needs {' and '.join(lacking)}: not tested here" if lacking else _tried(settings, study, mesh, effect)
+            use = (
+                f"needs {' and '.join(lacking)}: not tested here" if lacking else _tried(settings, study, mesh, effect)
+            )
         except InputError as error:
             own = error.where == f"effect {effect.name}"
             problems.append(InputError(path, error.field, error.found, error.expected) if own else error)

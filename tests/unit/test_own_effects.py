@@ -1,5 +1,6 @@
 """`fingerfit check` looks at a study's own effects, and names what is misspelt in them."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -7,9 +8,11 @@ import yaml
 from conftest import ROOT
 
 from fingerfit.check import own_effects
+from fingerfit.deck.context import deck_context
 from fingerfit.errors import FingerfitError
 from fingerfit.prepare import make_mesh
 from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, solve_missing
 from fingerfit.study_file import load_study
 
 OWN = {
@@ -70,8 +73,12 @@ def test_what_an_effect_changes_is_told(study):
     assert checked(study, changes={}, observes={"force": "force + slope"}, acts="observation") == [
         "effect mine: softer on one side; changes force"
     ]
-    assert checked(study, needs="time") == ["effect mine: softer on one side; needs a time at every step: not tested here"]
-    assert checked(study, changes={}) == ["effect mine: softer on one side; changes nothing in this study: not tested here"]
+    assert checked(study, needs="time") == [
+        "effect mine: softer on one side; needs a time at every step: not tested here"
+    ]
+    assert checked(study, changes={}) == [
+        "effect mine: softer on one side; changes nothing in this study: not tested here"
+    ]
 
 
 def test_a_misspelt_name_in_a_formula(study):
@@ -79,7 +86,9 @@ def test_a_misspelt_name_in_a_formula(study):
     assert line.startswith("study/effects/mine.yaml: changes.field: found 'slope * (xx / width)'")
     line = told(study, changes={}, acts="observation", observes={"intensity": "intensity * slop"})
     assert line.startswith("study/effects/mine.yaml: observes.intensity: found 'intensity * slop'")
-    assert told(study, chnages={}).startswith("study/effects/mine.yaml: chnages: found an unknown key; expected changes")
+    assert told(study, chnages={}).startswith(
+        "study/effects/mine.yaml: chnages: found an unknown key; expected changes"
+    )
 
 
 def test_a_misspelt_name_in_a_part(study):
@@ -97,8 +106,30 @@ def test_a_part_without_an_effect(study):
 def test_the_example_of_the_documentation(study):
     """YAML and part as docs/diagnosis.md gives them."""
     text = (ROOT / "docs/diagnosis.md").read_text(encoding="utf-8")
-    effect = text.split("<!-- effects/gel.yaml -->\n```yaml\n")[1].split("```")[0]
-    part = text.split("<!-- effects/gel.inp.j2 -->\n```\n")[1].split("```")[0]
-    assert checked(study, part, "gel", **{**dict.fromkeys(OWN), **yaml.safe_load(effect)}) == [
-        "effect gel: a soft bed beside the body; changes the deck"
+    effect = text.split("<!-- effects/return_spring.yaml -->\n```yaml\n")[1].split("```")[0]
+    part = text.split("<!-- effects/return_spring.inp.j2 -->\n```\n")[1].split("```")[0]
+    (study / "effects/return_spring.yaml").write_text(effect)
+    (study / "effects/return_spring.inp.j2").write_text(part)
+    assert checked(study) == [
+        "effect mine: softer on one side; changes the deck",
+        "effect return_spring: a spring that draws the indenter back; changes the deck",
     ]
+    # it takes up as much of the force as it says, with a solver
+    settings = load_settings(CONFIG)
+    fit, _ = begin(settings, study.parent / "model")
+    asked = [fit.ask({"mu": 0.05, "return_spring.stiffness": stiffness}) for stiffness in (0.0, 5.0)]
+    solve_missing(fit, asked, 1)
+    without, drawn = (fit.prediction(one).conjugate for one in asked)
+    assert drawn - without == pytest.approx([5.0 * 0.4, 5.0 * 0.8], rel=1e-6)
+
+
+def test_every_name_of_the_documentation_is_there(study):
+    """The table of names against what a template may name."""
+    text = (ROOT / "docs/diagnosis.md").read_text(encoding="utf-8")
+    rows = text.split("| name in a part | what it is |")[1].split("\n\n")[0]
+    documented = set(re.findall(r"`(\w+)", "\n".join(row.split("|")[1] for row in rows.splitlines()[2:]))) - {"x"}
+    settings, read = load_settings(CONFIG), load_study(Path("study"))
+    context = deck_context(read, make_mesh(read, settings.model.mesh), "mesh", {"mu": 0.05}, settings.model.material)
+    assert documented <= set(context)
+    left = set(context) - documented
+    assert left == {"title", "mesh", "increment", "parts", "aside", "shares", "ball", "half_tube"}

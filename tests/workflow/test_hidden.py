@@ -204,7 +204,9 @@ def test_the_diagnosis_opens_nothing_that_is_sealed(place, tmp_path):
     last = max(model.glob("rounds/*.json"), key=lambda path: int(path.stem))
     options = ["--data", "prepared.npz", "--mesh", "mesh.inp", "--refined", "refined.inp", "--last", last,
                "--estimate", "estimate.json", "--out", "diagnosis.json", "--sims", "../sims", "--threads", "2"]  # fmt: skip
-    paths = [model / value if isinstance(value, str) and value[0] != "-" and value != "2" else value for value in options]
+    paths = [
+        model / value if isinstance(value, str) and value[0] != "-" and value != "2" else value for value in options
+    ]
     command = [sys.executable, "-c", SEALED, "diagnose", model / "settings.json", *paths]
     run(copy, *map(str, command))
     again = read_json(model / "diagnosis.json")
