@@ -240,7 +240,7 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
         "the pictures in multiples of what noise alone leaves, fitted / held-out steps; mu errors are those of the",
         "three layers against the truth, before and after the blamed effects were added; times hold for one thread",
         "beside other work. Cases of the script that are not in the table have not been run yet. Intervals of",
-        "constants are kept since they are asked for: cases that ran before are judged by the 3 % alone. The method was",
+        "constants are kept since they are asked for: earlier cases are judged by the 3 % alone. The method was",
         "improved while the same cases with other noise were looked at. An error in the gain of the force sensor",
         "cannot be told from a common factor of all constants; there mu_bottom is known and not fitted.",
         "",
