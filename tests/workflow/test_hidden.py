@@ -211,7 +211,7 @@ def test_the_diagnosis_opens_nothing_that_is_sealed(place, tmp_path):
     run(copy, *map(str, command))
     again = read_json(model / "diagnosis.json")
     assert again["simulations"] == 0
-    assert {**again, "simulations": before["simulations"]} == before
+    same_diagnosis(again, before)
     # what would open it is stopped
     deck = [sys.executable, "-c", SEALED, "deck", "show", copy / "study/sealed/truth.yaml"]
     stopped = subprocess.run(list(map(str, deck)), cwd=copy, capture_output=True, text=True)
@@ -220,7 +220,18 @@ def test_the_diagnosis_opens_nothing_that_is_sealed(place, tmp_path):
     # and without it the diagnosis is the same
     shutil.rmtree(copy / "study/sealed")
     run(copy, *map(str, command))
-    assert read_json(model / "diagnosis.json") == again
+    same_diagnosis(read_json(model / "diagnosis.json"), again)
+
+
+def same_diagnosis(one, other):
+    """All words and the order of the ranking; numbers to the last digits that sums in another order leave."""
+    words = ("model", "verdict", "sentence", "effects", "freedom", "not_tried", "add")
+    assert {key: one[key] for key in words} == {key: other[key] for key in words}
+    assert [entry["effect"] for entry in one["ranking"]] == [entry["effect"] for entry in other["ranking"]]
+    assert one["misfit"] == pytest.approx(other["misfit"], rel=1e-9)
+    for mine, yours in zip(one["ranking"], other["ranking"], strict=True):
+        assert mine["size"] == pytest.approx(yours["size"], rel=1e-6, abs=1e-9)
+        assert (mine["refit"] or {}).get("start") == (yours["refit"] or {}).get("start")
 
 
 def test_no_rule_reads_what_is_sealed(place, monkeypatch):
