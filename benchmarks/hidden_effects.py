@@ -28,6 +28,7 @@ from fingerfit.experiment import Solved, Truth, read_truth, solve, write_study
 from fingerfit.files import write_json, write_text
 from fingerfit.fit import Fit
 from fingerfit.refine import minimum
+from fingerfit.report import estimate_of
 from fingerfit.rounds import Round
 from fingerfit.settings import load_settings
 from fingerfit.simulate import begin, run_fit
@@ -103,6 +104,8 @@ def rung(fit: Fit, last: Round, found: Examined, truth: Truth) -> dict[str, Any]
     examination: Examination = found.examination
     fitted, held_out = errors(examination)
     values = minimum(fit, last).values
+    intervals = {n: entry["interval95"] for n, entry in estimate_of(fit, last)["parameters"].items()}
+    constants = {n: v for n, v in truth.values.items() if n in values and n.startswith("mu")}
     return {
         "effects": list(fit.settings.model.effects),
         "verdict": found.verdict.kind,
@@ -112,7 +115,8 @@ def rung(fit: Fit, last: Round, found: Examined, truth: Truth) -> dict[str, Any]
         "refits": {n: [r.misfit / r.freedom, r.fitted, r.held_out] for n, r in found.refits.items()},
         "fitted": fitted,
         "held_out": held_out,
-        "errors": {n: values[n] / v - 1 for n, v in truth.values.items() if n in values and n.startswith("mu")},
+        "errors": {n: values[n] / v - 1 for n, v in constants.items()},
+        "inside": {n: bool(intervals[n][0] <= v <= intervals[n][1]) for n, v in constants.items()},
         "values": {n: float(v) for n, v in values.items()},
     }
 
@@ -159,14 +163,34 @@ def run_case(hidden: dict[str, Any], seed: int, threads: int, keep: Path | None,
     return {"hidden": hidden, "seed": seed, "mesh": truth.mesh["across"], "rungs": rungs, **times}
 
 
-def counts(cases: dict[str, dict[str, Any]]) -> list[str]:
-    """How often each group of cases came out as it should, and which did not."""
+CLOSE = 0.03
+"""Share of a constant within which it counts as found."""
+PATIENCE = 300
+"""Seconds that fit, diagnosis and climb of a case may take."""
 
-    def line(title: str, group: dict[str, Any], right: Callable[[dict[str, Any], set[str]], bool]) -> str:
+
+def off(row: dict[str, Any]) -> list[str]:
+    """Constants of a rung that are neither close to the truth nor have it in their stated interval."""
+    inside = row.get("inside", {})  # cases that were kept by earlier versions do not have it
+    return [name for name, error in row["errors"].items() if abs(error) > CLOSE and not inside.get(name)]
+
+
+def counts(cases: dict[str, dict[str, Any]]) -> list[str]:
+    """How often each group of cases came out as it should, what is required, and which did not."""
+
+    def line(
+        title: str,
+        group: dict[str, Any],
+        right: Callable[[dict[str, Any], set[str]], bool],
+        required: int | None = None,
+    ) -> str:
         there = {name: cases[name] for name in group if name in cases}
         missed = [name for name, case in there.items() if not right(case, set(case["hidden"]))]
         listed = f": {', '.join(missed)}" if missed else ""
-        return f"| {title} | {len(there) - len(missed)} of {len(there)} | {len(missed)}{listed} |"
+        share = 100 * (len(there) - len(missed)) / max(len(there), 1)
+        wanted = "-" if required is None else f"{required} %: {'met' if share >= required else 'NOT met'}"
+        so = f"{len(there) - len(missed)} of {len(there)} ({share:.0f} %)"
+        return f"| {title} | {so} | {wanted} | {len(missed)}{listed} |"
 
     def first(case: dict[str, Any]) -> tuple[str, set[str]]:
         return case["rungs"][0]["verdict"], set(case["rungs"][0]["blamed"])
@@ -182,23 +206,27 @@ def counts(cases: dict[str, dict[str, Any]]) -> list[str]:
     clear = {name: hidden for name, hidden in CLEAR.items() if name in cases}
     added = {name: hidden for name, hidden in clear.items() if hidden and after(cases[name], set(hidden))}
     return [
-        "| what is asked | so it is | not |",
-        "| --- | --- | --- |",
+        "| what is asked | so it is | required | not |",
+        "| --- | --- | --- | --- |",
         line("clear: the hidden effect is named, or is in the set that these data cannot tell apart", CLEAR,
-             lambda case, hidden: hidden <= first(case)[1]),
-        line("clear: its name alone", CLEAR, lambda case, hidden: first(case) == ("missing", hidden)),
+             lambda case, hidden: hidden <= first(case)[1], 95),
+        line("clear: its name alone", CLEAR, lambda case, hidden: first(case) == ("missing", hidden), 85),
         line("clear: adequate once what was blamed first is added", CLEAR,
              lambda case, hidden: len(case["rungs"]) == 2 and case["rungs"][1]["verdict"] == "adequate"),
         line("right effect added: held-out error at most 1.1 of the noise", added,
              lambda case, hidden: (after(case, hidden) or {})["held_out"] <= 1.1),
-        line("right effect added: constants within 3 % of the truth", added,
-             lambda case, hidden: max(map(abs, (after(case, hidden) or {})["errors"].values())) <= 0.03),
+        line("right effect added: every constant within 3 % of the truth or with the truth in its interval", added,
+             lambda case, hidden: not off(after(case, hidden) or {})),
+        line("before it was added: some constant neither", added, lambda case, hidden: bool(off(case["rungs"][0]))),
+        line("nothing hidden: no effect named (false alarms at most 5 %)", NOTHING,
+             lambda case, hidden: not first(case)[1], 95),
         line("nothing hidden: adequate", NOTHING, lambda case, hidden: first(case)[0] == "adequate"),
         line("two hidden: both found, then adequate", TWO, reached),
         line("not in the catalogue: unexplained", UNKNOWN, lambda case, hidden: first(case)[0] == "unexplained"),
         line("weak: no wrong name alone", WEAK,
              lambda case, hidden: first(case)[0] != "missing" or first(case)[1] == hidden),
         line("weak: named, or in the set", WEAK, lambda case, hidden: hidden <= first(case)[1]),
+        line("found within 5 minutes, all rungs together", cases, lambda case, hidden: case["found"] <= PATIENCE),
         "",
     ]  # fmt: skip
 
@@ -211,7 +239,8 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
         "Made by `benchmarks/hidden_effects.py` (`make benchmark-hidden`). Errors are root mean square differences of",
         "the pictures in multiples of what noise alone leaves, fitted / held-out steps; mu errors are those of the",
         "three layers against the truth, before and after the blamed effects were added; times hold for one thread",
-        "beside other work. Cases of the script that are not in the table have not been run yet. The method was",
+        "beside other work. Cases of the script that are not in the table have not been run yet. Intervals of",
+        "constants are kept since they are asked for: earlier cases are judged by the 3 % alone. The method was",
         "improved while the same cases with other noise were looked at. An error in the gain of the force sensor",
         "cannot be told from a common factor of all constants; there mu_bottom is known and not fitted.",
         "",
@@ -247,13 +276,14 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=everything, metavar="NAME", help="names of cases")
     parser.add_argument("--keep", type=Path, help="folder that keeps simulations for another run")
     parser.add_argument("--write", type=Path, help="folder for the studies of the cases, to be fitted by hand; no fit")
+    parser.add_argument("--table", action="store_true", help="write the table of the cases that are kept; no fit")
     args = parser.parse_args()
     cases = {}
     for name, hidden in everything.items():
         slug = name.replace(" ", "_").replace(",", "").replace(":", "")
         path = HERE / ".cache" / "hidden" / f"{slug}.json"
         seed = SEED + (int(name.split()[-1]) if name.startswith("nothing") else 1)
-        wanted = args.only is None or name in args.only
+        wanted = not args.table and (args.only is None or name in args.only)
         if args.write:
             if wanted:
                 with tempfile.TemporaryDirectory() as folder:

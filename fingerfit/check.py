@@ -6,10 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.effects.contract import Effect
+from fingerfit.effects.observe import Observation
+from fingerfit.effects.sense import unmet
+from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.imaging.pictures import Picture, read_picture
+from fingerfit.mesh import Mesh
 from fingerfit.prepare import make_mesh, prepare
-from fingerfit.settings import load_settings
-from fingerfit.settings_check import check_against_study
+from fingerfit.settings import Settings, load_settings
+from fingerfit.settings_check import changes_the_deck, check_against_study, check_effects
 from fingerfit.study import Study
 from fingerfit.study_file import load_study, study_path
 
@@ -35,6 +41,7 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
     settings = load_settings(config)
     check_against_study(settings, study, config)
     mesh = make_mesh(study, settings.model.mesh)
+    check_effects(settings, study, mesh, config)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     lines = [
         f"{study_path(path)}: {study.title}",
@@ -57,6 +64,7 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
             f" noise {100 * data.picture_noise:.2g} % of the brightest"
         )
         lines += ["prepared, in this order:", *(f"  {line}" for line in data.history.splitlines())]
+    lines += own_effects(settings, study, mesh)
     lines.append(_identifiable(study, bool(len(data.measured)), settings.fit.score))
     if picture is not None and len(data.measured):
         from fingerfit.plots import extent, figure_overlay, save
@@ -66,6 +74,57 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
         save(figure_overlay(mesh, data.before, extent(data)) if plane else figure_place(mesh, frame_of(data)), picture)
         lines.append(f"mesh over picture: {picture}")
     return "\n".join(lines)
+
+
+def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
+    """A line for each effect of the study's own folder, after its formulas and its part were tried at a small size.
+
+    Raises
+    ------
+    Problems
+        With one line for each that cannot be read, or whose formulas or part name what is not there.
+    """
+    folder = Path(settings.study) / "effects"
+    known = catalogue(Path(settings.study))
+    problems: list[FingerfitError] = [
+        InputError(part, "file", "no .yaml beside it", f"{part.name.removesuffix('.inp.j2')}.yaml, or no such part")
+        for part in sorted(folder.glob("*.inp.j2"))
+        if not (folder / f"{part.name.removesuffix('.inp.j2')}.yaml").exists()
+    ]
+    lines = []
+    for path in sorted(folder.glob("*.yaml")):
+        effect = known[path.stem]
+        lacking = unmet(effect, study, mesh.dim)
+        try:
+            use = (
+                f"needs {' and '.join(lacking)}: not tested here" if lacking else _tried(settings, study, mesh, effect)
+            )
+        except InputError as error:
+            own = error.where == f"effect {effect.name}"
+            problems.append(InputError(path, error.field, error.found, error.expected) if own else error)
+        else:
+            lines.append(f"effect {effect.name}: {effect.title}; {use}")
+    if problems:
+        raise Problems(problems)
+    return lines
+
+
+def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
+    """What an effect at the size of a first look changes."""
+    start = {parameter.name: parameter.start for parameter in settings.parameters()}
+    sizes = {effect.key(p.name): p.null + p.step for p in effect.parameters}
+    values = {**start, **effect.places()[0], **sizes}
+    found = []
+    if changes_the_deck(settings, study, mesh, effect):
+        found.append("the deck")
+    seen = Observation.of([effect], values, mesh.body, len(study.steps))
+    if seen is not None:
+        seen.shift(1)
+        seen.intensity(np.zeros(1), 1, *mesh.body[:1].T)
+        for name in ("force", "displacement"):
+            seen.conjugate(np.zeros(len(study.steps)), name)
+        found.append(", ".join(effect.observes))
+    return f"changes {' and '.join(found)}" if found else "changes nothing in this study: not tested here"
 
 
 def _turn(frame: Picture) -> str:

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 from fingerfit.effects.catalogue import catalogue, chosen
 from fingerfit.effects.contract import Effect
-from fingerfit.errors import StateError
+from fingerfit.errors import InputError, StateError
 from fingerfit.files import read_json
 from fingerfit.guess import Parameter
 from fingerfit.keys import unknown_key
@@ -28,7 +29,13 @@ class Model:
     @property
     def full_name(self: Any) -> str:
         """Name with the effects: that of its folder."""
-        return "+".join([self.name, *self.effects])
+        return str(self.path[-1])
+
+    @property
+    def path(self: Any) -> list[str]:
+        """Names of the models on the way to this one: without effects, with the first, ..., with all."""
+        effects = list(self.effects)
+        return ["+".join([self.name, *effects[:count]]) for count in range(len(effects) + 1)]
 
 
 class Choices:
@@ -50,22 +57,29 @@ class Choices:
                 added.append(Parameter(effect.key(name), "1", lower, upper, start, log=0 < WIDE * lower <= upper))
         return own + tuple(added)
 
-    def effects(self: Any) -> tuple[Effect, ...]:
-        """Effects of the model, in order.
+    def effects(self: Any, where: Path | str = CONFIG) -> tuple[Effect, ...]:
+        """Effects of the model, in order; `where` is named in errors.
 
         Raises
         ------
         InputError
-            For an effect or a number of it that is not known, with the nearest one that is.
+            For an effect or a number of it that is not known, with the nearest one that is; for a number out of bounds.
         """
         if not self.model.effects:
             return ()
-        found = chosen(list(self.model.effects), catalogue(Path(self.study)), CONFIG)
+        every = catalogue(Path(self.study))
+        if not every.keys() >= self.model.effects.keys() and not Path(self.study).is_dir():
+            raise InputError(where, "study", self.study, "the folder of a study")
+        found = chosen(list(self.model.effects), every, where)
         for effect in found:
-            known = list(effect.own({}))
-            for key in self.model.effects[effect.name]:
+            known, bounds = list(effect.own({})), effect.bounds()
+            for key, value in self.model.effects[effect.name].items():
                 if key not in known:
-                    raise unknown_key(CONFIG, f"model.effects.{effect.name}.", key, known)
+                    raise unknown_key(where, f"model.effects.{effect.name}.", key, known)
+                low, high = bounds.get(key, (-math.inf, math.inf))
+                if not low <= value <= high:
+                    expected = f"{low:g} to {high:g}, the bounds"
+                    raise InputError(where, f"model.effects.{effect.name}.{key}", f"{value:g}", expected)
         return found
 
     def fixed(self: Any) -> dict[str, float]:

@@ -121,7 +121,8 @@ def _parser() -> argparse.ArgumentParser:
             sub.add_argument("--estimate", type=Path, required=True)
             sub.add_argument("--threads", type=int, default=1)
 
-    sub = command("ladder", "put the rungs of a study together, and write the page (for the workflow)")
+    sub = command("ladder", "put the rungs on the way to a model together, and write the page (for the workflow)")
+    sub.add_argument("settings", type=Path, help="settings.json of the model")
     sub.add_argument("--out", type=Path, required=True, help="ladder.json in the folder of the study's results")
     sub.add_argument("--page", type=Path, required=True)
     return parser

@@ -13,13 +13,14 @@ from typing import Any
 
 from fingerfit.decks import make_deck, refusal, with_effect
 from fingerfit.effects.catalogue import catalogue, chosen
-from fingerfit.effects.contract import NUMERICS, OBSERVATION, Effect
+from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.errors import FingerfitError, InputError, SolverError
 from fingerfit.files import read_json, write_text
-from fingerfit.layout import model_folder
+from fingerfit.layout import PACKAGE, model_folder, study_folder
 from fingerfit.mesh_io import format_mesh
 from fingerfit.prepare import make_mesh
-from fingerfit.settings import Settings, load_settings
+from fingerfit.settings import CONFIG, Settings, load_settings
+from fingerfit.settings_check import check_effects
 from fingerfit.study_file import load_study
 
 RUNGS = 6
@@ -35,22 +36,16 @@ def add(config: Path, name: str) -> str:
         For an effect that is not known, is there already, or needs what the solver lacks.
     """
     settings = load_settings(config)
-    known = catalogue(Path(settings.study))
-    effect = chosen([name], known, config)[0]
-    if effect.acts == NUMERICS:
-        cure = "a finer model.mesh and model.refined" if name == "coarse_mesh" else "smaller increments in the template"
-        raise InputError(config, f"model.effects.{name}", "an effect that is no part of a model", cure)
+    effect = chosen([name], catalogue(Path(settings.study)), config)[0]
     if name in settings.model.effects:
         raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
-    lacking = _lacking(settings, effect, known)
-    if lacking:
-        expected = f"an effect that solver {settings.solver} has what it needs for"
-        raise InputError(config, f"model.effects.{name}", f"{name}, which needs {lacking}", expected)
-    numbers = _found(settings, name)
+    numbers, reused = _found(settings, name)
+    _refuse(_with(settings, name, numbers, config), effect, config)
     _rewrite(config, {**settings.model.effects, name: numbers})
     what = ", ".join(f"{key} {value:.4g}" for key, value in numbers.items())
     start = f", starting at {what}" if what else ""
-    return f"{config}: added {name} ({effect.title}){start}; now: snakemake --cores 2 diagnose"
+    known = f"; {reused} simulations of its refit are known" if reused else ""
+    return f"{config}: added {name} ({effect.title}){start}{known}"
 
 
 def drop(config: Path, name: str) -> str:
@@ -69,8 +64,16 @@ def drop(config: Path, name: str) -> str:
     return f"{config}: dropped {name}; its results stay where they are"
 
 
+def run_again(config: Path) -> str:
+    """The command that fits and diagnoses the model of a config file."""
+    chosen = "" if config == Path(CONFIG) else f" --configfile {config}"
+    return f"snakemake --cores 2 diagnose{chosen}"
+
+
 def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
     """Fit, diagnose, add what is missing, and again, until nothing is missing or nothing known explains the rest.
+
+    Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so.
 
     Raises
     ------
@@ -78,25 +81,59 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         When the workflow fails.
     """
     for _ in range(RUNGS):
-        command = [sys.executable, "-m", "snakemake", "diagnose", "--cores", str(cores), "--configfile", str(config)]
-        if subprocess.run(command, check=False).returncode:
+        if subprocess.run(_workflow(config, cores), check=False).returncode:
             raise FingerfitError(f"{config}: the workflow failed; its messages are above")
         settings = load_settings(config)
-        diagnosis = read_json(model_folder(settings) / "diagnosis.json")
-        say(f"{diagnosis['model']}: {diagnosis['sentence']}")
+        say(_told(read_json(model_folder(settings) / "rung.json")))
+        diagnosis, results = read_json(model_folder(settings) / "diagnosis.json"), study_folder(settings)
         if not diagnosis["effects"]:
-            return
-        say(add(config, diagnosis["effects"][0]))
-    say(f"stopped after {RUNGS} effects")
+            return say(f"ladder: {results}/ladder.json; page: {results}/report.html")
+        first, *others = diagnosis["effects"]
+        if others:
+            say(f"these data cannot tell {first} from {' and '.join(others)}: {first}, which fits best, is added")
+        say(add(config, first))
+    return say(f"stopped after {RUNGS} models; the last effect is added but not fitted: {run_again(config)}")
 
 
-def _lacking(settings: Settings, effect: Effect, known: dict[str, Effect]) -> str:
-    """What the solver lacks for an effect; nothing where that cannot be found out here: the fit's start will tell."""
-    folder = Path(settings.study)
-    if effect.acts == OBSERVATION or not (folder / "study.yaml").exists():
-        return ""
-    study = load_study(folder)
+def _workflow(config: Path, cores: int) -> list[str]:
+    """The workflow of the folder where this was called; where there is none, the one beside the package."""
+    own = [Path("Snakefile"), Path("workflow/Snakefile")]
+    file = [] if any(path.exists() for path in own) else ["--snakefile", str(PACKAGE.parent / "Snakefile")]
+    return [
+        sys.executable, "-m", "snakemake", "diagnose", *file, "--cores", str(cores), "--configfile", str(config),
+    ]  # fmt: skip
+
+
+def _told(rung: dict[str, Any]) -> str:
+    """One line on a rung: its errors, its simulations and the verdict."""
+    fitted, held_out = rung["error"]["fitted"], rung["error"]["held_out"]
+    held = "" if held_out is None else f", {held_out:.3g} on held-out steps"
+    counted = rung["simulations"]
+    return (
+        f"{rung['model']}: error {fitted:.3g} times the noise{held};"
+        f" {counted['run']} simulations run, {counted['reused']} of the models below reused; {rung['sentence']}"
+    )
+
+
+def _with(settings: Settings, name: str, numbers: dict[str, float], where: Path) -> Settings:
+    data = settings.model_dump(mode="json")
+    data["model"]["effects"][name] = numbers
+    return load_settings(data, where)
+
+
+def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
+    """Refuse an effect of a model that makes no sense in the study, or needs what the solver lacks.
+
+    Where that cannot be found out here, the fit's start will tell.
+    """
+    if not (Path(settings.study) / "study.yaml").exists():
+        return
+    study = load_study(Path(settings.study))
     mesh = make_mesh(study, settings.model.mesh)
+    check_effects(settings, study, mesh, config)
+    if effect.acts == OBSERVATION:
+        return
+    known = catalogue(Path(settings.study))
     start = {parameter.name: parameter.start for parameter in settings.parameters()}
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
         file = Path(name) / "mesh.inp"
@@ -105,21 +142,24 @@ def _lacking(settings: Settings, effect: Effect, known: dict[str, Effect]) -> st
             values = {**start, **with_effect(effect, effect.places()[0], parameter.name)}
             refused = refusal(settings.solver, make_deck(settings, study, mesh, "mesh", values, known), file, "mesh")
             if refused is not None:
-                return str(refused.found)
-    return ""
+                found = f"{effect.name}, which needs {refused.found}"
+                expected = f"an effect that solver {settings.solver} has what it needs for"
+                raise InputError(config, f"model.effects.{effect.name}", found, expected)
 
 
-def _found(settings: Settings, name: str) -> dict[str, float]:
-    """Place and size of an effect in the diagnosis of the model without it; nothing where there is none."""
+def _found(settings: Settings, name: str) -> tuple[dict[str, float], int]:
+    """Numbers of an effect in the diagnosis of the model without it, and how many simulations its refit asked for.
+
+    The refit's start where there was one, so that its simulations are those of the model; else place and size as they
+    were predicted; nothing where there is no diagnosis.
+    """
     path = model_folder(settings) / "diagnosis.json"
-    if not path.exists():
-        return {}
-    for entry in read_json(path)["ranking"]:
+    for entry in read_json(path)["ranking"] if path.exists() else []:
         if entry["effect"] == name:
-            fitted = (entry.get("refit") or {}).get("parameters", {})
-            own = {key.split(".")[1]: value for key, value in fitted.items() if key.split(".")[0] == name}
-            return {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"], **own}.items()}
-    return {}
+            refit = entry.get("refit") or {}
+            predicted = {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"]}.items()}
+            return refit.get("start") or predicted, refit.get("simulations", 0)
+    return {}, 0
 
 
 def _rewrite(config: Path, effects: dict[str, dict[str, float]]) -> None:

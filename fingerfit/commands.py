@@ -49,13 +49,14 @@ def prepare(args: argparse.Namespace) -> None:
     from fingerfit.mesh_io import format_mesh
     from fingerfit.prepare import make_mesh, prepare
     from fingerfit.settings import load_settings
-    from fingerfit.settings_check import check_against_study
+    from fingerfit.settings_check import check_against_study, check_effects
     from fingerfit.study_file import load_study
 
     settings = load_settings(args.settings)
     study = load_study(Path(settings.study))
     check_against_study(settings, study)
     mesh = make_mesh(study, settings.model.mesh)
+    check_effects(settings, study, mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     write_text(args.mesh, format_mesh(mesh))
     if args.refined:
@@ -121,9 +122,9 @@ def diagnose(args: argparse.Namespace) -> None:
     """Say where a fitted model fails and which effect is missing."""
     from fingerfit.examine import examine
     from fingerfit.files import read_json, write_json
-    from fingerfit.findings import rung_of, write_compare, write_diagnosis
+    from fingerfit.findings import count_simulations, rung_of, write_compare, write_diagnosis
     from fingerfit.prepare import prepare
-    from fingerfit.rounds import Round
+    from fingerfit.rounds import Round, asked_for
     from fingerfit.settings import load_settings
 
     fit, last = _fit(args, load_settings(args.settings)), Round.load(args.last)
@@ -132,12 +133,17 @@ def diagnose(args: argparse.Namespace) -> None:
     found = examine(fit, last, everything, args.threads)
     estimate = read_json(args.estimate)
     write_compare(found.examination, args.out.parent / "compare.npz")
-    started = (args.last.parent / "0.json").stat().st_mtime
-    own = {entry["sim"] for entry in last.history} | {asked.sim for asked in last.batch}
-    known = sum((args.sims / sim / "solution.npz").stat().st_mtime < started for sim in own)
-    write_json(args.out.parent / "rung.json", rung_of(found, estimate, known))
+    study, model = args.out.parents[1], fit.settings.model
+    counted = count_simulations(study, model.path, asked_for(args.last), fit.asked)
+    write_json(args.out.parent / "rung.json", rung_of(found, estimate, counted))
     write_diagnosis(found, args.out)
-    print(f"{fit.settings.model.full_name}: {found.verdict.sentence}", flush=True)
+    total, reused = counted["run"] + counted["reused"], counted["reused"]
+    known = (
+        f"{total} simulations, {reused} of them known from the models below"
+        if model.effects
+        else f"{total} simulations"
+    )
+    print(f"{model.full_name}: {known}; {found.verdict.sentence}", flush=True)
 
 
 def export(args: argparse.Namespace) -> None:
@@ -150,16 +156,16 @@ def export(args: argparse.Namespace) -> None:
 
 def add(args: argparse.Namespace) -> None:
     """Add an effect to config.yaml."""
-    from fingerfit.climb import add
+    from fingerfit.climb import add, run_again
 
-    print(add(args.config, args.effect))
+    print(f"{add(args.config, args.effect)}; now: {run_again(args.config)}")
 
 
 def drop(args: argparse.Namespace) -> None:
     """Take an effect out of config.yaml."""
-    from fingerfit.climb import drop
+    from fingerfit.climb import drop, run_again
 
-    print(drop(args.config, args.effect))
+    print(f"{drop(args.config, args.effect)}; now: {run_again(args.config)}")
 
 
 def discover(args: argparse.Namespace) -> None:
@@ -173,10 +179,14 @@ def discover(args: argparse.Namespace) -> None:
 
 def effects(args: argparse.Namespace) -> None:
     """List the effects that are known."""
-    from fingerfit.effects.catalogue import catalogue
+    from fingerfit.effects.catalogue import as_lines, catalogue
+    from fingerfit.errors import InputError
+    from fingerfit.study_file import study_path
 
-    for effect in catalogue(args.study).values():
-        print(f"{effect.name:<18}{effect.title}\n{'':<18}{effect.words}\n{'':<18}looks like: {effect.look}")
+    if args.study and not study_path(args.study).is_file():
+        raise InputError(args.study, "study", "no study.yaml", "the folder of a study")
+    known = catalogue(study_path(args.study).parent if args.study else None)
+    print("\n\n".join(as_lines(effect) for effect in known.values()))
 
 
 def ladder(args: argparse.Namespace) -> None:
@@ -186,8 +196,10 @@ def ladder(args: argparse.Namespace) -> None:
     from fingerfit.page import write_page
 
     study = args.out.parent
-    folders = sorted(path.parent for path in study.glob("*/rung.json"))
-    write_json(args.out, ladder(folders, study.name))
+    found = ladder(study, args.settings)
+    for other in found["others"]:
+        print(f"{other['model']}: not on the ladder: {other['why']}", file=sys.stderr)
+    write_json(args.out, found)
     write_page(study, args.page)
 
 

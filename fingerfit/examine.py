@@ -26,14 +26,16 @@ from fingerfit.judge import Judge
 from fingerfit.refine import finest, minimum
 from fingerfit.rounds import Asked, Round
 from fingerfit.simulate import run_fit, solve_missing
-from fingerfit.suspects import suspects
+from fingerfit.suspects import suspects, untestable
 from fingerfit.verdict import (
     SEEN,
     Refit,
     Verdict,
+    by_settings,
     decide,
     doubted,
     explains,
+    generalising,
     half_explained,
     threshold,
     to_refit,
@@ -67,6 +69,8 @@ class Examined:
         As from `stiffness_map`.
     lacking : dict
         Effects that were not tried, by title, and what the solver lacks for them.
+    untestable : dict
+        Effects that were not tried, by title, and what would have to be measured.
     """
 
     examination: Examination
@@ -78,6 +82,7 @@ class Examined:
     measurements: list[tuple[str, float]]
     stiffness: np.ndarray
     lacking: dict[str, InputError]
+    untestable: dict[str, InputError]
 
 
 def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examined:
@@ -97,14 +102,15 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
     run, refits = found.run, dict[str, Refit]()
     judge, looks, tests = found.judge, found.looks, found.tests
     halves: set[str] = set()
+    fitted, held_out = errors(found.examination)
     for _ in range(BATCHES):
         run += _refit_best(fit, last, everything, found, refits, threads)
-        verdict = doubted(decide(judge, looks, refits, tests), errors(found.examination)[0])
-        half = half_explained(judge, looks, refits, tests)
+        verdict = doubted(decide(judge, looks, refits, tests, held_out=held_out), fitted)
+        half = half_explained(judge, looks, generalising(judge, refits, held_out), tests)
         if half is not None and half.suspect.effect.name not in halves:
             halves.add(half.suspect.effect.name)
             partner, more = _partner(fit, last, half, everything, judge.misfit, threads)
-            verdict, run = decide(judge, looks, refits, tests, partner), run + more
+            verdict, run = decide(judge, looks, refits, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
     measurements: list[tuple[str, float]] = []
@@ -114,8 +120,10 @@ def examine(fit: Fit, last: Round, everything: Data, threads: int = 1) -> Examin
         measurements, more = separation(found.examination, first, second, threads)
         run += more
     stiffness = stiffness_map(found.examination, found.everywhere)
+    verdict = by_settings(verdict, judge, looks, tests)
     verdict = untried(verdict, fit.settings.solver, list(found.lacking))
-    return Examined(found.examination, judge, looks, refits, verdict, run, measurements, stiffness, found.lacking)
+    untold = found.lacking, untestable(fit)
+    return Examined(found.examination, judge, looks, refits, verdict, run, measurements, stiffness, *untold)
 
 
 @dataclass(frozen=True)
@@ -180,6 +188,7 @@ def _partner(
             best = candidate, refit
         if explains(refit):
             break
+    fit.asked.update(ended.fit.asked)
     return best, run
 
 
@@ -271,7 +280,9 @@ def _refit(fit: Fit, last: Round, one: Look, everything: Data, before: float, th
     fitted, held_out = errors(ended.examination)
     judge, values = ended.judge, minimum(ended.fit, ended.last).values
     common = judge.common_misfit, judge.common_freedom
-    return Refit(judge.misfit, judge.freedom, fitted, held_out, values, *common, ended.share), run
+    start = ended.fit.settings.model.effects[one.suspect.effect.name]
+    count = len(ended.fit.asked)
+    return Refit(judge.misfit, judge.freedom, fitted, held_out, values, *common, ended.share, start, count), run
 
 
 @dataclass(frozen=True)
@@ -308,8 +319,11 @@ def _ended(fit: Fit, last: Round, one: Look, everything: Data, before: float, th
 
 def _fitted(fit: Fit, last: Round, one: Look, everything: Data, threads: int, share: float) -> tuple[_Ended, int]:
     wider = widened(fit, last, one, share)
-    end, run = run_fit(wider, threads)
-    run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    try:
+        end, run = run_fit(wider, threads)
+        run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    finally:
+        fit.asked.update(wider.asked)
     examination = Examination(wider, end, everything)
     return _Ended(wider, end, examination, judge_of(examination), share), run
 
@@ -321,9 +335,12 @@ def added(fit: Fit, last: Round, found: Examined, name: str) -> Fit:
 
 
 def widened(fit: Fit, last: Round, one: Look, share: float = 1.0) -> Fit:
-    """Fit of the model with a tested effect more, from where `fit` ended and a share of the predicted size."""
+    """Fit of the model with a tested effect more, from where `fit` ended and a share of the predicted size.
+
+    The size has few digits: `fingerfit add` writes it, and the model that is made so asks for the same simulations.
+    """
     effect = one.suspect.effect
-    size = {p.name: p.null + share * (one.size[p.name] - p.null) for p in effect.parameters}
+    size = {p.name: float(f"{p.null + share * (one.size[p.name] - p.null):.4g}") for p in effect.parameters}
     settings = extended(fit.settings, effect, one.suspect.place, size, minimum(fit, last).values)
     return Fit(settings, fit.data, fit.mesh_files, fit.sims)
 

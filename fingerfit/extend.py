@@ -35,8 +35,10 @@ def extended(
     model = data["model"]
     for name, entry in model["parameters"].items():
         entry["start"] = min(max(values[name], entry["lower"]), entry["upper"])
+    bounds = {(one.name, key): pair for one in settings.effects() for key, pair in one.bounds().items()}
     for name, numbers in model["effects"].items():
-        numbers.update({key.split(".")[1]: v for key, v in values.items() if key.split(".")[0] == name})
+        known = {key.split(".")[1]: v for key, v in values.items() if key.split(".")[0] == name}
+        numbers.update({key: min(max(v, bounds[name, key][0]), bounds[name, key][1]) for key, v in known.items()})
     own = {key.split(".")[1]: value for key, value in place.items()}
     for p in effect.parameters:
         edge = EDGE * p.scale

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fingerfit.choices import read_checked
 from fingerfit.diagnose import Examination, Look, judge_of, summary
 from fingerfit.effects.catalogue import as_text
 from fingerfit.effects.contract import LOADING, Effect
 from fingerfit.examine import Examined, errors, fitted_steps
-from fingerfit.files import read_json, write_json, write_npz
+from fingerfit.files import digest, read_json, write_json, write_npz
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
 from fingerfit.plots import outline
@@ -172,6 +174,8 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
                     "misfit": refit.misfit,
                     "error": {"fitted": refit.fitted, "held_out": refit.held_out},
                     "parameters": {name: float(value) for name, value in refit.values.items()},
+                    "start": dict(refit.start),
+                    "simulations": refit.simulations,
                 },
             }
         )
@@ -191,7 +195,7 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
         "measurements": [{"title": title, "gain": gain} for title, gain in found.measurements],
         "not_tried": [
             {"title": title, "lacks": str(error.found), "expected": error.expected}
-            for title, error in found.lacking.items()
+            for title, error in {**found.lacking, **found.untestable}.items()
         ],
         "add": f"fingerfit add {verdict.effects[0]}" if verdict.effects else "",
         "simulations": found.run,
@@ -204,13 +208,35 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
     return data
 
 
-def rung_of(found: Examined, estimate: dict[str, Any], known: int) -> dict[str, Any]:
-    """The model's rung of the ladder; `known` of its simulations were there before it."""
+def count_simulations(study: Path, models: list[str], fit: set[str], diagnosis: set[str]) -> dict[str, int]:
+    """How many simulations a fit ran and how many it reused: those that the models below it had asked for.
+
+    The names go to ``simulations.json`` beside the model's rung, so that the models above it can be counted.
+
+    Parameters
+    ----------
+    study : Path
+        Results of the study.
+    models : list of str
+        Names of the models on the way to this one, which is the last.
+    fit, diagnosis : set of str
+        Names of the simulations that its fit and its diagnosis asked for.
+    """
+    files = [study / name / "simulations.json" for name in models]
+    write_json(files[-1], {"fit": sorted(fit), "diagnosis": sorted(diagnosis)})
+    below = [read_json(file) for file in files[:-1] if file.exists()]
+    reused = fit & {name for one in below for part in one.values() for name in part}
+    return {"run": len(fit) - len(reused), "reused": len(reused)}
+
+
+def rung_of(found: Examined, estimate: dict[str, Any], simulations: dict[str, int]) -> dict[str, Any]:
+    """The model's rung of the ladder; `simulations` says how many its fit ran and how many it reused."""
     fitted, held_out = errors(found.examination)
     settings, judge = found.examination.fit.settings, found.judge
     count = len(settings.parameters())
     return {
         "model": settings.model.full_name,
+        "made_with": made_with(settings.model_dump(mode="json")),
         "effects": list(settings.model.effects),
         "parameters": estimate["parameters"],
         "error": {"fitted": fitted, "held_out": held_out},
@@ -221,11 +247,46 @@ def rung_of(found: Examined, estimate: dict[str, Any], known: int) -> dict[str, 
         "bic": judge.misfit + count * float(np.log(judge.freedom + count)),
         "verdict": found.verdict.kind,
         "sentence": found.verdict.sentence,
-        "simulations": {"run": estimate["simulations"]["run"] - known, "reused": known},
+        "simulations": simulations,
     }
 
 
-def ladder(folders: list[Path], study: str) -> dict[str, Any]:
-    """The ladder from the rungs that are there, in order of the number of their effects."""
-    rungs = [read_json(folder / "rung.json") for folder in folders if (folder / "rung.json").exists()]
-    return {"study": study, "rungs": sorted(rungs, key=lambda rung: len(rung["effects"]))}
+COMPARED = ("score", "steps", "smooth", "crop", "bins")
+"""Settings of a fit that its errors depend on; those of the search only say how it is found."""
+
+
+def made_with(settings: Mapping[str, Any]) -> str:
+    """Hash of the settings that rungs of one ladder share: all that errors depend on, but effects and starts."""
+    model, fit = settings["model"], settings["fit"]
+    shared = {key: value for key, value in model.items() if key not in ("effects", "parameters")}
+    bounds = {name: {**entry, "start": None} for name, entry in model["parameters"].items()}
+    chosen = [settings["study"], settings["solver"], shared, bounds, [fit[key] for key in COMPARED]]
+    return digest(json.dumps(chosen, sort_keys=True))
+
+
+def ladder(study: Path, settings: Path) -> dict[str, Any]:
+    """The ladder of a model: the rungs on the way to it, from the model without effects.
+
+    Parameters
+    ----------
+    study : Path
+        Results of the study.
+    settings : Path
+        ``settings.json`` of the model.
+
+    Returns
+    -------
+    dict
+        ``study``, ``rungs`` and under ``others`` the models that are not on this ladder, with the reason: a side
+        branch, or a rung that was made with other settings, whose errors are not comparable.
+    """
+    now, path = made_with(read_json(settings)), read_checked(settings).model.path
+    there = {file.parent.name: read_json(file) for file in sorted(study.glob("*/rung.json"))}
+    same = {name for name, rung in there.items() if rung.get("made_with") == now}
+    reasons = {
+        name: "not on the way to this model" if name in same else "made with other settings"
+        for name in there
+        if name not in same or name not in path
+    }
+    others = [{"model": name, "why": why} for name, why in reasons.items()]
+    return {"study": study.name, "rungs": [there[name] for name in path if name in same], "others": others}

@@ -51,12 +51,15 @@ class Fit:
         ``search`` and, where there is one, ``refined``.
     sims : Path
         Folder of the simulations.
+    asked : set of str
+        Names of the simulations that were asked for inside this process.
     """
 
     settings: Settings
     data: Data
     mesh_files: dict[str, Path]
     sims: Path
+    asked: set[str] = field(default_factory=set, repr=False, compare=False)
     _predictions: dict[str, Prediction] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
@@ -132,7 +135,7 @@ class Fit:
         text = format_mesh(mesh)
         path = self.sims.parent / "meshes" / f"{digest(text)}.inp"
         write_text(path, text)
-        return Fit(self.settings, self.data, {**self.mesh_files, name: path}, self.sims)
+        return Fit(self.settings, self.data, {**self.mesh_files, name: path}, self.sims, self.asked)
 
     @cached_property
     def effects(self) -> dict[str, Effect]:

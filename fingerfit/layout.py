@@ -11,7 +11,9 @@ from fingerfit.effects.catalogue import catalogue
 from fingerfit.errors import InputError
 from fingerfit.extend import extended
 from fingerfit.files import digest, read_json, write_text
+from fingerfit.prepare import make_mesh
 from fingerfit.settings import CONFIG, Settings
+from fingerfit.settings_check import check_against_study, check_effects
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study_file import load_study
 
@@ -53,7 +55,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
     "plot": (*_FIT, "plots.py", "slices.py", "volumes.py"),
-    "ladder": ("findings.py", "page"),
+    "ladder": ("choices.py", "findings.py", "page"),
     "export": (*_READ, *_MESH, "export.py", "fields.py", "slices.py", "deck", "fem", "solvers/model.py"),
     "diagnose": (
         *_FIT,
@@ -101,7 +103,7 @@ def settings_of(settings: Settings, stage: str) -> str:
         },
         "estimate": {"model": every["model"], "fit": fit},
         "plot": {},
-        "ladder": {},
+        "ladder": {name: every[name] for name in ("study", "solver", "model", "fit")},
         "export": {},
         "diagnose": {"solver": get_solver(settings.solver).identity(), "model": every["model"], "fit": fit},
     }
@@ -118,8 +120,8 @@ def model_folder(settings: Settings) -> Path:
     return study_folder(settings) / settings.model.full_name
 
 
-def warm(settings: Settings) -> Settings:
-    """Settings whose search starts at the estimate of the model with one effect less.
+def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
+    """Settings whose search starts at the estimate of the model with one effect less; `where` is named in errors.
 
     Raises
     ------
@@ -137,11 +139,27 @@ def warm(settings: Settings) -> Settings:
     path = model_folder(parent) / "estimate.json"
     if not path.exists():
         found, wanted = f"{last}, but no {path}", f"an estimate without it first: fingerfit drop {last}, then snakemake"
-        raise InputError(CONFIG, f"model.effects.{last}", found, wanted)
+        raise InputError(where, f"model.effects.{last}", found, wanted)
     values = {name: entry["value"] for name, entry in read_json(path)["parameters"].items()}
     effect = catalogue(Path(settings.study))[last]
     place = {effect.key(name): effects[last][name] for name in effect.scan if name in effects[last]}
     return extended(parent, effect, place, effects[last], values)
+
+
+def check_model(settings: Settings, where: Path | str = CONFIG) -> None:
+    """Refuse settings and effects of a model that make no sense in the study; `where` is named in errors.
+
+    Raises
+    ------
+    FingerfitError
+        With one line for each.
+    """
+    if not Path(settings.study).exists():
+        raise InputError(where, "study", settings.study, "the folder of a study")
+    study = load_study(Path(settings.study))
+    check_against_study(settings, study, where)
+    if settings.model.effects:
+        check_effects(settings, study, make_mesh(study, settings.model.mesh), where)
 
 
 def study_files(settings: Settings) -> list[str]:

@@ -99,7 +99,7 @@ def table_of(found: dict[str, Any]) -> str:
     lines += [
         "",
         f"score {found['score']['kind']} {found['score']['final']:.6f}; {search['rounds']} rounds,"
-        f" {sims['asked']} simulations asked for, {sims['run']} different ones run; stop: {search['stop']}",
+        f" {sims['asked']} simulations asked for, {sims['run']} different ones; stop: {search['stop']}",
     ]
     if found["search_mesh"]:
         moves = [(name, entry["value"] / found["search_mesh"][name] - 1) for name, entry in found["parameters"].items()]

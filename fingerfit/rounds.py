@@ -109,6 +109,12 @@ class Round:
             raise StateError(f"{path}: is not a round of a search: {error}") from error
 
 
+def asked_for(last: Path) -> set[str]:
+    """Names of the simulations that the rounds of a fit asked for, up to the one in the file `last`."""
+    rounds = [Round.load(last.parent / f"{number}.json") for number in range(Round.load(last).number + 1)]
+    return {asked.sim for one in rounds for asked in one.batch}
+
+
 @lru_cache(maxsize=4096)
 def _load_cached(path: str, stamp: int) -> Round:
     return Round.load(Path(path))

@@ -177,7 +177,7 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
     problems = _cross_check(settings, where)
     if problems:
         raise Problems(problems)
-    settings.effects()
+    settings.effects(where)
     return settings
 
 

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from fingerfit.decks import make_deck
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.effects.contract import NUMERICS, OBSERVATION, Effect
+from fingerfit.effects.sense import cure_of, unmet
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.fem.elements import ELEMENTS
+from fingerfit.mesh import Mesh
 from fingerfit.settings import CONFIG, MATERIAL, Settings
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Study
@@ -63,6 +68,42 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
             problems.append(InputError(where, f"model.{key}.element", mesh.element, expected))
     if problems:
         raise Problems(problems)
+
+
+def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | str = CONFIG) -> None:
+    """Problems of the effects of a model with the study and with each other.
+
+    Raises
+    ------
+    Problems
+        Effects of the solver's settings, effects that need what the study does not have, and effects that change
+        nothing in its deck, as friction where nothing is in contact: their numbers could not be found.
+    """
+    problems: list[FingerfitError] = []
+    for effect in settings.effects(where):
+        field = f"model.effects.{effect.name}"
+        lacking = unmet(effect, study, mesh.dim)
+        if effect.acts == NUMERICS:
+            problems.append(InputError(where, field, "an effect that is no part of a model", cure_of(effect)[1]))
+        elif lacking:
+            found = f"{effect.name}, which needs {' and '.join(lacking)}"
+            problems.append(InputError(where, field, found, f"an effect that makes sense in {study.path}"))
+        elif effect.acts != OBSERVATION and not changes_the_deck(settings, study, mesh, effect):
+            found = f"{effect.name}, which changes nothing in the deck of this study"
+            expected = f"an effect on what {settings.model.template} has"
+            problems.append(InputError(where, field, found, expected))
+    if problems:
+        raise Problems(problems)
+
+
+def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> bool:
+    """Whether the deck with an effect at the sizes of a first look differs from that without it."""
+    known = catalogue(Path(settings.study))
+    start = {parameter.name: parameter.start for parameter in settings.parameters()}
+    sizes = [effect.null()]
+    sizes += [{**effect.null(), effect.key(p.name): p.null + p.step} for p in effect.parameters]
+    without, *decks = (make_deck(settings, study, mesh, "mesh", {**start, **size}, known) for size in sizes)
+    return any(deck != without for deck in decks)
 
 
 def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:

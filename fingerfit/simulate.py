@@ -43,6 +43,7 @@ def begin(settings: Settings, folder: Path) -> tuple[Fit, Data]:
 
 def solve_missing(fit: Fit, asked: Sequence[Asked], threads: int) -> int:
     """Solve what has no solution yet; returns how many that were."""
+    fit.asked.update(a.sim for a in asked)
     batch = [a for a in asked if not (fit.sims / a.sim / "solution.npz").exists()]
     meshes = {fit.mesh_names[name]: path for name, path in fit.mesh_files.items()}
     missing = write_folders(fit.sims.parent, batch, fit.solver, meshes)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from fingerfit.decks import with_effect
 from fingerfit.effects.contract import OBSERVATION, Effect
+from fingerfit.effects.sense import not_measured, unmet
 from fingerfit.errors import InputError
 from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.rounds import Asked
-from fingerfit.study import Study
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,9 @@ def suspects(fit: Fit, values: Mapping[str, float]) -> tuple[list[Suspect], dict
     study = fit.study
     found: list[Suspect] = []
     lacking: dict[str, InputError] = {}
-    there = what_is_there(study, fit.meshes[SEARCH].dim)
     without = fit.ask(values).sim
     for effect in fit.effects.values():
-        if effect.name in fit.settings.model.effects or not there.issuperset(effect.needs):
-            continue
-        if effect.control and effect.control != study.control:
+        if effect.name in fit.settings.model.effects or unmet(effect, study, fit.meshes[SEARCH].dim):
             continue
         if _is_fitted(effect, fit):
             continue
@@ -73,6 +70,24 @@ def suspects(fit: Fit, values: Mapping[str, float]) -> tuple[list[Suspect], dict
     return found, lacking
 
 
+def untestable(fit: Fit) -> dict[str, InputError]:
+    """Effects that may be in this body but cannot be tested on what was measured, by title, and what is lacking.
+
+    Those on the observation are not among them: a brightness that drifts is none where there are no pictures.
+    """
+    study, found = fit.study, dict[str, InputError]()
+    for effect in fit.effects.values():
+        if effect.name in fit.settings.model.effects or effect.acts == OBSERVATION:
+            continue
+        lacking = not_measured(effect, study, fit.meshes[SEARCH].dim)
+        if effect.name == "coarse_mesh" and REFINED not in fit.mesh_files:
+            lacking = ["a finer mesh"]
+        if lacking:
+            expected = "it in the study, or for a mesh in the settings: then the effect is tested"
+            found[effect.title] = InputError(study.path, "effects", " and ".join(lacking), expected)
+    return found
+
+
 def _is_fitted(effect: Effect, fit: Fit) -> bool:
     """Whether all that an effect changes are constants that the model fits in every layer."""
     model = fit.settings.model.parameters
@@ -85,20 +100,3 @@ def _is_fitted(effect: Effect, fit: Fit) -> bool:
             quantity in model or all(f"{quantity}_{name}" in model for name in names) for quantity in effect.changes
         )
     )
-
-
-def what_is_there(study: Study, dim: int) -> set[str]:
-    """Which of the needs of effects a study meets."""
-    pictured = any(step.picture for step in study.steps)
-    return {
-        name
-        for name, there in (
-            ("time", all(step.time is not None for step in study.steps)),
-            ("pictures", pictured),
-            ("displacements", pictured or any(step.points for step in study.steps)),
-            ("layers", study.body.width is not None),
-            ("plane", dim == 2),
-            ("space", dim == 3),
-        )
-        if there
-    }

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from fingerfit.diagnose import Look, alike
 from fingerfit.effects.contract import NUMERICS
+from fingerfit.effects.sense import cure_of
 from fingerfit.judge import Judge
 
 LEVEL = 0.01
@@ -25,6 +26,8 @@ alone, all signals are alike, and refits, which decide, cost little."""
 FEW = 50
 LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
+WORSE, WORSE_OF_FEW = 0.02, 0.2
+"""Rise of the error on held-out steps, in noise floors, from which a refit does not count; of few values."""
 TRIED = 3
 """Effects that are refitted at once."""
 
@@ -46,6 +49,10 @@ class Refit:
         Of what all values of a step have in common.
     share : float
         Of the predicted size, from which the refit went out.
+    start : mapping
+        Numbers of the effect that it went out from: with these in the settings its simulations are asked for again.
+    simulations : int
+        How many it asked for.
     """
 
     misfit: float
@@ -56,6 +63,8 @@ class Refit:
     common_misfit: float = 0.0
     common_freedom: int = 0
     share: float = 1.0
+    start: Mapping[str, float] = field(default_factory=dict)
+    simulations: int = 0
 
 
 @dataclass(frozen=True)
@@ -165,8 +174,12 @@ def decide(
     refits: Mapping[str, Refit],
     tests: int,
     partner: tuple[Look, Refit] | None = None,
+    held_out: float | None = None,
 ) -> Verdict:
     """The verdict on a model.
+
+    A refit that is worse on held-out steps than the model without its effect does not count: the effect is a mere
+    freedom to fit.
 
     Parameters
     ----------
@@ -181,6 +194,8 @@ def decide(
     partner : (Look, Refit), optional
         Where the best effect does not explain enough: the one that explains most of what it leaves, and the refit of
         both.
+    held_out : float, optional
+        Error of the model on held-out steps, where there are some.
     """
     if judge.freedom < 1:
         text = "there are as many constants as measured values: nothing can be said about what is missing"
@@ -188,7 +203,12 @@ def decide(
     limit = threshold(judge, looks, tests)
     adequate = explains(judge)
     by_name = {look.suspect.effect.name: look for look in looks}
+    refitted, refits = refits, generalising(judge, refits, held_out)
     tried = [name for name in by_name if name in refits]
+    if refitted and not tried:
+        names = ", ".join(_title(by_name[name]) for name in refitted)
+        text = f"no known effect improves the fit on held-out steps; only on the fitted ones does: {names}"
+        return Verdict("adequate" if adequate else "unexplained", (), text, limit)
     if not tried:
         candidates = [look.suspect.effect.name for look in to_refit(judge, looks, tests)]
         if candidates or not adequate:
@@ -205,7 +225,7 @@ def decide(
         text = "no known effect improves the fit beyond chance"
         return Verdict(kind, (), text, limit)
     if half_explained(judge, looks, refits, tests) is not None:
-        if partner is None or not explains(partner[1]):
+        if partner is None or not explains(partner[1]) or not _generalises(judge, partner[1], held_out):
             nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of it"
             return Verdict("unexplained", (), f"something is missing; {nearest}", limit)
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
@@ -219,6 +239,32 @@ def decide(
         return Verdict("indistinguishable", tuple(rivals), f"missing: {names}; these data cannot tell which", limit)
     text = f"missing: {_title(by_name[best])}; it explains {100 * min(share, 1.0):.0f} % of the misfit beyond the noise"
     return Verdict("missing", (best,), text, limit)
+
+
+def generalising(judge: Judge, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:
+    """Refits that are no worse than the model on the steps that no fit has seen, whose error with it was `held_out`."""
+    return {name: refit for name, refit in refits.items() if _generalises(judge, refit, held_out)}
+
+
+def _generalises(judge: Judge, refit: Refit, held_out: float | None) -> bool:
+    worse = WORSE if judge.freedom > FEW else WORSE_OF_FEW
+    return held_out is None or refit.held_out is None or refit.held_out <= held_out + worse
+
+
+def by_settings(verdict: Verdict, judge: Judge, looks: Sequence[Look], tests: int) -> Verdict:
+    """The verdict, and where no effect explains the misfit but mesh or load steps would: that they do, and the cure.
+
+    They are never refitted, so that the prediction must do.
+    """
+    excess = max(judge.misfit - judge.freedom, 1.0)
+    for look in looks if verdict.kind == "unexplained" else ():
+        effect, fall = look.suspect.effect, look.finding.fall
+        beyond = fall > threshold(judge, looks, tests, look.columns.shape[1])
+        if effect.acts == NUMERICS and beyond and fall >= ENOUGH * excess:
+            wrong, cure = cure_of(effect)
+            share = f"that explains {100 * min(fall / excess, 1.0):.0f} % of the misfit beyond the noise"
+            return replace(verdict, sentence=f"{wrong}: {share}; take {cure}")
+    return verdict
 
 
 def doubted(verdict: Verdict, error: float) -> Verdict:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerfit.effects.contract import ACTS, NEEDS, Effect, EffectParameter
+from fingerfit.effects.sense import IN_WORDS
 from fingerfit.errors import FingerfitError, Problems
 from fingerfit.keys import Keys, read_yaml, unknown_key
 
@@ -112,3 +113,19 @@ def as_text(effect: Effect) -> dict[str, Any]:
     """What a report says of an effect."""
     return {"name": effect.name, "title": effect.title, "words": effect.words, "look": effect.look,
             "confirm": effect.confirm, "acts": effect.acts}  # fmt: skip
+
+
+def as_lines(effect: Effect) -> str:
+    """An effect for a person to read: what it is, its numbers with units and bounds, and how it is confirmed."""
+    lines = [f"{effect.name}: {effect.title}", effect.words, f"looks like: {effect.look}", f"confirm: {effect.confirm}"]
+    for p in effect.parameters:
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        lines.append(f"{p.name}: {p.lower:g} to {p.upper:g}{unit}, absent at {p.null:g}")
+    for name, values in effect.scan.items():
+        low, high = effect.refine.get(name, (None, None))
+        fitted = "not fitted" if low is None else f"fitted from {low:g} to {high:g}"
+        lines.append(f"{name}: tried at {', '.join(f'{value:g}' for value in values)}; {fitted}")
+    needs = [IN_WORDS[need] for need in effect.needs] + [f"a prescribed {effect.control}"] * bool(effect.control)
+    if needs:
+        lines.append(f"needs: {', '.join(needs)}")
+    return "\n    ".join(lines)

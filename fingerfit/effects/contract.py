@@ -106,6 +106,10 @@ class Effect:
         """Name of a parameter or scanned number in a guess."""
         return f"{self.name}.{parameter}"
 
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Bounds of its numbers that have some, by short names."""
+        return {p.name: (p.lower, p.upper) for p in self.parameters} | dict(self.refine)
+
     def null(self) -> dict[str, float]:
         """Values at which the effect is absent."""
         return {self.key(p.name): p.null for p in self.parameters}

@@ -292,6 +292,7 @@ def read_inputs(study: Path) -> Inputs:
         raise StateError(f"{study / LADDER}: cannot be read: not a mapping")
     rungs = {str(rung["model"]): rung for rung in ladder.get("rungs", [])}
     there = {path.parent.name for name in (COMPARE, DIAGNOSIS) for path in study.glob(f"*/{name}")}
+    there -= {str(other["model"]) for other in ladder.get("others", [])}  # of side branches and other settings
     names = [*rungs, *sorted(there - set(rungs), key=lambda name: (name.count("+"), name))]
     if not names:
         raise StateError(f"{study}: no model was compared with the measurements yet")

@@ -13,6 +13,7 @@ import pytest
 
 from fingerfit.errors import StateError
 from fingerfit.page import ladder_figure, write_page
+from fingerfit.page.inputs import read_inputs
 
 _spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
 sample = importlib.util.module_from_spec(_spec)
@@ -239,3 +240,12 @@ def test_its_own_policy_lets_the_page_run(whole, tmp_path):
     assert 'id="step-name" for="slider">step 7 (fitted)<' in run.stdout or re.search(
         r"<output[^>]*step-name[^>]*>step 7 \(fitted\)<", run.stdout
     )
+
+
+def test_models_that_are_not_on_the_ladder_are_not_shown(tmp_path):
+    sample.write(tmp_path)
+    path = tmp_path / "ladder.json"
+    ladder = json.loads(path.read_text(encoding="utf-8"))
+    others = [{"model": "base+tilt", "why": "not on the way to this model"}]
+    path.write_text(json.dumps({**ladder, "rungs": ladder["rungs"][:1], "others": others}), encoding="utf-8")
+    assert [model.name for model in read_inputs(tmp_path).models] == ["base"]

@@ -130,6 +130,15 @@ def test_add_starts_at_what_the_diagnosis_found(config, tmp_path):
     assert effects(config) == {"inclusion": {"across": 0.25, "along": 0.5, "contrast": 0.7}}
 
 
+def test_add_starts_where_the_refit_did(config, tmp_path):
+    """Not where it ended: its simulations are known."""
+    refit = {"parameters": {"tilt.slope": 0.009}, "start": {"slope": 0.0123456789}, "simulations": 14}
+    ranking = [{"effect": "tilt", "place": {}, "size": {"slope": 0.02}, "refit": refit}]
+    write_json(tmp_path / "results/study/base/diagnosis.json", {"ranking": ranking})
+    assert add(config, "tilt").endswith("starting at slope 0.01235; 14 simulations of its refit are known")
+    assert effects(config) == {"tilt": {"slope": 0.0123456789}}
+
+
 def refused(config, action, name):
     before = config.read_text(encoding="utf-8")
     with pytest.raises(FingerfitError) as caught:
@@ -206,3 +215,70 @@ def test_the_search_starts_at_the_parents_estimate(config, tmp_path):
     wanted = values | {"inclusion.contrast": 0.7, "inclusion.along": 0.3, "inclusion.across": 0.15}
     assert found == pytest.approx(wanted)
     assert str(layout.model_folder(load_settings(config))) == "results/study/base+tilt+inclusion"
+
+
+# --- what is told
+
+
+def test_effects_are_listed_with_their_numbers(capsys):
+    assert main(["effects"]) == 0
+    blocks = {text.split(":")[0]: text.splitlines() for text in capsys.readouterr().out.split("\n\n")}
+    assert blocks["tilt"][0] == "tilt: tilt of the indenter"
+    assert "    slope: -0.08 to 0.08 1/mm, absent at 0" in blocks["tilt"]
+    assert "    confirm: A photograph of the indenter's edge, or a spirit level on it." in blocks["tilt"]
+    assert "    needs: pictures or measured points, a block of layers in the plane" in blocks["tilt"]
+    assert blocks["inclusion_in_space"][0] == "inclusion_in_space: an inclusion"
+    assert "    thickness: tried at 0.5, 1; fitted from 0.2 to 2.5" in blocks["skin"]
+    assert "    layer: tried at 1, 2, 3; not fitted" in blocks["split_layer"]
+    assert "    needs: a prescribed force" in blocks["onset"]
+
+
+def test_effects_of_no_study_are_an_error(tmp_path, capsys):
+    assert main(["effects", str(tmp_path / "nowhere")]) == 1
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert "nowhere" in message
+
+
+def test_errors_name_the_file_that_was_given(config, tmp_path):
+    mine = tmp_path / "mine.yaml"
+    for numbers, field in (("tilt: {slop: 1}", "tilt.slop"), ("tlit: {}", "tlit"), ("tilt: {slope: 1}", "tilt.slope")):
+        mine.write_text(with_effects(effects=f"  effects:\n    {numbers}\n").replace("study: study", "study: ."))
+        with pytest.raises(FingerfitError) as caught:
+            load_settings(mine)
+        assert str(caught.value).startswith(f"{mine}: model.effects.{field}: ")
+
+
+def test_a_misspelt_study_is_named(config, tmp_path):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(with_effects(effects="  effects:\n    own: {}\n").replace("study: study", "study: stdy"))
+    with pytest.raises(InputError) as caught:
+        load_settings(mine)
+    assert str(caught.value) == f"{mine}: study: found stdy; expected the folder of a study"
+    mine.write_text(with_effects(effects="  effects:\n    tilt: {}\n").replace("study: study", "study: stdy"))
+    with pytest.raises(InputError) as caught:
+        layout.check_model(load_settings(mine), mine)
+    assert str(caught.value) == f"{mine}: study: found stdy; expected the folder of a study"
+
+
+SNAKEFILE = "rule diagnose:\n    output: touch('done')\n"
+
+
+def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, capfd):
+    """Results of two models that are there already: nothing runs but a workflow that has nothing to do."""
+    write_text(tmp_path / "Snakefile", SNAKEFILE)
+    error, counted = {"fitted": 2.284, "held_out": None}, {"run": 9, "reused": 5}
+    for model, effects in (("base", ["tilt", "skin"]), ("base+tilt", [])):
+        folder = tmp_path / "results/study" / model
+        write_json(
+            folder / "rung.json", {"model": model, "error": error, "simulations": counted, "sentence": "so it is"}
+        )
+        write_json(folder / "diagnosis.json", {"effects": effects, "ranking": []})
+    assert main(["discover"]) == 0
+    assert capfd.readouterr().out.splitlines() == [
+        "base: error 2.28 times the noise; 9 simulations run, 5 of the models below reused; so it is",
+        "these data cannot tell tilt from skin: tilt, which fits best, is added",
+        "config.yaml: added tilt (tilt of the indenter)",
+        "base+tilt: error 2.28 times the noise; 9 simulations run, 5 of the models below reused; so it is",
+        "ladder: results/study/ladder.json; page: results/study/report.html",
+    ]

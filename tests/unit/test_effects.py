@@ -234,6 +234,13 @@ def test_relaxation_needs_times():
     assert "*VISCO" not in PLAIN
 
 
+def test_load_steps_are_made_smaller_where_time_counts_too():
+    relaxing = {"relaxation.share": 0.3, "relaxation.time": 20.0}
+    before, after = (cards(deck(relaxing | more), "VISCO") for more in ({}, {"load_step.refinement": 1.0}))
+    assert [block[0] for block in before] == [[2.5, 10.0, 1e-5, 2.5]] * 2
+    assert [block[0] for block in after] == [[pytest.approx(n) for n in (0.25, 10.0, 1e-5, 0.25)]] * 2
+
+
 def test_tilt_in_the_equations_and_in_the_solution(tmp_path):
     text = deck({"tilt.slope": 0.01})
     (numbers,) = cards(text, "EQUATION")

@@ -9,7 +9,18 @@ from fingerfit.diagnose import Look, alike, summary
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.judge import Judge
 from fingerfit.suspects import Suspect
-from fingerfit.verdict import LEVEL, TRIED, Refit, confusions, decide, doubted, half_explained, threshold, to_refit
+from fingerfit.verdict import (
+    LEVEL,
+    TRIED,
+    Refit,
+    by_settings,
+    confusions,
+    decide,
+    doubted,
+    half_explained,
+    threshold,
+    to_refit,
+)
 
 EFFECTS = catalogue()
 VALUES, OWN, TESTS = 300, 3, 20
@@ -302,3 +313,70 @@ def test_confusions_and_summary(world):
     assert first["share_of_excess"] == pytest.approx(1.0)
     assert second["share_of_excess"] == pytest.approx(0.81)
     assert third["predicted_fall"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("after", "kind"), [(2.01, "missing"), (2.05, "unexplained"), (1.0, "missing")])
+def test_a_refit_that_is_worse_on_held_out_steps_does_not_count(world, after, kind):
+    judge = world.judge(30 * world.signal(0))
+    looks = world.looks(judge, tilt=world.signal(0))
+    refits = {name: replace(refit, held_out=after) for name, refit in world.refits(judge, looks).items()}
+    found = decide(judge, looks, refits, TESTS, held_out=2.0)
+    assert (found.kind, found.effects) == (kind, ("tilt",) if kind == "missing" else ())
+    if kind == "unexplained":
+        assert found.sentence.endswith("held-out steps; only on the fitted ones does: tilt of the indenter")
+    # without held-out steps nothing can be said of them
+    assert decide(judge, looks, refits, TESTS).kind == "missing"
+
+
+def test_the_one_that_explains_held_out_steps_is_named_though_another_fits_better(world):
+    between = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
+    judge = world.judge(30 * world.signal(0))
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=between)
+    refits = world.refits(judge, looks, tilt=judge.freedom - 40.0, inclusion=judge.freedom + 5.0)
+    assert decide(judge, looks, refits, TESTS, held_out=2.0).effects[0] == "tilt"
+    refits["tilt"] = replace(refits["tilt"], held_out=2.5)
+    found = decide(judge, looks, refits, TESTS, held_out=2.0)
+    assert (found.kind, found.effects) == ("missing", ("inclusion",))
+
+
+def test_an_adequate_model_stays_so_when_its_only_candidate_is_worse_on_held_out_steps(world):
+    judge = world.judge(5 * world.signal(0))
+    looks = world.looks(judge, tilt=world.signal(0))
+    refits = {name: replace(refit, held_out=1.2) for name, refit in world.refits(judge, looks).items()}
+    assert decide(judge, looks, refits, TESTS, held_out=1.0).kind == "adequate"
+
+
+def test_a_pair_that_is_worse_on_held_out_steps_names_nothing(world):
+    judge = world.judge(30 * world.signal(0) + 25 * world.signal(1))
+    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1))
+    refits = world.refits(judge, looks)
+    both = Refit(judge.freedom - 2.0, judge.freedom - 2, 1.0, 2.5, {})
+    assert decide(judge, looks, refits, TESTS, (looks[1], both), 2.0).kind == "unexplained"
+    both = replace(both, held_out=1.0)
+    assert decide(judge, looks, refits, TESTS, (looks[1], both), 2.0).effects == ("tilt",)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("coarse_mesh", "the mesh is too coarse: that explains 100 % of the misfit beyond the noise; take a finer model.mesh"),
+        ("load_step", "the load steps are too large: that explains 100 % of the misfit beyond the noise; take smaller"),
+    ],
+)  # fmt: skip
+def test_what_only_mesh_or_load_steps_explain_is_cured_by_settings(world, name, says):
+    judge = world.judge(30 * world.signal(0))
+    looks = world.looks(judge, **{name: world.signal(0), "tilt": world.signal(1)})
+    found = by_settings(decide(judge, looks, {}, TESTS), judge, looks, TESTS)
+    assert (found.kind, found.effects) == ("unexplained", ())
+    assert found.sentence.startswith(says)
+
+
+def test_what_mesh_explains_in_part_or_beside_an_effect_is_not_blamed_on_it(world):
+    part = world.judge(30 * world.signal(5) + 20 * world.signal(0))
+    looks = world.looks(part, coarse_mesh=world.signal(0))
+    assert "none of the known effects" in by_settings(decide(part, looks, {}, TESTS), part, looks, TESTS).sentence
+    judge = world.judge(30 * world.signal(0))
+    looks = world.looks(judge, tilt=world.signal(0), coarse_mesh=world.signal(0))
+    found = decide(judge, looks, world.refits(judge, looks), TESTS)
+    assert by_settings(found, judge, looks, TESTS) is found
+    assert found.effects == ("tilt",)

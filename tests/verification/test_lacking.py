@@ -20,7 +20,7 @@ from fingerfit.simulate import begin, run_fit
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.calculix import CalculixSolver
 from fingerfit.solvers.needs import FEATURES, refuse_lacking
-from fingerfit.suspects import suspects
+from fingerfit.suspects import suspects, untestable
 
 STUDY = {
     "title": "block",
@@ -104,11 +104,30 @@ def test_the_diagnosis_says_so(tmp_path, monkeypatch):
     said = "; not tried, since solver builtin lacks what they need: viscoelastic relaxation"
     assert diagnosis["sentence"].endswith(said)
     assert [(entry["title"], entry["lacks"]) for entry in diagnosis["not_tried"]] == [
-        ("viscoelastic relaxation", "*VISCOELASTIC")
+        ("viscoelastic relaxation", "*VISCOELASTIC"),
+        # of forces alone these cannot be tested either
+        ("mesh too coarse", "a finer mesh"),
+        ("an inclusion", "pictures or measured points"),
+        ("tilt of the indenter", "pictures or measured points"),
     ]
     tested = {entry["effect"] for entry in diagnosis["ranking"]}
     assert "fibres" in tested
     assert "relaxation" not in tested
+
+
+def test_what_was_not_measured_is_no_suspect_but_told(tmp_path):
+    settings = made(tmp_path, "builtin")
+    plain = "\n".join(line.rpartition(",")[0] for line in STEPS.splitlines())
+    (tmp_path / "study/steps.csv").write_text(plain + "\n")
+    fit, _ = begin(settings, tmp_path / "model")
+    assert {title: str(error.found) for title, error in untestable(fit).items()} == {
+        "mesh too coarse": "a finer mesh",
+        "an inclusion": "pictures or measured points",
+        "tilt of the indenter": "pictures or measured points",
+        "viscoelastic relaxation": "a time at every step",
+    }
+    tested = {one.effect.title for one in suspects(fit, {"mu": 0.05})[0]}
+    assert not tested & set(untestable(fit))
 
 
 def test_add_refuses_it(tmp_path, needs_ccx):

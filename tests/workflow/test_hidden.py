@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -81,15 +82,14 @@ def diagnose(place):
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """The study, its first rung, and then its second one."""
+    """The study, its first rung, and then those that `fingerfit discover` climbs."""
     place = tmp_path_factory.mktemp("hidden")
     (place / "experiment.yaml").write_text(yaml.safe_dump(DESCRIPTION))
     run_experiment(place / "experiment.yaml", place / "study")
     (place / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
     diagnose(place)
     (place / "first.txt").write_text("\n".join(f"{sim} {when}" for sim, when in simulations(place).items()))
-    run(place, sys.executable, "-m", "fingerfit", "add", "tilt")
-    diagnose(place)
+    (place / "said.txt").write_text(run(place, sys.executable, "-m", "fingerfit", "discover"))
     return place
 
 
@@ -135,10 +135,103 @@ def test_nothing_of_the_first_rung_ran_again(place):
     assert len(second) > len(first)
 
 
+def test_the_second_rung_is_the_refit_of_the_first(place):
+    """All simulations of its fit were those of the diagnosis of the first rung."""
+    refit = read_json(place / "results/study/base/diagnosis.json")["ranking"][0]["refit"]
+    counted = rung(place, "base+tilt")["simulations"]
+    assert counted["run"] == 0
+    assert 5 < counted["reused"] <= refit["simulations"]
+    assert rung(place, "base")["simulations"]["reused"] == 0
+
+
 def test_both_rungs_are_on_the_ladder(place):
     rungs = read_json(place / "results/study/ladder.json")["rungs"]
     assert [entry["effects"] for entry in rungs] == [[], ["tilt"]]
     assert (place / "results/study/report.html").stat().st_size > 10000
+
+
+def test_discover_tells_each_rung(place):
+    lines = (place / "said.txt").read_text(encoding="utf-8").splitlines()
+    base, tilted = rung(place, "base"), rung(place, "base+tilt")
+    wanted = [
+        f"base: error {base['error']['fitted']:.3g} times the noise, {base['error']['held_out']:.3g} on held-out steps;"
+        f" {base['simulations']['run']} simulations run, 0 of the models below reused; {base['sentence']}",
+        "config.yaml: added tilt (tilt of the indenter), starting at slope ",
+        f"base+tilt: error {tilted['error']['fitted']:.3g} times the noise,"
+        f" {tilted['error']['held_out']:.3g} on held-out steps; 0 simulations run,",
+        "ladder: results/study/ladder.json; page: results/study/report.html",
+    ]
+    found = [next((n for n, line in enumerate(lines) if line.startswith(start)), None) for start in wanted]
+    assert None not in found, lines
+    assert found == sorted(found)
+
+
+def test_a_dropped_effect_leaves_the_ladder(place, tmp_path):
+    """Its results stay, and nothing is simulated."""
+    copy = tmp_path / "copy"
+    shutil.copytree(place, copy, symlinks=True)
+    known = simulations(copy)
+    assert "dropped tilt" in run(copy, sys.executable, "-m", "fingerfit", "drop", "tilt")
+    diagnose(copy)
+    ladder = read_json(copy / "results/study/ladder.json")
+    assert [entry["model"] for entry in ladder["rungs"]] == ["base"]
+    assert ladder["others"] == [{"model": "base+tilt", "why": "not on the way to this model"}]
+    assert (copy / "results/study/base+tilt/rung.json").exists()
+    assert simulations(copy) == known
+
+
+SEALED = """
+import sys
+
+def hook(event, arguments):
+    if event == "open" and "sealed" in str(arguments[0]):
+        print("opened", arguments[0], flush=True)
+        raise SystemExit(3)
+
+sys.addaudithook(hook)
+from fingerfit.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_the_diagnosis_opens_nothing_that_is_sealed(place, tmp_path):
+    """Diagnosed once more, every simulation known; processes that are forked have the hook, too."""
+    copy = tmp_path / "copy"
+    shutil.copytree(place, copy, symlinks=True)
+    model = copy / "results/study/base"
+    before = read_json(model / "diagnosis.json")
+    (model / "diagnosis.json").unlink()
+    last = max(model.glob("rounds/*.json"), key=lambda path: int(path.stem))
+    options = ["--data", "prepared.npz", "--mesh", "mesh.inp", "--refined", "refined.inp", "--last", last,
+               "--estimate", "estimate.json", "--out", "diagnosis.json", "--sims", "../sims", "--threads", "2"]  # fmt: skip
+    paths = [
+        model / value if isinstance(value, str) and value[0] != "-" and value != "2" else value for value in options
+    ]
+    command = [sys.executable, "-c", SEALED, "diagnose", model / "settings.json", *paths]
+    run(copy, *map(str, command))
+    again = read_json(model / "diagnosis.json")
+    assert again["simulations"] == 0
+    same_diagnosis(again, before)
+    # what would open it is stopped
+    deck = [sys.executable, "-c", SEALED, "deck", "show", copy / "study/sealed/truth.yaml"]
+    stopped = subprocess.run(list(map(str, deck)), cwd=copy, capture_output=True, text=True)
+    assert stopped.returncode == 3
+    assert "opened" in stopped.stdout
+    # and without it the diagnosis is the same
+    shutil.rmtree(copy / "study/sealed")
+    run(copy, *map(str, command))
+    same_diagnosis(read_json(model / "diagnosis.json"), again)
+
+
+def same_diagnosis(one, other):
+    """All words and the order of the ranking; numbers to the last digits that sums in another order leave."""
+    words = ("model", "verdict", "sentence", "effects", "freedom", "not_tried", "add")
+    assert {key: one[key] for key in words} == {key: other[key] for key in words}
+    assert [entry["effect"] for entry in one["ranking"]] == [entry["effect"] for entry in other["ranking"]]
+    assert one["misfit"] == pytest.approx(other["misfit"], rel=1e-9)
+    for mine, yours in zip(one["ranking"], other["ranking"], strict=True):
+        assert mine["size"] == pytest.approx(yours["size"], rel=1e-6, abs=1e-9)
+        assert (mine["refit"] or {}).get("start") == (yours["refit"] or {}).get("start")
 
 
 def test_no_rule_reads_what_is_sealed(place, monkeypatch):

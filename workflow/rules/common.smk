@@ -14,8 +14,12 @@ PATHS = {"PATH": Path(sys.executable).parent, "PYTHONPATH": layout.PACKAGE.paren
 os.environ.update({name: os.pathsep.join(filter(None, [str(path), os.getenv(name)])) for name, path in PATHS.items()})
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+# the file that errors name
+CONFIG = Path((workflow.configfiles or ["config.yaml"])[-1])
 try:
-    SETTINGS = layout.warm(load_settings(config))
+    SETTINGS = load_settings(config, CONFIG)
+    layout.check_model(SETTINGS, CONFIG)
+    SETTINGS = layout.warm(SETTINGS, CONFIG)
     PARTS = {stage: layout.settings_of(SETTINGS, stage) for stage in layout.SOURCES}
     FIGURE_NAMES = layout.figures(SETTINGS)
 except FingerfitError as error:

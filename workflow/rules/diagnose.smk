@@ -14,6 +14,7 @@ rule examine:
         patterns=f"{MODEL}/diagnosis.npz",
         compare=f"{MODEL}/compare.npz",
         rung=f"{MODEL}/rung.json",
+        simulations=f"{MODEL}/simulations.json",
     log:
         f"{MODEL}/logs/examine.log",
     conda:
@@ -32,8 +33,9 @@ rule examine:
 
 
 rule ladder:
-    # All models of the study that were diagnosed, as data and as a page to look at.
+    # The models on the way to this one that were diagnosed, as data and as a page to look at.
     input:
+        settings=ancient(SETTINGS_FILE),
         rung=f"{MODEL}/rung.json",
     output:
         ladder=f"{STUDY}/ladder.json",
@@ -46,6 +48,7 @@ rule ladder:
     resources:
         mem_mb=1000,
     params:
+        settings=PARTS["ladder"],
         code=layout.fingerprint("ladder"),
     shell:
-        "python -P -m fingerfit ladder --out {output.ladder} --page {output.page} 2> {log}"
+        "python -P -m fingerfit ladder {input.settings} --out {output.ladder} --page {output.page} 2> {log}"

@@ -1,0 +1,135 @@
+"""`fingerfit check` looks at a study's own effects, and names what is misspelt in them."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from conftest import ROOT
+
+from fingerfit.check import own_effects
+from fingerfit.deck.context import deck_context
+from fingerfit.errors import FingerfitError
+from fingerfit.prepare import make_mesh
+from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, solve_missing
+from fingerfit.study_file import load_study
+
+OWN = {
+    "title": "softer on one side",
+    "acts": "structure",
+    "words": "w",
+    "look": "l",
+    "confirm": "c",
+    "parameters": {"slope": {"unit": "1", "absent": 0, "lower": -2, "upper": 2, "step": 0.2}},
+    "changes": {"field": "slope * (x / width - 0.5)"},
+}
+STUDY = {
+    "title": "block",
+    "units": {"length": "mm", "force": "N", "time": "s"},
+    "control": "displacement",
+    "steps": "steps.csv",
+    "noise": {"force": 0.05, "displacement": 0.001},
+    "body": {"width": 12, "thickness": 70, "layers": [{"name": "top", "height": 4}, {"name": "bottom", "height": 4}]},
+    "boundary": {"base": "held", "indenter": "glued"},
+}
+CONFIG = {
+    "study": "study",
+    "model": {
+        "material": {"alpha": 1.4, "poisson": 0.45},
+        "parameters": {"mu": {"unit": "MPa", "start": 0.05, "lower": 0.005, "upper": 0.5}},
+        "mesh": {"element": "CPE8", "across": 2, "per_layer": 2},
+    },
+    "fit": {"score": "likelihood", "stages": [{"name": "grid", "kind": "grid", "points": 3}]},
+}
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study/effects").mkdir(parents=True)
+    (tmp_path / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
+    (tmp_path / "study/steps.csv").write_text("step,displacement,force\n1,0.4,10.0\n2,0.8,21.0\n")
+    return tmp_path / "study"
+
+
+def checked(study, part="", name="mine", **changes):
+    (study / f"effects/{name}.yaml").write_text(yaml.safe_dump({**OWN, **changes}))
+    if part:
+        (study / f"effects/{name}.inp.j2").write_text(part)
+    settings, read = load_settings(CONFIG), load_study(Path("study"))
+    return own_effects(settings, read, make_mesh(read, settings.model.mesh))
+
+
+def told(study, *arguments, **options):
+    with pytest.raises(FingerfitError) as caught:
+        checked(study, *arguments, **options)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_what_an_effect_changes_is_told(study):
+    assert checked(study) == ["effect mine: softer on one side; changes the deck"]
+    assert checked(study, changes={}, observes={"force": "force + slope"}, acts="observation") == [
+        "effect mine: softer on one side; changes force"
+    ]
+    assert checked(study, needs="time") == [
+        "effect mine: softer on one side; needs a time at every step: not tested here"
+    ]
+    assert checked(study, changes={}) == [
+        "effect mine: softer on one side; changes nothing in this study: not tested here"
+    ]
+
+
+def test_a_misspelt_name_in_a_formula(study):
+    line = told(study, changes={"field": "slope * (xx / width)"})
+    assert line.startswith("study/effects/mine.yaml: changes.field: found 'slope * (xx / width)'")
+    line = told(study, changes={}, acts="observation", observes={"intensity": "intensity * slop"})
+    assert line.startswith("study/effects/mine.yaml: observes.intensity: found 'intensity * slop'")
+    assert told(study, chnages={}).startswith(
+        "study/effects/mine.yaml: chnages: found an unknown key; expected changes"
+    )
+
+
+def test_a_misspelt_name_in_a_part(study):
+    line = told(study, "*MATERIAL, NAME=OWN\n{{ effects.mine.slop }}\n")
+    assert line.startswith("study/effects/mine.inp.j2: line 2: found ")
+    assert "slop" in line
+
+
+def test_a_part_without_an_effect(study):
+    (study / "effects/mien.inp.j2").write_text("** nothing\n")
+    line = told(study)
+    assert line == "study/effects/mien.inp.j2: file: found no .yaml beside it; expected mien.yaml, or no such part"
+
+
+def test_the_example_of_the_documentation(study):
+    """YAML and part as docs/diagnosis.md gives them."""
+    text = (ROOT / "docs/diagnosis.md").read_text(encoding="utf-8")
+    effect = text.split("<!-- effects/return_spring.yaml -->\n```yaml\n")[1].split("```")[0]
+    part = text.split("<!-- effects/return_spring.inp.j2 -->\n```\n")[1].split("```")[0]
+    (study / "effects/return_spring.yaml").write_text(effect)
+    (study / "effects/return_spring.inp.j2").write_text(part)
+    assert checked(study) == [
+        "effect mine: softer on one side; changes the deck",
+        "effect return_spring: a spring that draws the indenter back; changes the deck",
+    ]
+    # it takes up as much of the force as it says, with a solver
+    settings = load_settings(CONFIG)
+    fit, _ = begin(settings, study.parent / "model")
+    asked = [fit.ask({"mu": 0.05, "return_spring.stiffness": stiffness}) for stiffness in (0.0, 5.0)]
+    solve_missing(fit, asked, 1)
+    without, drawn = (fit.prediction(one).conjugate for one in asked)
+    assert drawn - without == pytest.approx([5.0 * 0.4, 5.0 * 0.8], rel=1e-6)
+
+
+def test_every_name_of_the_documentation_is_there(study):
+    """The table of names against what a template may name."""
+    text = (ROOT / "docs/diagnosis.md").read_text(encoding="utf-8")
+    rows = text.split("| name in a part | what it is |")[1].split("\n\n")[0]
+    documented = set(re.findall(r"`(\w+)", "\n".join(row.split("|")[1] for row in rows.splitlines()[2:]))) - {"x"}
+    settings, read = load_settings(CONFIG), load_study(Path("study"))
+    context = deck_context(read, make_mesh(read, settings.model.mesh), "mesh", {"mu": 0.05}, settings.model.material)
+    assert documented <= set(context)
+    left = set(context) - documented
+    assert left == {"title", "mesh", "increment", "parts", "aside", "shares", "ball", "half_tube"}

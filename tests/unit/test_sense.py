@@ -1,0 +1,113 @@
+"""Effects that make no sense in a study are refused before anything runs, each with one line."""
+
+import pytest
+import yaml
+
+from fingerfit import layout
+from fingerfit.cli import main
+from fingerfit.climb import add
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.effects.contract import NEEDS
+from fingerfit.effects.sense import IN_WORDS, MEASURED
+from fingerfit.errors import FingerfitError
+from fingerfit.settings import load_settings
+
+STUDY = {
+    "title": "block",
+    "units": {"length": "mm", "force": "N", "time": "s"},
+    "control": "displacement",
+    "steps": "steps.csv",
+    "noise": {"force": 0.05, "displacement": 0.001},
+    "body": {"width": 12, "thickness": 70, "layers": [{"name": "top", "height": 4}, {"name": "bottom", "height": 4}]},
+    "boundary": {"base": "held", "indenter": "glued"},
+}
+MODEL = {
+    "material": {"alpha": 1.4, "poisson": 0.45},
+    "parameters": {"mu": {"unit": "MPa", "start": 0.05, "lower": 0.005, "upper": 0.5}},
+    "mesh": {"element": "CPE8", "across": 2, "per_layer": 2},
+}
+FIT = {"score": "likelihood", "stages": [{"name": "grid", "kind": "grid", "points": 3}]}
+REFUSED = {
+    "friction": "friction, which changes nothing in the deck of this study; expected an effect on what block.inp.j2 has",
+    "relaxation": "relaxation, which needs a time at every step;",
+    "inclusion_in_space": "inclusion_in_space, which needs pictures or measured points and a body in space;",
+    "onset": "onset, which needs a prescribed force;",
+    "coarse_mesh": "an effect that is no part of a model; expected a finer model.mesh and model.refined",
+    "load_step": "an effect that is no part of a model; expected smaller increments in the template",
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A study without times and pictures, and its settings in mine.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
+    (tmp_path / "study/steps.csv").write_text("step,displacement,force\n1,0.4,10.0\n2,0.8,21.0\n")
+    configure(tmp_path)
+    return tmp_path
+
+
+def configure(folder, **effects):
+    config = {"study": "study", "model": {**MODEL, **({"effects": effects} if effects else {})}, "fit": FIT}
+    (folder / "mine.yaml").write_text(yaml.safe_dump(config))
+    return folder / "mine.yaml"
+
+
+def test_every_need_has_words():
+    assert set(IN_WORDS) == set(NEEDS)
+    assert set(MEASURED) < set(NEEDS)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_add_refuses_it(folder, name):
+    config = folder / "mine.yaml"
+    before = config.read_text(encoding="utf-8")
+    with pytest.raises(FingerfitError) as caught:
+        add(config, name)
+    assert str(caught.value).startswith(f"{config}: model.effects.{name}: found {REFUSED[name]}")
+    assert "\n" not in str(caught.value)
+    assert config.read_text(encoding="utf-8") == before
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_settings_that_name_it_are_refused(folder, name):
+    config = configure(folder, **{name: {}})
+    with pytest.raises(FingerfitError) as caught:
+        layout.check_model(load_settings(config), config)
+    assert str(caught.value).startswith(f"{config}: model.effects.{name}: found {REFUSED[name]}")
+
+
+def test_each_refused_effect_is_a_line(folder):
+    config = configure(folder, friction={}, skin={"contrast": 0.1}, relaxation={})
+    with pytest.raises(FingerfitError) as caught:
+        layout.check_model(load_settings(config), config)
+    assert len(str(caught.value).splitlines()) == 2
+
+
+def test_nothing_is_written_by_prepare(folder, capsys):
+    configure(folder, relaxation={})
+    assert main(["prepare", "mine.yaml", "--out", "prepared.npz", "--mesh", "mesh.inp"]) == 1
+    assert "relaxation, which needs a time at every step" in capsys.readouterr().err
+    assert not (folder / "prepared.npz").exists()
+
+
+def test_those_that_make_sense_are_taken(folder):
+    for name in ("skin", "base_slip", "second_term"):
+        assert f"added {name}" in add(folder / "mine.yaml", name)
+    layout.check_model(load_settings(folder / "mine.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("effect", "number", "value", "bounds"),
+    [("tilt", "slope", 3, "-0.08 to 0.08"), ("skin", "thickness", 9, "0.2 to 2.5"), ("fibres", "stiffness", -1, "0 to 0.05")],
+)  # fmt: skip
+def test_a_number_out_of_bounds_is_refused(folder, effect, number, value, bounds):
+    config = configure(folder, **{effect: {number: value}})
+    with pytest.raises(FingerfitError) as caught:
+        load_settings(config)
+    line = f"{config}: model.effects.{effect}.{number}: found {value}; expected {bounds}, the bounds"
+    assert str(caught.value) == line
+    low, high = catalogue()[effect].bounds()[number]
+    for edge in (low, high):
+        load_settings(configure(folder, **{effect: {number: edge}}))

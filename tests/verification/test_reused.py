@@ -1,0 +1,102 @@
+"""A model that was refitted in the diagnosis of the one below it asks for no simulation that is not known."""
+
+import pytest
+import yaml
+
+from fingerfit import layout
+from fingerfit.climb import add
+from fingerfit.course import next_round
+from fingerfit.examine import examine
+from fingerfit.files import read_json, write_json
+from fingerfit.findings import count_simulations, write_diagnosis
+from fingerfit.fit import Fit
+from fingerfit.report import estimate_of
+from fingerfit.rounds import asked_for
+from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, solve_missing
+
+STUDY = {
+    "title": "block",
+    "units": {"length": "mm", "force": "N", "time": "s"},
+    "control": "displacement",
+    "steps": "steps.csv",
+    "noise": {"force": 0.02, "displacement": 0.0001},
+    "body": {"width": 12, "thickness": 70, "layers": [{"name": "top", "height": 4}, {"name": "bottom", "height": 4}]},
+    "boundary": {"base": "held", "indenter": "glued"},
+}
+MOVED = [0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6]
+CONFIG = """\
+study: study
+model:
+  material: {alpha: ALPHA, poisson: 0.45}
+  mesh: {element: CPE8, across: 2, per_layer: 2}
+  parameters:
+    mu: {unit: MPa, start: 0.05, lower: 0.005, upper: 0.5}
+fit:
+  score: likelihood
+  replicates: 20
+  stages:
+    - {name: grid, kind: grid, points: 3}
+"""
+
+
+def write_steps(folder, forces):
+    rows = [f"{n},{d},{f}" for n, (d, f) in enumerate(zip(MOVED, forces, strict=True), 1)]
+    (folder / "study/steps.csv").write_text("\n".join(["step,displacement,force", *rows]) + "\n")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Forces of a body that stiffens more than the model says."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
+    write_steps(tmp_path, [1.0] * len(MOVED))
+    (tmp_path / "config.yaml").write_text(CONFIG.replace("ALPHA", "6.0"))
+    truth, _ = begin(load_settings(tmp_path / "config.yaml"), tmp_path / "truth")
+    asked = truth.ask({"mu": 0.05})
+    solve_missing(truth, [asked], 1)
+    write_steps(tmp_path, truth.prediction(asked).conjugate)
+    (tmp_path / "config.yaml").write_text(CONFIG.replace("ALPHA", "1.4"))
+    return tmp_path
+
+
+def fitted(fit, folder):
+    """All rounds of a fit, kept as the workflow keeps them; the last one, and how many simulations were not known."""
+    last, run = None, 0
+    while last is None or last.stop is None:
+        last = next_round(fit, last)
+        last.save(folder / f"{last.number}.json")
+        run += solve_missing(fit, last.batch, 1)
+    return last, run
+
+
+def diagnosed(folder):
+    """Fit and diagnosis of a model; how many simulations the fit ran, and as the rung counts them."""
+    settings = layout.warm(load_settings(folder / "config.yaml"))
+    model = layout.model_folder(settings)
+    fit, everything = begin(settings, folder / "results/study")
+    last, run = fitted(fit, model / "rounds")
+    own = asked_for(model / f"rounds/{last.number}.json")
+    assert own == fit.asked
+    fit = Fit(settings, fit.data, fit.mesh_files, fit.sims)  # as another job makes it
+    found = examine(fit, last, everything)
+    write_json(model / "estimate.json", estimate_of(fit, last))
+    write_diagnosis(found, model / "diagnosis.json")
+    return run, count_simulations(folder / "results/study", settings.model.path, own, fit.asked), found
+
+
+def test_adding_what_was_refitted_runs_nothing(folder):
+    run, counted, found = diagnosed(folder)
+    assert counted == {"run": run, "reused": 0}
+    name = found.verdict.effects[0]
+    said = add(folder / "config.yaml", name)
+    assert f"; {found.refits[name].simulations} simulations of its refit are known" in said
+    run, counted, _ = diagnosed(folder)
+    assert run == 0
+    assert counted["run"] == 0
+    assert 5 < counted["reused"] <= found.refits[name].simulations
+    # by the names that were asked for, not by times: it counts the same when it is called again
+    names = read_json(folder / f"results/study/base+{name}/simulations.json")
+    models, asked = ["base", f"base+{name}"], (set(names["fit"]), set(names["diagnosis"]))
+    assert count_simulations(folder / "results/study", models, *asked) == counted
