@@ -6,6 +6,7 @@ import csv
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -27,6 +28,9 @@ CELLS = {
     (3, 4): "tetra", (3, 10): "tetra10", (3, 8): "hexahedron", (3, 20): "hexahedron20",
 }  # fmt: skip
 """Names that meshio has for cells by dimension and number of nodes; the order of their nodes is ABAQUS's."""
+OF = ("measured", "model", "left", "noise")
+STIFFNESS = ("change_of_log_mu", "standard_deviations")
+"""Columns of the map of stiffness, after the place: the change that would explain most, and the evidence for it."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,10 @@ class Results:
         Prepared measurements.
     compare : dict of ndarray
         As `fingerfit.findings.write_compare` writes them.
+    stiffness : ndarray, shape (places, dim + 2)
+        As from `fingerfit.diagnose.stiffness_map`; no places where there is no map.
+    ranking : list of dict
+        Tested effects, as ``diagnosis.json`` has them.
     """
 
     mesh: Mesh
@@ -51,6 +59,8 @@ class Results:
     deck: Path
     data: Data
     compare: dict[str, np.ndarray]
+    stiffness: np.ndarray
+    ranking: list[dict[str, Any]]
 
 
 def read_results(model: Path) -> Results:
@@ -61,16 +71,18 @@ def read_results(model: Path) -> Results:
     StateError
         When there is no estimate, no diagnosis, or a file is damaged.
     """
-    for name, made in (("estimate.json", "snakemake"), ("compare.npz", "snakemake diagnose")):
+    diagnosed = [(name, "snakemake diagnose") for name in ("compare.npz", "diagnosis.npz", "diagnosis.json")]
+    for name, made in (("estimate.json", "snakemake"), *diagnosed):
         if not (model / name).exists():
             raise StateError(f"{model / name}: is not there; `{made}` makes it")
     estimate = read_json(model / "estimate.json")
     mesh = read_mesh(model / ("refined.inp" if estimate["sim_mesh"] == "refined" else "mesh.inp"))
     folder = model.parent / "sims" / estimate["sim"]
     outcome = Outcome.load(folder / "solution.npz")
-    return Results(
-        mesh, outcome, folder / "deck.inp", Data.load(model / "prepared.npz"), read_npz(model / "compare.npz")
-    )
+    compare, diagnosis = read_npz(model / "compare.npz"), read_npz(model / "diagnosis.npz")
+    ranking = read_json(model / "diagnosis.json")["ranking"]
+    data = Data.load(model / "prepared.npz")
+    return Results(mesh, outcome, folder / "deck.inp", data, compare, diagnosis["stiffness"], ranking)
 
 
 def export(model: Path, out: Path) -> list[Path]:
@@ -110,7 +122,26 @@ def write_fields(found: Results, folder: Path) -> list[Path]:
     series = folder / "model.pvd"
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>'
     write_text(series, "\n".join([head, *rows, "  </Collection>", "</VTKFile>"]) + "\n")
+    if len(found.stiffness):
+        written.append(folder / "stiffness.vtu")
+        _write_places(found, written[-1])
     return [series, *written]
+
+
+def _write_places(found: Results, path: Path) -> None:
+    """The map of stiffness as points, to be drawn as glyphs."""
+    import meshio
+
+    dim, values = found.mesh.dim, found.stiffness
+    data = {name: values[:, dim + n] for n, name in enumerate(STIFFNESS)}
+    points = np.pad(values[:, :dim], ((0, 0), (0, 3 - dim)))
+    _replace(meshio.Mesh(points, [("vertex", np.arange(len(points))[:, None])], data), path)
+
+
+def _replace(grid: Any, path: Path) -> None:
+    temporary = path.with_name(f".{path.name}.part.vtu")
+    grid.write(temporary)
+    temporary.replace(path)
 
 
 def _write_vtu(mesh: Mesh, moved: np.ndarray, state: Fields, path: Path) -> None:
@@ -132,9 +163,7 @@ def _write_vtu(mesh: Mesh, moved: np.ndarray, state: Fields, path: Path) -> None
         cell_data["cauchy_stress_MPa"] = flat(state.stress)
         cell_data["von_mises_stress_MPa"] = flat(state.von_mises)
     grid = meshio.Mesh(np.pad(mesh.points, pad), cells, {"displacement_mm": np.pad(moved, pad)}, cell_data)
-    temporary = path.with_name(f".{path.name}.part.vtu")
-    grid.write(temporary)
-    temporary.replace(path)
+    _replace(grid, path)
 
 
 def write_pictures(found: Results, folder: Path) -> list[Path]:
@@ -182,11 +211,18 @@ def write_tables(found: Results, folder: Path) -> list[Path]:
     compare, mesh = found.compare, found.mesh
     names = list(mesh.parts)
     axes = "xyz"[: mesh.dim]
-    forces = [
-        ["step", "force_measured_N", "force_model_N", "displacement_measured_mm", "displacement_model_mm"],
-        *zip(compare["step"], *(compare[n] for n in ("force", "force_model", "displacement", "displacement_model")),
-             strict=True),
-    ]  # fmt: skip
+    given = ["step", *(f"{what}_{of}_{unit}" for what, unit in (("force", "N"), ("displacement", "mm")) for of in OF)]
+    columns = [
+        values
+        for what in ("force", "displacement")
+        for values in (
+            compare[what],
+            compare[f"{what}_model"],
+            compare[what] - compare[f"{what}_model"],
+            np.broadcast_to(compare[f"{what}_noise"], compare[what].shape),
+        )
+    ]
+    forces = [given, *zip(compare["step"], *columns, strict=True)]
     errors: list[list[object]] = [["step", "fitted", "rms_difference", "rms_of_noise", "times_the_noise"]]
     patches: list[list[object]] = [
         [
@@ -219,6 +255,8 @@ def write_tables(found: Results, folder: Path) -> list[Path]:
     tables = (
         ("forces", forces), ("error_by_step", errors), ("residual_by_patch", patches), ("residual_by_layer", layers),
         ("layers", [["layer", "name"], *enumerate(name.lower() for name in names)]),
+        ("stiffness", [[*(f"{a}_mm" for a in axes), *STIFFNESS], *found.stiffness.tolist()]),
+        ("candidates", _candidates(found.ranking)),
     )  # fmt: skip
     for title, rows in tables:
         written.append(folder / f"{title}.csv")
@@ -226,6 +264,19 @@ def write_tables(found: Results, folder: Path) -> list[Path]:
         csv.writer(text, lineterminator="\n").writerows([[_cell(value) for value in row] for row in rows])
         write_text(written[-1], text.getvalue())
     return written
+
+
+def _candidates(ranking: list[dict[str, Any]]) -> list[list[object]]:
+    """Tested effects, the likeliest first, and what their refits left."""
+    rows: list[list[object]] = [
+        ["effect", "predicted_fall", "share_of_excess", "misfit_refitted", "error_fitted", "error_held_out"]
+    ]
+    for one in ranking:
+        refit = one["refit"] or {"misfit": None, "error": {"fitted": None, "held_out": None}}
+        error = refit["error"]
+        rows.append([one["name"], one["predicted_fall"], one["share_of_excess"], refit["misfit"],
+                     error["fitted"], error["held_out"]])  # fmt: skip
+    return rows
 
 
 def _cell(value: object) -> object:

@@ -129,10 +129,22 @@ def made(tmp_path_factory):
         "displacement": data.displacement,
         "force_model": -outcome.reaction[:, 2],
         "displacement_model": data.displacement,
+        "force_noise": np.array(0.01),
+        "displacement_noise": np.array(0.01),
     }
     write_npz(model / "compare.npz", compare)
+    write_npz(model / "diagnosis.npz", {"stiffness": STIFFNESS})
+    write_json(model / "diagnosis.json", {"ranking": RANKING})
     assert main(["export", str(model)]) == 0
     return model / "export", mesh, outcome, compare
+
+
+STIFFNESS = np.array([[1.0, 2.0, 1.5, -0.2, -7.5], [3.0, 1.0, 0.5, 0.1, 2.0]])
+ERROR = {"fitted": 1.01, "held_out": 1.04}
+RANKING = [
+    {"name": "friction", "predicted_fall": 300.0, "share_of_excess": 0.9, "refit": {"misfit": 205.0, "error": ERROR}},
+    {"name": "dermis", "predicted_fall": 20.0, "share_of_excess": 0.1, "refit": None},
+]
 
 
 def data_of(outcome):
@@ -159,6 +171,7 @@ def test_the_series_names_its_files(made):
         "model.pvd",
         "step_1.vtu",
         "step_4.vtu",
+        "stiffness.vtu",
     ]
 
 
@@ -219,6 +232,8 @@ def test_tables(made):
     assert [row["step"] for row in forces] == ["1", "4"]
     assert float(forces[1]["force_model_N"]) == pytest.approx(-outcome.reaction[1, 2], rel=1e-5)
     assert forces[1]["displacement_measured_mm"] == ""
+    assert float(forces[0]["force_left_N"]) == pytest.approx(compare["force"][0] - compare["force_model"][0], abs=1e-9)
+    assert [row["force_noise_N"] for row in forces] == ["0.01", "0.01"]
     errors = rows(folder / "error_by_step.csv")
     assert [(row["fitted"], float(row["times_the_noise"])) for row in errors] == [("yes", 2.0), ("no", 3.0)]
     patches = rows(folder / "residual_by_patch.csv")
@@ -234,6 +249,21 @@ def test_tables(made):
     assert lower["patches"] == "4"
 
 
+def test_the_map_of_stiffness_and_the_candidates(made):
+    folder = made[0]
+    places = rows(folder / "stiffness.csv")
+    assert [(float(p["x_mm"]), float(p["change_of_log_mu"]), float(p["standard_deviations"])) for p in places] == [
+        (1.0, -0.2, -7.5),
+        (3.0, 0.1, 2.0),
+    ]
+    points = meshio.read(folder / "fields/stiffness.vtu")
+    assert points.points == pytest.approx(STIFFNESS[:, :3])
+    assert points.point_data["standard_deviations"] == pytest.approx(STIFFNESS[:, 4])
+    first, second = rows(folder / "candidates.csv")
+    assert (first["effect"], first["misfit_refitted"], first["error_held_out"]) == ("friction", "205", "1.04")
+    assert (second["effect"], second["misfit_refitted"]) == ("dermis", "")
+
+
 def test_before_the_diagnosis_there_is_nothing_to_export(tmp_path, capsys):
     assert main(["export", str(tmp_path)]) == 1
     assert "estimate.json: is not there; `snakemake` makes it" in capsys.readouterr().err
@@ -247,8 +277,8 @@ def test_a_state_before_the_first_picture_counts_for_stress_only(tmp_path, made)
     found = read_results(folder.parent)
     later = replace(found.data, step=np.array([4]))
     written = write_fields(replace(found, data=later), tmp_path)
-    assert [path.name for path in written] == ["model.pvd", "before.vtu", "step_4.vtu"]
-    first, last = (meshio.read(path) for path in written[1:])
+    assert [path.name for path in written] == ["model.pvd", "before.vtu", "step_4.vtu", "stiffness.vtu"]
+    first, last = (meshio.read(path) for path in written[1:3])
     assert np.abs(first.point_data["displacement_mm"]).max() == 0
     assert np.abs(first.cell_data["cauchy_stress_MPa"][0]).max() > 1e-3
     moved = outcome.displacement[1] - outcome.displacement[0]
