@@ -242,7 +242,7 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
         "beside other work. Cases of the script that are not in the table have not been run yet. Intervals of",
         "constants are kept since they are asked for: earlier cases are judged by the 3 % alone. The method was",
         "improved while the same cases with other noise were looked at. An error in the gain of the force sensor",
-        "cannot be told from a common factor of all constants; there mu_bottom is known and not fitted. Refits have been",
+        "cannot be told from a common factor of all constants; there mu_bottom is known and not fitted. Refits are",
         "followed closer (decision 3) since the weak cases and those of an unknown effect ran.",
         "",
         *counts(cases),
