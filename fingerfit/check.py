@@ -111,9 +111,8 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
 
 def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
     """What an effect at the size of a first look changes."""
-    start = {parameter.name: parameter.start for parameter in settings.parameters()}
     sizes = {effect.key(p.name): p.null + p.step for p in effect.parameters}
-    values = {**start, **effect.places()[0], **sizes}
+    values = {**settings.starts(), **effect.places()[0], **sizes}
     found = []
     if changes_the_deck(settings, study, mesh, effect):
         found.append("the deck")

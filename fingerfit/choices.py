@@ -57,6 +57,10 @@ class Choices:
                 added.append(Parameter(effect.key(name), "1", lower, upper, start, log=0 < WIDE * lower <= upper))
         return own + tuple(added)
 
+    def starts(self: Any) -> dict[str, float]:
+        """Where the search starts, by the names of the parameters."""
+        return {parameter.name: parameter.start for parameter in self.parameters()}
+
     def effects(self: Any, where: Path | str = CONFIG) -> tuple[Effect, ...]:
         """Effects of the model, in order; `where` is named in errors.
 

@@ -134,7 +134,7 @@ def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
     if effect.acts == OBSERVATION:
         return
     known = catalogue(Path(settings.study))
-    start = {parameter.name: parameter.start for parameter in settings.parameters()}
+    start = settings.starts()
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
         file = Path(name) / "mesh.inp"
         write_text(file, format_mesh(mesh))

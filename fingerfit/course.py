@@ -35,7 +35,7 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
     parameters = fit.settings.parameters()
     if last is None and fit.settings.model.effects:
         # a model with effects starts where the one without them stopped
-        start = {parameter.name: parameter.start for parameter in parameters}
+        start = fit.settings.starts()
         base: dict[str, Any] = {
             "number": 0,
             "solver": fit.solver,

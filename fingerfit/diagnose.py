@@ -261,11 +261,6 @@ def anchor_of(fit: Fit, last: Round) -> Asked:
     return fit.ask(finest(fit, last).values, ANCHOR)
 
 
-def judge_of(examination: Examination) -> Judge:
-    """Judge of what a model leaves."""
-    return examination.judge
-
-
 def try_suspects(examination: Examination, judge: Judge, found: Sequence[Suspect]) -> list[Look]:
     """Test all suspects that have a solution."""
     looks = []

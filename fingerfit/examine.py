@@ -14,7 +14,6 @@ from fingerfit.diagnose import (
     Look,
     anchor_of,
     best_places,
-    judge_of,
     stiffness_map,
     try_suspects,
 )
@@ -143,7 +142,7 @@ def _look(fit: Fit, last: Round, everything: Data, threads: int) -> _Looked:
     found, lacking = suspects(fit, finest(fit, last).values)
     run = solve_missing(fit, [anchor_of(fit, last), *(asked for suspect in found for asked in suspect.asked)], threads)
     examination = Examination(fit, last, everything)
-    judge = judge_of(examination)
+    judge = examination.judge
     everywhere = try_suspects(examination, judge, found)
     looks = best_places(everywhere)
     if fit.meshes[SEARCH].dim == 3:
@@ -255,10 +254,10 @@ def fitted_pictures(fit: Fit, data: Data) -> np.ndarray:
 
 def fitted_steps(fit: Fit, data: Data) -> np.ndarray:
     """Which fields of displacements, of pictures and of points, are of steps that the fit used, bool."""
-    return _is_fitted(fit, data, data.entry_step)
+    return are_fitted(fit, data, data.entry_step)
 
 
-def _is_fitted(fit: Fit, data: Data, steps: np.ndarray) -> np.ndarray:
+def are_fitted(fit: Fit, data: Data, steps: np.ndarray) -> np.ndarray:
     """Whether the fit used steps, by their indices, bool."""
     wanted = fit.settings.fit.steps
     return np.array([wanted is None or int(data.step[step]) in wanted for step in steps], dtype=bool)
@@ -266,7 +265,7 @@ def _is_fitted(fit: Fit, data: Data, steps: np.ndarray) -> np.ndarray:
 
 def _errors_by_step(examination: Examination) -> tuple[float, float | None]:
     residual = examination.residual
-    fitted = _is_fitted(examination.fit, examination.data, examination.step_of())
+    fitted = are_fitted(examination.fit, examination.data, examination.step_of())
     noise = residual.covariance + examination.control_covariance()
     found = []
     for chosen in (fitted, ~fitted):
@@ -325,7 +324,7 @@ def _fitted(fit: Fit, last: Round, one: Look, everything: Data, threads: int, sh
     finally:
         fit.asked.update(wider.asked)
     examination = Examination(wider, end, everything)
-    return _Ended(wider, end, examination, judge_of(examination), share), run
+    return _Ended(wider, end, examination, examination.judge, share), run
 
 
 def added(fit: Fit, last: Round, found: Examined, name: str) -> Fit:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from fingerfit.choices import read_checked
-from fingerfit.diagnose import Examination, Look, judge_of, summary
+from fingerfit.diagnose import Examination, Look, summary
 from fingerfit.effects.catalogue import as_text
 from fingerfit.effects.contract import LOADING, Effect
-from fingerfit.examine import Examined, errors, fitted_steps
+from fingerfit.examine import Examined, are_fitted, errors, fitted_steps
 from fingerfit.files import digest, read_json, write_json, write_npz
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
@@ -34,8 +34,7 @@ def write_compare(examination: Examination, path: Path) -> None:
     mesh = fit.meshes[examination.mesh]
     outcome = fit.outcome(examination.base)
     steps = data.entry_step[: shown(examination)]
-    left, noise = (parts_left(examination, known) for known in (residual.vector, judge_of(examination).spread))
-    wanted = fit.settings.fit.steps
+    left, noise = (parts_left(examination, known) for known in (residual.vector, examination.judge.spread))
     error, floor = residual.error, examination.floor
     if not len(data.picture_step):  # of measured points: displacements, mm
         error, floor = (np.array([_typical(one) for one in each[MOVES]]) for each in (left, noise))
@@ -56,7 +55,7 @@ def write_compare(examination: Examination, path: Path) -> None:
             **left,
             **{f"{name}_noise": values for name, values in noise.items()},
             "control": np.array(data.control),
-            "step_fitted": np.isin(data.step, data.step if wanted is None else wanted),
+            "step_fitted": are_fitted(fit, data, np.arange(len(data.step))),
             "patch_centre": examination.patches.centre,
             "patch_count": np.array(examination.patches.count),
             "mesh_points": mesh.points,

@@ -162,9 +162,8 @@ def check_model(settings: Settings, where: Path | str = CONFIG) -> None:
         check_effects(settings, study, make_mesh(study, settings.model.mesh), where)
 
 
-def study_files(settings: Settings) -> list[str]:
-    """All files of a study that a fit may read: never the sealed truth."""
-    folder = Path(settings.study)
+def study_files(folder: Path) -> list[str]:
+    """All files in the folder of a study that a fit may read: never the sealed truth."""
     return sorted(
         str(path)
         for path in folder.rglob("*")

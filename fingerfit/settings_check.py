@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fingerfit.decks import make_deck
+from fingerfit.decks import make_deck, with_effect
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import NUMERICS, OBSERVATION, Effect
 from fingerfit.effects.sense import cure_of, unmet
@@ -99,9 +99,8 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
 def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> bool:
     """Whether the deck with an effect at the sizes of a first look differs from that without it."""
     known = catalogue(Path(settings.study))
-    start = {parameter.name: parameter.start for parameter in settings.parameters()}
-    sizes = [effect.null()]
-    sizes += [{**effect.null(), effect.key(p.name): p.null + p.step} for p in effect.parameters]
+    start = settings.starts()
+    sizes = [effect.null(), *(with_effect(effect, {}, p.name) for p in effect.parameters)]
     without, *decks = (make_deck(settings, study, mesh, "mesh", {**start, **size}, known) for size in sizes)
     return any(deck != without for deck in decks)
 

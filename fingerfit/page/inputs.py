@@ -328,11 +328,8 @@ def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
 
 def _study_files(models: list[Model]) -> dict[str, Path]:
     """Files of the study that the models were fitted to, where they still are, by name with that of its folder."""
-    from types import SimpleNamespace
-
     from fingerfit.layout import study_files
 
-    folders = dict.fromkeys(str(m.settings["study"]) for m in models if m.settings.get("study"))
-    chosen: list[Any] = [SimpleNamespace(study=folder) for folder in folders]
-    found = [(Path(one.study).parent, Path(file)) for one in chosen for file in study_files(one)]
+    folders = dict.fromkeys(Path(m.settings["study"]) for m in models if m.settings.get("study"))
+    found = [(folder.parent, Path(file)) for folder in folders for file in study_files(folder)]
     return {str(file.relative_to(parent)): file for parent, file in found}

@@ -83,7 +83,7 @@ def test_a_fit_depends_on_what_was_measured_only(monkeypatch):
     from fingerfit.settings import load_settings
 
     monkeypatch.chdir(ROOT)
-    names = {Path(path).name for path in study_files(load_settings(ROOT / "config.yaml"))}
+    names = {Path(path).name for path in study_files(Path(load_settings(ROOT / "config.yaml").study))}
     pictures = {"before.nii.gz", *(f"step_{n}.nii.gz" for n in (1, 3, 5, 7))}
     assert names == {"study.yaml", "steps.csv"} | pictures
 

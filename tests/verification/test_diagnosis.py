@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fingerfit.designs import designs, half_indenter, separation
-from fingerfit.diagnose import Examination, anchor_of, best_places, judge_of, stiffness_map, try_suspects
+from fingerfit.diagnose import Examination, anchor_of, best_places, stiffness_map, try_suspects
 from fingerfit.experiment import read_truth, solve, write_study
 from fingerfit.files import write_json
 from fingerfit.fit import SEARCH
@@ -63,7 +63,7 @@ def world(tmp_path_factory):
     found = [s for s in suspects(fit, finest(fit, last).values)[0] if s.effect.name in NAMES]
     solve_missing(fit, [anchor_of(fit, last), *(a for s in found for a in s.asked)], 1)
     examination = Examination(fit, last, everything)
-    return examination, try_suspects(examination, judge_of(examination), found)
+    return examination, try_suspects(examination, examination.judge, found)
 
 
 def test_the_map_shows_where_it_is_stiffer(world):
@@ -130,7 +130,7 @@ def test_half_an_indenter_has_its_nodes_in_one_half(world):
 def test_common_modes_are_those_of_the_steps(world, rng):
     """Force, displacement and brightness of each of four steps: a force that is wrong shows in them and nowhere else."""
     examination, _ = world
-    judge, residual = judge_of(examination), examination.residual
+    judge, residual = examination.judge, examination.residual
     modes = common_modes(residual, examination.data.entry_step, examination.slope("control"))
     # of each step the conjugate quantity, the slope by the force, two displacements, brightness
     assert modes.shape == (len(residual.vector), 4 * 5)

@@ -238,7 +238,7 @@ def test_no_rule_reads_what_is_sealed(place, monkeypatch):
     """The workflow's own record of its inputs, and the list that its rules take them from."""
     monkeypatch.chdir(place)
     assert (place / "study/sealed/truth.yaml").exists()
-    files = layout.study_files(load_settings(Path("config.yaml")))
+    files = layout.study_files(Path(load_settings(Path("config.yaml")).study))
     assert "study/study.yaml" in files
     assert not [path for path in files if "sealed" in path]
     records = [

@@ -9,7 +9,7 @@ import pytest
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
-from fingerfit.diagnose import Examination, anchor_of, best_places, judge_of, stiffness_map, try_suspects
+from fingerfit.diagnose import Examination, anchor_of, best_places, stiffness_map, try_suspects
 from fingerfit.examine import errors, look_again, widened
 from fingerfit.experiment import run_experiment
 from fingerfit.files import write_json, write_text
@@ -75,7 +75,7 @@ def world(tmp_path_factory):
     found = [s for s in suspects(fit, finest(fit, last).values)[0] if s.effect.name in TESTED]
     solve_missing(fit, [anchor_of(fit, last), *(a for s in found for a in s.asked)], 1)
     examination = Examination(fit, last, everything)
-    judge = judge_of(examination)
+    judge = examination.judge
     looks = best_places(try_suspects(examination, judge, found))
     looks, _ = look_again(examination, judge, looks, len(found))
     layers = next(one for one in looks if one.suspect.effect.name == "layers")
@@ -104,7 +104,7 @@ def test_rigid_tools_are_not_part_of_the_body(world):
 def test_the_layer_is_missing(world):
     examination, judge, looks, wider, values = world
     fitted, held_out = errors(wider)
-    after = judge_of(wider)
+    after = wider.judge
     refit = Refit(after.misfit, after.freedom, fitted, held_out, values)
     verdict = decide(judge, looks, {"layers": refit}, len(looks))
     assert (verdict.kind, verdict.effects) == ("missing", ("layers",))

@@ -5,7 +5,7 @@ rule examine:
         rounds=rounds_and_solutions,
         last=last_round,
         settings=ancient(SETTINGS_FILE),
-        study=layout.study_files(SETTINGS),
+        study=layout.study_files(Path(SETTINGS.study)),
         data=f"{MODEL}/prepared.npz",
         estimate=f"{MODEL}/estimate.json",
         templates=layout.template_files(SETTINGS),

@@ -2,7 +2,7 @@ rule prepare:
     # Reads and checks the study, smooths and scales the pictures, makes the mesh.
     input:
         settings=ancient(SETTINGS_FILE),
-        study=layout.study_files(SETTINGS),
+        study=layout.study_files(Path(SETTINGS.study)),
     output:
         **MESHES,
         data=f"{MODEL}/prepared.npz",
