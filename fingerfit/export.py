@@ -100,7 +100,8 @@ def export(model: Path, out: Path) -> list[Path]:
 
 
 def write_fields(found: Results, folder: Path) -> list[Path]:
-    """Mesh with displacement, strain and stress before compression and at each step (.vtu), and their series (.pvd).
+    """Mesh with displacement, strain and stress before compression and at each step (.vtu), and their series (.pvd);
+    beside them points with what is left of the displacements, and with the map of stiffness.
 
     Displacements count from the state of the first picture, stresses from the one without any.
     """
@@ -122,20 +123,32 @@ def write_fields(found: Results, folder: Path) -> list[Path]:
     series = folder / "model.pvd"
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>'
     write_text(series, "\n".join([head, *rows, "  </Collection>", "</VTKFile>"]) + "\n")
+    dim, centre = found.mesh.dim, found.compare["patch_centre"]
+    for index, left, noise in zip(
+        *(found.compare[key] for key in ("picture_step", "moves", "moves_noise")), strict=True
+    ):
+        known = np.isfinite(left).all(axis=1)
+        written.append(folder / f"residual_step_{found.compare['step'][index]}.vtu")
+        values = {"residual_displacement_mm": _in_space(left[known]), "noise_mm": _in_space(noise[known])}
+        _write_points(centre[known], values, written[-1])
     if len(found.stiffness):
         written.append(folder / "stiffness.vtu")
-        _write_places(found, written[-1])
+        values = {name: found.stiffness[:, dim + n] for n, name in enumerate(STIFFNESS)}
+        _write_points(found.stiffness[:, :dim], values, written[-1])
     return [series, *written]
 
 
-def _write_places(found: Results, path: Path) -> None:
-    """The map of stiffness as points, to be drawn as glyphs."""
+def _in_space(vectors: np.ndarray) -> np.ndarray:
+    """Vectors with a zero for what is out of the plane, shape (vectors, 3)."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+def _write_points(points: np.ndarray, values: dict[str, np.ndarray], path: Path) -> None:
+    """Values at points, to be drawn as glyphs."""
     import meshio
 
-    dim, values = found.mesh.dim, found.stiffness
-    data = {name: values[:, dim + n] for n, name in enumerate(STIFFNESS)}
-    points = np.pad(values[:, :dim], ((0, 0), (0, 3 - dim)))
-    _replace(meshio.Mesh(points, [("vertex", np.arange(len(points))[:, None])], data), path)
+    cells = [("vertex", np.arange(len(points))[:, None])]
+    _replace(meshio.Mesh(_in_space(points), cells, values), path)
 
 
 def _replace(grid: Any, path: Path) -> None:
@@ -152,7 +165,6 @@ def _write_vtu(mesh: Mesh, moved: np.ndarray, state: Fields, path: Path) -> None
         ends = np.cumsum([len(block.nodes) for block in mesh.blocks])[:-1]
         return np.split(values.reshape(len(values), -1) if values.ndim > 1 else values, ends)
 
-    pad = ((0, 0), (0, 3 - mesh.dim))
     cells = [(CELLS[mesh.dim, block.nodes.shape[1]], block.nodes) for block in mesh.blocks]
     cell_data = {
         "layer": flat(parts_of(mesh)),
@@ -162,7 +174,7 @@ def _write_vtu(mesh: Mesh, moved: np.ndarray, state: Fields, path: Path) -> None
     if state.stress is not None and state.von_mises is not None:
         cell_data["cauchy_stress_MPa"] = flat(state.stress)
         cell_data["von_mises_stress_MPa"] = flat(state.von_mises)
-    grid = meshio.Mesh(np.pad(mesh.points, pad), cells, {"displacement_mm": np.pad(moved, pad)}, cell_data)
+    grid = meshio.Mesh(_in_space(mesh.points), cells, {"displacement_mm": _in_space(moved)}, cell_data)
     _replace(grid, path)
 
 
@@ -207,38 +219,64 @@ def _patches(compare: dict[str, np.ndarray], frame: Picture) -> np.ndarray:
 
 
 def write_tables(found: Results, folder: Path) -> list[Path]:
-    """Forces, error of pictures by step, residual displacement by patch and by layer and step, as CSV."""
-    compare, mesh = found.compare, found.mesh
-    names = list(mesh.parts)
-    axes = "xyz"[: mesh.dim]
+    """Forces, errors by step, residual displacement by patch and by layer and step, as CSV."""
+    names, axes = list(found.mesh.parts), _axes(found)
+    patches, layers = _residuals(found)
+    written = []
+    tables = (
+        ("forces", _forces(found.compare)), ("error_by_step", _errors(found.compare)),
+        ("residual_by_patch", patches), ("residual_by_layer", layers),
+        ("layers", [["layer", "name"], *enumerate(name.lower() for name in names)]),
+        ("stiffness", [[*(f"{a}_mm" for a in axes), *STIFFNESS], *found.stiffness.tolist()]),
+        ("candidates", _candidates(found.ranking)),
+    )  # fmt: skip
+    for title, rows in tables:
+        written.append(folder / f"{title}.csv")
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([[_cell(value) for value in row] for row in rows])
+        write_text(written[-1], text.getvalue())
+    return written
+
+
+def _axes(found: Results) -> str:
+    return "xyz"[: found.mesh.dim]
+
+
+def _forces(compare: dict[str, np.ndarray]) -> list[list[object]]:
+    """Force and displacement of the indenter at each step."""
+    columns = []
+    for what in ("force", "displacement"):
+        measured, model = compare[what], compare[f"{what}_model"]
+        noise = np.broadcast_to(compare[f"{what}_noise"], measured.shape)
+        columns += [measured, model, measured - model, noise]
     given = ["step", *(f"{what}_{of}_{unit}" for what, unit in (("force", "N"), ("displacement", "mm")) for of in OF)]
-    columns = [
-        values
-        for what in ("force", "displacement")
-        for values in (
-            compare[what],
-            compare[f"{what}_model"],
-            compare[what] - compare[f"{what}_model"],
-            np.broadcast_to(compare[f"{what}_noise"], compare[what].shape),
-        )
-    ]
-    forces = [given, *zip(compare["step"], *columns, strict=True)]
-    errors: list[list[object]] = [["step", "fitted", "rms_difference", "rms_of_noise", "times_the_noise"]]
-    patches: list[list[object]] = [
-        [
-            "step",
-            "layer",
-            *(f"{a}_mm" for a in axes),
-            *(f"residual_{a}_mm" for a in axes),
-            *(f"noise_{a}_mm" for a in axes),
-        ]
-    ]
+    return [given, *map(list, zip(compare["step"], *columns, strict=True))]
+
+
+def _errors(compare: dict[str, np.ndarray]) -> list[list[object]]:
+    """What is left of each step's picture or points, and of the quantity that is not prescribed."""
+    rows: list[list[object]] = [["step", "fitted", *(f"rms_{of}" for of in ("left", "noise")), "times_the_noise",
+                                 "conjugate_times_the_noise"]]  # fmt: skip
+    field = {int(index): n for n, index in enumerate(compare["picture_step"])}
+    for index, step in enumerate(compare["step"]):
+        n = field.get(index)
+        error, floor = (None, None) if n is None else (float(compare["error"][n]), float(compare["floor"][n]))
+        spread = compare["conjugate_noise"][index]
+        conjugate = abs(compare["conjugate"][index]) / spread if spread > 0 else None
+        fitted = "yes" if compare["step_fitted"][index] else "no"
+        rows.append([int(step), fitted, error, floor, error / floor if error and floor else None, conjugate])
+    return rows
+
+
+def _residuals(found: Results) -> tuple[list[list[object]], list[list[object]]]:
+    """Residual displacements of patches, and what they come to by layer."""
+    compare, names, axes = found.compare, list(found.mesh.parts), _axes(found)
+    of_patch = [f"{what}{a}_mm" for what in ("", "residual_", "noise_") for a in axes]
+    patches: list[list[object]] = [["step", "layer", *of_patch]]
     layers: list[list[object]] = [["step", "layer", "patches", "rms_mm", "p95_mm", "largest_mm", "times_the_noise"]]
-    layer = _layers(mesh, compare["patch_centre"])
+    layer = _layers(found.mesh, compare["patch_centre"])
     for n, index in enumerate(compare["picture_step"]):
         step = int(compare["step"][index])
-        error, floor = float(compare["error"][n]), float(compare["floor"][n])
-        errors.append([step, "yes" if compare["fitted"][n] else "no", error, floor, error / floor if floor else None])
         moves, noise = compare["moves"][n], compare["moves_noise"][n]
         known = np.isfinite(moves).all(axis=1)
         for patch in np.flatnonzero(known):
@@ -251,19 +289,7 @@ def write_tables(found: Results, folder: Path) -> list[Path]:
                 ratio = np.sqrt(np.nanmean((moves[own] / noise[own]) ** 2))
                 layers.append([step, name.lower(), int(own.sum()), np.sqrt(np.mean(length**2)),
                                np.quantile(length, 0.95), length.max(), ratio])  # fmt: skip
-    written = []
-    tables = (
-        ("forces", forces), ("error_by_step", errors), ("residual_by_patch", patches), ("residual_by_layer", layers),
-        ("layers", [["layer", "name"], *enumerate(name.lower() for name in names)]),
-        ("stiffness", [[*(f"{a}_mm" for a in axes), *STIFFNESS], *found.stiffness.tolist()]),
-        ("candidates", _candidates(found.ranking)),
-    )  # fmt: skip
-    for title, rows in tables:
-        written.append(folder / f"{title}.csv")
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows([[_cell(value) for value in row] for row in rows])
-        write_text(written[-1], text.getvalue())
-    return written
+    return patches, layers
 
 
 def _candidates(ranking: list[dict[str, Any]]) -> list[list[object]]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from fingerfit.errors import FingerfitError, InputError, Problems
-from fingerfit.imaging.noise import estimate_noise
+from fingerfit.imaging.noise import estimate_noise, noise_of_repeats
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.imaging.preprocess import noise_after_resizing, resize, scale_of, smooth
 from fingerfit.imaging.warp import backward_map, spline_coefficients
@@ -90,8 +91,7 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     if not chain.scale and not -0.5 <= before.values.min() <= before.values.max() <= 1.5:
         spread = f"off, with intensities from {before.values.min():.4g} to {before.values.max():.4g}"
         raise InputError(study.path, "pictures.scale", spread, "range, or pictures with intensities from 0 to 1")
-    given = study.noise.picture
-    noise = given if isinstance(given, float) else estimate_noise(before.values, _empty(before, mesh))
+    noise = _noise(study, mesh, before)
 
     def prepared(part: Picture) -> Picture:
         picture = part if chain.resize is None else resize(part, chain.resize)
@@ -144,23 +144,38 @@ def _read(
         raise InputError(study.path, "pictures.resize", f"{len(chain.resize)} numbers", expected)
     if not isinstance(chain.trim, str) and len(chain.trim[0]) != before.dim:
         raise InputError(study.path, "pictures.trim", f"corners of {len(chain.trim[0])} numbers", expected)
+    paths = [study.steps[index].picture for index in used]
+    return before, _like(before, study.before.name, [path for path in paths if path is not None], trimmed)
+
+
+def _like(before: Picture, name: str, paths: Iterable[Path], trimmed: Callable[[Picture], Picture]) -> list[Picture]:
+    """Pictures in the same place as the one before compression, trimmed; all problems at once."""
     problems: list[FingerfitError] = []
     pictures = []
-    for path in [study.steps[index].picture for index in used]:
-        if path is None:
-            continue
+    for path in paths:
         try:
             picture = read_picture(path)
         except InputError as error:
             problems.append(error)
             continue
         if not picture.same_place(before):
-            problems.append(InputError(path, "geometry", picture.difference(before), f"that of {study.before.name}"))
+            problems.append(InputError(path, "geometry", picture.difference(before), f"that of {name}"))
             continue
         pictures.append(trimmed(picture))
     if problems:
         raise Problems(problems)
-    return before, pictures
+    return pictures
+
+
+def _noise(study: Study, mesh: Mesh, before: Picture) -> float:
+    """Standard deviation in the intensity of the files."""
+    given = study.noise.picture
+    if isinstance(given, float):
+        return given
+    if isinstance(given, tuple) and study.before is not None:
+        again = _like(before, study.before.name, given, lambda picture: picture)
+        return noise_of_repeats([one.values for one in (before, *again)], covers(mesh, before))
+    return estimate_noise(before.values, _empty(before, mesh))
 
 
 def _check_place(study: Study, mesh: Mesh, before: Picture) -> None:

@@ -80,6 +80,7 @@ class Body:
 class Noise:
     """Standard deviations: N, mm and intensity; None: not known; ``estimated``: from the data.
 
+    That of pictures may be further pictures before compression: it is then what differs between them.
     `force_gain` is that of a factor common to the forces of all steps, such as the stiffness of a specimen, `frame`
     that of a shift common to all points of a step, such as that of the camera.
     """
@@ -87,7 +88,7 @@ class Noise:
     force: float | str | None = None
     displacement: float | str | None = None
     points: float | str | None = None
-    picture: float | str | None = None
+    picture: float | str | tuple[Path, ...] | None = None
     force_gain: float = 0.0
     frame: float = 0.0
 

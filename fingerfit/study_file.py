@@ -100,6 +100,7 @@ def _side(boundary: Keys, key: str, kinds: tuple[str, ...], nodes: str) -> tuple
 
 def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
     noise.known("force", "displacement", "points", "force_gain", "frame")
+    again = pictures.data.get("noise")
 
     def spread(keys: Keys, name: str, size: float) -> float | str | None:
         if keys.data.get(name) in (None, ESTIMATED):
@@ -111,10 +112,23 @@ def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
         spread(noise, "force", sizes["force"]),
         spread(noise, "displacement", sizes["length"]),
         spread(noise, "points", sizes["length"]),
-        spread(pictures, "noise", 1.0) if pictures.data else None,
+        _repeats(pictures, again) if isinstance(again, list) else spread(pictures, "noise", 1.0),
         (noise.number("force_gain", above=0.0) or 0.0) if "force_gain" in noise.data else 0.0,
         (noise.number("frame", above=0.0) or 0.0) * sizes["length"] if "frame" in noise.data else 0.0,
     )
+
+
+def _repeats(pictures: Keys, names: list[object]) -> tuple[Path, ...]:
+    """Further pictures before compression."""
+    folder, found = pictures.where.parent, []
+    for number, name in enumerate(names):
+        if isinstance(name, str) and name.isprintable() and name.strip() and (folder / name).exists():
+            found.append(folder / name)
+        else:
+            pictures.wrong(f"noise.{number}", name, "a further picture before compression, a file that exists")
+    if not names:
+        pictures.wrong("noise", "an empty list", "a number, estimated, or further pictures before compression")
+    return tuple(found)
 
 
 def _chain(pictures: Keys, length: float) -> Chain:

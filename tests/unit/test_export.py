@@ -113,7 +113,9 @@ def made(tmp_path_factory):
         "measured": data.measured,
         "synthesized": 0.5 * data.measured,
         "picture_step": data.picture_step,
-        "fitted": np.array([True, False]),
+        "step_fitted": np.array([True, False]),
+        "conjugate": np.array([0.03, np.nan]),
+        "conjugate_noise": np.array([0.01, np.nan]),
         "error": np.array([0.02, 0.03]),
         "floor": np.array([0.01, 0.01]),
         "spacing": data.spacing,
@@ -169,6 +171,8 @@ def test_the_series_names_its_files(made):
     assert sorted(p.name for p in (folder / "fields").iterdir()) == [
         "before.vtu",
         "model.pvd",
+        "residual_step_1.vtu",
+        "residual_step_4.vtu",
         "step_1.vtu",
         "step_4.vtu",
         "stiffness.vtu",
@@ -222,6 +226,30 @@ def test_residual_displacements_are_vectors_in_space(made):
     assert image.GetPixel(outside) == (0, 0, 0)
 
 
+def test_residual_displacements_are_vectors_at_points(made):
+    folder, _, _, compare = made
+    points = meshio.read(folder / "fields/residual_step_4.vtu")
+    known = np.isfinite(compare["moves"][1, :, 0])
+    assert points.points == pytest.approx(compare["patch_centre"][known])
+    assert points.point_data["residual_displacement_mm"] == pytest.approx(compare["moves"][1, known])
+    assert (points.point_data["noise_mm"] == 0.02).all()
+
+
+def test_a_study_of_forces_alone_has_its_errors_by_step(made):
+    from fingerfit.export import read_results, write_tables
+
+    folder = made[0]
+    found = read_results(folder.parent)
+    nothing = {"picture_step": np.zeros(0, int), "moves": np.zeros((0, 8, 3)), "moves_noise": np.zeros((0, 8, 3))}
+    write_tables(replace(found, compare=found.compare | nothing), folder.parent)
+    errors = rows(folder.parent / "error_by_step.csv")
+    assert [(row["step"], row["fitted"], row["times_the_noise"]) for row in errors] == [
+        ("1", "yes", ""),
+        ("4", "no", ""),
+    ]
+    assert errors[0]["conjugate_times_the_noise"] == "3"
+
+
 def rows(path):
     return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
 
@@ -236,6 +264,7 @@ def test_tables(made):
     assert [row["force_noise_N"] for row in forces] == ["0.01", "0.01"]
     errors = rows(folder / "error_by_step.csv")
     assert [(row["fitted"], float(row["times_the_noise"])) for row in errors] == [("yes", 2.0), ("no", 3.0)]
+    assert [row["conjugate_times_the_noise"] for row in errors] == ["3", ""]
     patches = rows(folder / "residual_by_patch.csv")
     assert len(patches) == 15  # one is not known
     row = next(r for r in patches if r["step"] == "4" and (r["x_mm"], r["y_mm"], r["z_mm"]) == ("3", "2.25", "1.5"))
@@ -277,7 +306,7 @@ def test_a_state_before_the_first_picture_counts_for_stress_only(tmp_path, made)
     found = read_results(folder.parent)
     later = replace(found.data, step=np.array([4]))
     written = write_fields(replace(found, data=later), tmp_path)
-    assert [path.name for path in written] == ["model.pvd", "before.vtu", "step_4.vtu", "stiffness.vtu"]
+    assert [path.name for path in written[:3]] == ["model.pvd", "before.vtu", "step_4.vtu"]
     first, last = (meshio.read(path) for path in written[1:3])
     assert np.abs(first.point_data["displacement_mm"]).max() == 0
     assert np.abs(first.cell_data["cauchy_stress_MPa"][0]).max() > 1e-3

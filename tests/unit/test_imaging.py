@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 from skimage.metrics import normalized_mutual_information
 
 from fingerfit.errors import InputError
-from fingerfit.imaging.noise import add_rician, estimate_noise
+from fingerfit.imaging.noise import add_rician, estimate_noise, noise_of_repeats
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.similarity import joint_histogram, nmi, ssd
@@ -110,6 +110,16 @@ def test_rician_noise_is_found_again(rng):
     noisy = add_rician(values, 0.03, rng)
     assert estimate_noise(noisy, values == 0) == pytest.approx(0.03, rel=0.03)
     assert estimate_noise(noisy[70:130, 70:130]) == pytest.approx(0.03, rel=0.1)
+
+
+def test_noise_of_repeat_pictures_is_what_differs_between_them(rng):
+    values = rng.uniform(0.5, 1.0, (60, 60))
+    pictures = [values + rng.normal(0.0, 0.02, values.shape) for _ in range(4)]
+    where = np.zeros(values.shape, dtype=bool)
+    where[10:50, 10:50] = True
+    assert noise_of_repeats(pictures, where) == pytest.approx(0.02, rel=0.05)
+    pictures[1][~where] += 1.0
+    assert noise_of_repeats(pictures, where) == pytest.approx(0.02, rel=0.05)
 
 
 @pytest.mark.parametrize("name", ["a.nii.gz", "a.mha", "a.nrrd"])

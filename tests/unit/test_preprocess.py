@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from fingerfit.errors import InputError, Problems
-from fingerfit.imaging.pictures import Picture, write_picture
+from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.imaging.preprocess import noise_after_resizing, resize, smooth
 from fingerfit.meshing import brick
 from fingerfit.pictured import prepare_pictures
@@ -125,6 +125,21 @@ def test_the_whole_chain(study, name):
         / size
         * noise_after_resizing(Picture(np.zeros((17, 21, 27)), np.ones(3), np.zeros(3), np.eye(3)), (40, 24, 24))
     )
+
+
+def test_noise_from_further_pictures_before_compression(study, rng):
+    folder = study(noise=0.02)
+    whole = read_picture(folder / "before.nii.gz")
+    clean = 1000 * volume((40, 36, 44), origin=(-7.0, -6.0, -7.5)).values + 300
+    for name in ("again", "third"):
+        values = clean + rng.normal(0.0, 20.0, clean.shape)
+        write_picture(
+            folder / f"{name}.nii.gz", Picture(values, whole.spacing, whole.origin, whole.direction), np.float32
+        )
+    data = yaml.safe_load((folder / "study.yaml").read_text())
+    data["pictures"] |= {"noise": ["again.nii.gz", "third.nii.gz"], "scale": "range"}
+    (folder / "study.yaml").write_text(yaml.safe_dump(data))
+    assert prepared(folder).noise == pytest.approx(20.0 / np.ptp(whole.values), rel=0.03)
 
 
 def test_every_step_can_be_switched_off(study):
