@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from blocks import FIT, MODEL, STEPS, STUDY
 from conftest import ROOT
 
 from fingerfit.check import own_effects
@@ -24,24 +25,7 @@ OWN = {
     "parameters": {"slope": {"unit": "1", "absent": 0, "lower": -2, "upper": 2, "step": 0.2}},
     "changes": {"field": "slope * (x / width - 0.5)"},
 }
-STUDY = {
-    "title": "block",
-    "units": {"length": "mm", "force": "N", "time": "s"},
-    "control": "displacement",
-    "steps": "steps.csv",
-    "noise": {"force": 0.05, "displacement": 0.001},
-    "body": {"width": 12, "thickness": 70, "layers": [{"name": "top", "height": 4}, {"name": "bottom", "height": 4}]},
-    "boundary": {"base": "held", "indenter": "glued"},
-}
-CONFIG = {
-    "study": "study",
-    "model": {
-        "material": {"alpha": 1.4, "poisson": 0.45},
-        "parameters": {"mu": {"unit": "MPa", "start": 0.05, "lower": 0.005, "upper": 0.5}},
-        "mesh": {"element": "CPE8", "across": 2, "per_layer": 2},
-    },
-    "fit": {"score": "likelihood", "stages": [{"name": "grid", "kind": "grid", "points": 3}]},
-}
+CONFIG = {"study": "study", "model": MODEL, "fit": FIT}
 
 
 @pytest.fixture
@@ -49,7 +33,7 @@ def study(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study/effects").mkdir(parents=True)
     (tmp_path / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
-    (tmp_path / "study/steps.csv").write_text("step,displacement,force\n1,0.4,10.0\n2,0.8,21.0\n")
+    (tmp_path / "study/steps.csv").write_text(STEPS)
     return tmp_path / "study"
 
 

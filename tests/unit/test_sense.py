@@ -2,6 +2,7 @@
 
 import pytest
 import yaml
+from blocks import FIT, MODEL, STEPS, STUDY
 
 from fingerfit import layout
 from fingerfit.cli import main
@@ -12,21 +13,6 @@ from fingerfit.effects.sense import IN_WORDS, MEASURED
 from fingerfit.errors import FingerfitError
 from fingerfit.settings import load_settings
 
-STUDY = {
-    "title": "block",
-    "units": {"length": "mm", "force": "N", "time": "s"},
-    "control": "displacement",
-    "steps": "steps.csv",
-    "noise": {"force": 0.05, "displacement": 0.001},
-    "body": {"width": 12, "thickness": 70, "layers": [{"name": "top", "height": 4}, {"name": "bottom", "height": 4}]},
-    "boundary": {"base": "held", "indenter": "glued"},
-}
-MODEL = {
-    "material": {"alpha": 1.4, "poisson": 0.45},
-    "parameters": {"mu": {"unit": "MPa", "start": 0.05, "lower": 0.005, "upper": 0.5}},
-    "mesh": {"element": "CPE8", "across": 2, "per_layer": 2},
-}
-FIT = {"score": "likelihood", "stages": [{"name": "grid", "kind": "grid", "points": 3}]}
 REFUSED = {
     "friction": "friction, which changes nothing in the deck of this study; expected an effect on what block.inp.j2 has",
     "relaxation": "relaxation, which needs a time at every step;",
@@ -43,7 +29,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study").mkdir()
     (tmp_path / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
-    (tmp_path / "study/steps.csv").write_text("step,displacement,force\n1,0.4,10.0\n2,0.8,21.0\n")
+    (tmp_path / "study/steps.csv").write_text(STEPS)
     configure(tmp_path)
     return tmp_path
 

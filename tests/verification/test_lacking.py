@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 import yaml
+from blocks import FIT, MESH, MODEL, STUDY
 
 from fingerfit.climb import add
 from fingerfit.course import next_round
@@ -22,31 +23,20 @@ from fingerfit.solvers.calculix import CalculixSolver
 from fingerfit.solvers.needs import FEATURES, refuse_lacking
 from fingerfit.suspects import suspects, untestable
 
-STUDY = {
-    "title": "block",
-    "units": {"length": "mm", "force": "N", "time": "s"},
-    "control": "displacement",
-    "steps": "steps.csv",
-    "noise": {"force": 0.05, "displacement": 0.001},
-    "body": {"width": 12, "thickness": 70, "layers": [{"name": "top", "height": 4}, {"name": "bottom", "height": 4}]},
-    "boundary": {"base": "held", "indenter": "glued"},
-}
 STEPS = "step,displacement,force,time\n1,0.4,10.0,10\n2,0.8,21.0,20\n3,1.2,32.0,30\n"
-MU = {"unit": "MPa", "start": 0.05, "lower": 0.005, "upper": 0.5}
-MODEL = {"material": {"alpha": 1.4, "poisson": 0.45}, "parameters": {"mu": MU}}
-FIT = {"score": "likelihood", "stages": [{"name": "grid", "kind": "grid", "points": 3}]}
+MESHLESS = {key: value for key, value in MODEL.items() if key != "mesh"}
 
 
 def made(folder, solver, element="CPE8", own_mesh=False):
     """Study and config.yaml in a folder; the mesh is the study's or the model's."""
     (folder / "study").mkdir()
-    study, model = STUDY, {**MODEL, "mesh": {"element": element, "across": 2, "per_layer": 2}}
+    study, model = STUDY, {**MODEL, "mesh": {**MESH, "element": element}}
     if own_mesh:
         mesh = layered_block(12.0, [("top", 4.0), ("bottom", 4.0)], 2, 2, element)
         (folder / "study/mesh.inp").write_text(format_mesh(mesh))
         layers = [{"name": "top"}, {"name": "bottom"}]
         study = {**STUDY, "body": {"mesh": "mesh.inp", "thickness": 70, "layers": layers}}
-        model = MODEL
+        model = MESHLESS
     write_json(folder / "study/study.yaml", study)
     (folder / "study/steps.csv").write_text(STEPS)
     config = {"study": str(folder / "study"), "solver": solver, "model": model, "fit": FIT}

@@ -2,6 +2,7 @@
 
 import pytest
 import yaml
+from blocks import STUDY
 
 from fingerfit import layout
 from fingerfit.climb import add
@@ -15,15 +16,7 @@ from fingerfit.rounds import asked_for
 from fingerfit.settings import load_settings
 from fingerfit.simulate import begin, solve_missing
 
-STUDY = {
-    "title": "block",
-    "units": {"length": "mm", "force": "N", "time": "s"},
-    "control": "displacement",
-    "steps": "steps.csv",
-    "noise": {"force": 0.02, "displacement": 0.0001},
-    "body": {"width": 12, "thickness": 70, "layers": [{"name": "top", "height": 4}, {"name": "bottom", "height": 4}]},
-    "boundary": {"base": "held", "indenter": "glued"},
-}
+NOISE = {"force": 0.02, "displacement": 0.0001}
 MOVED = [0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6]
 CONFIG = """\
 study: study
@@ -50,7 +43,7 @@ def folder(tmp_path, monkeypatch):
     """Forces of a body that stiffens more than the model says."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study").mkdir()
-    (tmp_path / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
+    (tmp_path / "study/study.yaml").write_text(yaml.safe_dump({**STUDY, "noise": NOISE}))
     write_steps(tmp_path, [1.0] * len(MOVED))
     (tmp_path / "config.yaml").write_text(CONFIG.replace("ALPHA", "6.0"))
     truth, _ = begin(load_settings(tmp_path / "config.yaml"), tmp_path / "truth")

@@ -1,0 +1,23 @@
+"""A small study that several tests have: a block of two layers, pressed, with forces alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+STUDY: dict[str, Any] = {
+    "title": "block",
+    "units": {"length": "mm", "force": "N", "time": "s"},
+    "control": "displacement",
+    "steps": "steps.csv",
+    "noise": {"force": 0.05, "displacement": 0.001},
+    "body": {"width": 12, "thickness": 70, "layers": [{"name": "top", "height": 4}, {"name": "bottom", "height": 4}]},
+    "boundary": {"base": "held", "indenter": "glued"},
+}
+STEPS = "step,displacement,force\n1,0.4,10.0\n2,0.8,21.0\n"
+MESH = {"element": "CPE8", "across": 2, "per_layer": 2}
+MODEL: dict[str, Any] = {
+    "material": {"alpha": 1.4, "poisson": 0.45},
+    "parameters": {"mu": {"unit": "MPa", "start": 0.05, "lower": 0.005, "upper": 0.5}},
+    "mesh": MESH,
+}
+FIT: dict[str, Any] = {"score": "likelihood", "stages": [{"name": "grid", "kind": "grid", "points": 3}]}
