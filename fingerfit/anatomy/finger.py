@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fingerfit.anatomy.curved import curved
 from fingerfit.anatomy.shape import Anatomy, bone_capsule, is_nail, map_bone, map_skin, skin_capsule
 from fingerfit.anatomy.surface import boundary_loop, fill_ring, load_netgen, triangulate, vertex_normals
 from fingerfit.errors import InputError, SolverError
@@ -84,7 +85,7 @@ def finger_mesh(anatomy: Anatomy | None = None, size: float = 1.0, element: str 
     }
     mesh = Mesh(points, (Block("C3D4", nodes),), node_sets, sets)
     if stiff == "C3D10":
-        mesh = to_quadratic(mesh)
+        mesh = curved(to_quadratic(mesh), triangles, len(shells))
     outside = outer_faces(mesh)
     centre = mesh.points[faces_on(mesh, outside)[:, :3]].mean(axis=1)
     outside = outside[centre[:, 0] > 1e-9 * anatomy.length]

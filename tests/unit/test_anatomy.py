@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fingerfit.anatomy.curved import ease, middles
 from fingerfit.anatomy.description import read_finger, tissues_of
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import CLEARANCE, add_fixtures
@@ -14,6 +15,7 @@ from fingerfit.errors import InputError
 from fingerfit.files import write_text
 from fingerfit.mesh_io import format_mesh, read_mesh
 from fingerfit.meshing import brick
+from fingerfit.morph.distance import surface_distance
 from fingerfit.tetrahedra import corners, faces_on, outer_faces, quality, radius_ratio, volumes
 
 COARSE = 3.0
@@ -67,15 +69,28 @@ def test_one_number_makes_it_finer(finger):
     assert fine.volume["SOFT"] == pytest.approx(quality(finger).volume["SOFT"], rel=0.02)
 
 
-def test_quadratic_variant_has_the_same_corners(finger):
+def test_quadratic_variant_has_the_same_corners_and_curved_edges(finger):
     curved = finger_mesh(size=COARSE, element="C3D10H")
     assert [block.element for block in curved.blocks] == ["C3D10H", "C3D10"]
     assert np.array_equal(corners(curved), corners(finger))
-    middle = curved.points[curved.blocks[0].nodes[:, 4]]
-    ends = curved.points[curved.blocks[0].nodes[:, :2]].mean(axis=1)
-    assert np.allclose(middle, ends)
     assert set(finger.node_sets["END"]) < set(curved.node_sets["END"])
     assert np.allclose(curved.points[curved.node_sets["END"], 0], 0)
+    # where edges are straight, the middles of coarse ones are 0.1 mm inside of a much finer surface
+    fine = finger_mesh(size=1.0)
+    surface = fine.points[faces_on(fine, fine.surfaces["SKIN"])]
+    middle = curved.node_sets["EPIDERMIS_OUTER"][len(finger.node_sets["EPIDERMIS_OUTER"]) :]
+    between = middles(np.concatenate([block.nodes for block in curved.blocks]))
+    edges = np.array([edge for edge, node in between.items() if node in middle])
+    middle = np.array([between[a, b] for a, b in edges.tolist()])
+    straight = finger.points[edges].mean(axis=1)
+    far = [np.percentile(surface_distance(points, surface), 90) for points in (straight, curved.points[middle])]
+    assert far[0] > 0.1
+    assert far[1] < 0.03
+    # the skin keeps its thickness between its corners, and no element is turned inside out anywhere
+    below = [between[a, b] for a, b in (edges + len(finger.node_sets["EPIDERMIS_OUTER"])).tolist()]
+    depth = np.linalg.norm(curved.points[below] - curved.points[middle], axis=1)
+    assert np.allclose(depth, Anatomy().epidermis, rtol=0.15)
+    assert ease(curved)[1] == 0
 
 
 def test_sets_and_surfaces_survive_a_file(finger, tmp_path):

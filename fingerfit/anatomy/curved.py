@@ -1,0 +1,111 @@
+"""Quadratic tetrahedra whose edges follow the curved surfaces of a finger."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fingerfit.anatomy.surface import vertex_normals
+from fingerfit.fem.shapes import EDGES, simplex
+from fingerfit.mesh import Block, Mesh
+from fingerfit.tetrahedra import corners, faces_on, outer_faces, volumes
+
+_LEAST = 0.2
+"""Smallest Jacobian of a curved element, relative to that of the one with straight edges."""
+_TURNS = 12
+
+
+def curved(mesh: Mesh, triangles: np.ndarray, shells: int) -> Mesh:
+    """A finger of C3D10 with the nodes in the middle of edges on skin, layers and bones moved onto them.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With straight edges. Its first nodes are those of the skin, then of each shell below it in the same order.
+    triangles : ndarray, shape (triangles, 3)
+        Of the skin.
+    shells : int
+        Number of shells, the skin included.
+    """
+    points, count = mesh.points, int(triangles.max()) + 1
+    middle = middles(np.concatenate([block.nodes for block in mesh.blocks]))
+    shift = np.zeros_like(points)
+    normals = vertex_normals(points[:count], triangles)
+    edges = np.array(edges_of(triangles))
+    bends = [_bend(points[edges + shell * count], normals[edges]) for shell in range(shells)]
+    for shell, bend in enumerate(bends):
+        here = edges + shell * count
+        shift[[middle[a, b] for a, b in here.tolist()]] = bend
+        if shell + 1 < shells:  # prisms are cut from the smaller number above to the larger one below
+            cut = [middle[a, b + count] for a, b in here.tolist()]
+            shift[cut] = (bend + bends[shell + 1]) / 2
+    bones = bone_faces(mesh)
+    edges = np.array(edges_of(bones))
+    shift[[middle[a, b] for a, b in edges.tolist()]] = _bend(points[edges], vertex_normals(points, bones)[edges])
+    shift[mesh.node_sets["END"], 0] = 0.0
+    return ease(replace(mesh, points=points + shift))[0]
+
+
+def _bend(ends: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """How far the middle of a cubic between points, perpendicular to their normals, is from the straight line.
+
+    Parameters
+    ----------
+    ends, normals : ndarray, shape (edges, 2, 3)
+    """
+    along = (ends[:, 1] - ends[:, 0])[:, None]
+    rise = (along * normals).sum(axis=2)[..., None] * normals
+    return np.asarray((rise[:, 1] - rise[:, 0]) / 8)
+
+
+def middles(nodes: np.ndarray) -> dict[tuple[int, int], int]:
+    """Node in the middle of each edge of C3D10, shape (elements, 10), by the corners it lies between, sorted."""
+    return {
+        (a, b): node
+        for number, edge in enumerate(EDGES[3], 4)
+        for (a, b), node in zip(np.sort(nodes[:, list(edge)], axis=1).tolist(), nodes[:, number].tolist(), strict=True)
+    }
+
+
+def edges_of(triangles: np.ndarray) -> list[tuple[int, int]]:
+    """Edges of triangles by their sorted corners, each once."""
+    found = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    return [(int(a), int(b)) for a, b in found]
+
+
+def ease(mesh: Mesh) -> tuple[Mesh, int]:
+    """Curved edges made straighter where an element would be turned inside out at one of its nodes.
+
+    Returns
+    -------
+    mesh : Mesh
+        Its straight-sided elements must not be inverted; now none is anywhere.
+    count : int
+        Nodes in the middle of edges that were moved.
+    """
+    nodes = np.concatenate([block.nodes for block in mesh.blocks])
+    if nodes.shape[1] == 4:
+        return mesh, 0
+    straight = mesh.points.copy()
+    for number, edge in enumerate(EDGES[3], 4):
+        straight[nodes[:, number]] = mesh.points[nodes[:, list(edge)]].mean(axis=1)
+    corner = np.vstack([np.zeros(3), np.eye(3)])
+    _, slopes = simplex(np.vstack([corner, corner[np.array(EDGES[3])].mean(axis=1)]), True)
+    whole = volumes(mesh.points, nodes[:, :4])
+    share = np.ones(len(mesh.points))
+    for turn in range(_TURNS + 1):
+        points = straight + share[:, None] * (mesh.points - straight)
+        sides = np.einsum("qnd,enk->eqkd", slopes, points[nodes])
+        bad = (np.linalg.det(sides) < _LEAST * 6 * whole[:, None]).any(axis=1)
+        if not bad.any():
+            break
+        share[nodes[bad, 4:]] *= 0.6 if turn < _TURNS - 1 else 0.0
+    return replace(mesh, points=points), int((share < 1).sum())
+
+
+def bone_faces(mesh: Mesh) -> np.ndarray:
+    """Corners of the outer triangles of the bones between nodes of BONE_SURFACE, seen from the tissue."""
+    bone = Mesh(mesh.points, (Block("C3D4", corners(mesh)[mesh.element_sets["BONE"]]),))
+    faces = faces_on(bone, outer_faces(bone))
+    return faces[np.isin(faces, mesh.node_sets["BONE_SURFACE"]).all(axis=1)]
