@@ -18,7 +18,7 @@ from fingerfit.morph.register import Registration, register, tip_of
 from fingerfit.morph.render import frame_around, render
 from fingerfit.morph.repair import mend, spread
 from fingerfit.morph.straight import straightened
-from fingerfit.tetrahedra import corners, faces_on, volumes
+from fingerfit.tetrahedra import corners, faces_on, to_quadratic, volumes
 
 VOXEL = 0.3
 
@@ -156,7 +156,7 @@ def test_hopeless_elements_are_told(cube, monkeypatch):
 
 
 def test_quadratic_tetrahedra_become_eight_linear_ones():
-    finger = finger_mesh(size=4.0, element="C3D10H")
+    finger = to_quadratic(finger_mesh(size=4.0, element="C3D4H"))
     fine = straightened(finger)
     assert fine.element_count == 8 * finger.element_count
     assert volumes(fine.points, corners(fine)).min() > 0
