@@ -144,9 +144,13 @@ def explains(one: Judge | Refit) -> bool:
 
 
 def _common_limit(one: Judge | Refit) -> float:
+    """Of chance; where all other values differ by more than their noise, which `good` allows, of as much more."""
     from scipy.special import chdtri
 
-    return float(chdtri(one.common_freedom, LEVEL)) if one.common_freedom else 0.0
+    if not one.common_freedom:
+        return 0.0
+    spread = (one.misfit - one.common_misfit) / max(one.freedom - one.common_freedom, 1)
+    return float(chdtri(one.common_freedom, LEVEL)) * max(1.0, spread)
 
 
 def explained_share(judge: Judge, refit: Refit) -> float:

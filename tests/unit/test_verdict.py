@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import chdtri
 
 from fingerfit.diagnose import Look, alike, summary
 from fingerfit.effects.catalogue import catalogue
@@ -17,6 +18,7 @@ from fingerfit.verdict import (
     confusions,
     decide,
     doubted,
+    explains,
     half_explained,
     threshold,
     to_refit,
@@ -216,6 +218,16 @@ def test_a_step_that_is_far_off_is_not_drowned_by_thousands_of_values():
     assert decide(near, [], {}, TESTS).kind == "adequate"
     assert far.misfit / far.freedom < 1.05
     assert decide(far, [], {}, TESTS).kind == "unexplained"
+
+
+def test_what_steps_have_in_common_may_differ_by_as_much_as_the_other_values():
+    """An error of the mesh that the whole misfit allows is allowed in what steps have in common."""
+    limit = chdtri(STEPS, LEVEL)
+    alone = Refit(2000.0, 2000, 1.0, 1.0, {}, common_misfit=1.1 * limit, common_freedom=STEPS)
+    assert not explains(alone)
+    assert explains(replace(alone, misfit=1.2 * 2000.0))
+    assert not explains(replace(alone, misfit=1.2 * 2000.0, common_misfit=1.3 * limit))
+    assert not explains(replace(alone, misfit=1.3 * 2000.0))
 
 
 def test_a_refit_that_leaves_a_step_far_off_is_no_rival():
