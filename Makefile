@@ -18,7 +18,7 @@ FINGERTIP := studies/fingertip
 fingertip-data: $(FINGERTIP)/subject.inp  ## make the volumes of the virtual fingertip and its mesh: 4 minutes
 
 $(FINGERTIP)/study.yaml: .venv/ready $(FINGERTIP)/experiment.yaml $(FINGERTIP)/anatomy.yaml
-	$(BIN)/fingerfit finger --anatomy $(FINGERTIP)/anatomy.yaml --element C3D10 --size 1.7 --out $(FINGERTIP)/sealed/true.inp
+	$(BIN)/fingerfit finger --anatomy $(FINGERTIP)/anatomy.yaml --size 1.7 --out $(FINGERTIP)/sealed/true.inp
 	$(BIN)/fingerfit experiment $(FINGERTIP)/experiment.yaml --out $(FINGERTIP)
 
 $(FINGERTIP)/subject.inp: $(FINGERTIP)/study.yaml

@@ -2,7 +2,7 @@
 
     python benchmarks/fingertip_hidden.py [--only NAME ...] [--threads N] [--keep FOLDER]
 
-writes benchmarks/fingertip_hidden.md. Data: the reference finger on a finer mesh of displacement elements, small
+writes benchmarks/fingertip_hidden.md. Data: the reference finger on a finer mesh, small
 volumes of two steps, of which the second one is fitted. Finished cases are kept in benchmarks/.cache.
 """
 
@@ -35,7 +35,7 @@ from fingerfit.truth import read_truth
 CACHE = ROOT / "benchmarks/.cache/fingertip_hidden"
 EPIDERMIS, TISSUE, DERMIS = 0.138, 0.00798, 0.04
 """MPa; the first two of Tada, Nagai and Maeno (2006)."""
-MESHES = {"true": ("C3D10", 2.0), "model": ("C3D10H", 3.0), "refined": ("C3D10H", 2.5)}
+MESHES = {"true": ("C3D10H", 2.0), "model": ("C3D10H", 3.0), "refined": ("C3D10H", 2.5)}
 """Element and size."""
 HELD = {"base": "held", "indenter": "slides"}
 MU = {"unit": "MPa", "lower": 0.001, "upper": 1.0, "log": True}

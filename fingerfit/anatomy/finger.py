@@ -12,9 +12,9 @@ from fingerfit.mesh import Block, Mesh
 from fingerfit.tetrahedra import faces_on, oriented, outer_faces, to_quadratic
 
 ELEMENTS = ("C3D4", "C3D4H", "C3D10", "C3D10H")
-SKIN, FINE, BONE = 0.87, 0.46, 0.83
+SKIN, FINE, BONE = 0.87, 0.25, 0.83
 """Sides of triangles where the mesh is of size 1: of the skin, of the pulp and of the bones, mm."""
-PULP = 5.0
+PULP = 3.0
 """How far the fine part reaches from the pulp's centre, mm."""
 SOFT, DISTAL, MIDDLE = 1, 2, 3
 """Netgen's numbers of the parts."""
