@@ -39,7 +39,7 @@ DEPTHS = (0.8, 1.6, 2.4, 3.2, 4.0)
 VALUES = {"mu_epidermis": 0.138, "mu_subcutaneous": 0.00798}
 """MPa (Tada, Nagai and Maeno 2006)."""
 FIXED = {"alpha": 1.4, "poisson": 0.48}
-MESHES = (("C3D4", 1.0), ("C3D4H", 1.5), ("C3D10H", 3.0), ("C3D10H", 2.0))
+MESHES = (("C3D4", 1.0), ("C3D4H", 1.5), ("C3D10", 1.7), ("C3D10H", 3.0), ("C3D10H", 1.7))
 CONFIGS = ("homogeneous", "config")
 HEAD = """# The fingertip
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -152,8 +152,10 @@ class Fit:
         return REFINED if self.mesh_names.get(REFINED) == asked.mesh else SEARCH
 
     def outcome(self, asked: Asked) -> Outcome:
-        """Solution of a guess, since the first picture."""
-        return since_first_picture(Outcome.load(self.sims / asked.sim / "solution.npz"), len(self.data.step))
+        """Solution of a guess on the nodes of its mesh, since the first picture; nodes of tools come after them."""
+        whole = Outcome.load(self.sims / asked.sim / "solution.npz")
+        body = whole.displacement[:, : len(self.meshes[self.mesh_of(asked)].points)]
+        return since_first_picture(replace(whole, displacement=body), len(self.data.step))
 
     def synthesis(self, asked: Asked) -> Synthesis:
         """What should have been measured by a guess that must have a solution, and its maps."""

@@ -1,0 +1,38 @@
+"""Decks with nodes of their own beside the mesh's: tools, as those of the fingertip for CalculiX."""
+
+import numpy as np
+import yaml
+from blocks import FIT, MODEL, STEPS, STUDY
+from conftest import ROOT
+
+from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, solve_missing
+
+POINTS = "x,y,ux,uy\n3,2,0,-0.1\n9,6,0,-0.2\n"
+
+
+def predicted(folder, template):
+    """Displacements on the mesh, and prediction, of a model with a template."""
+    (folder / "study").mkdir(parents=True)
+    block = (ROOT / "templates/block.inp.j2").read_text()
+    mesh = "*INCLUDE, INPUT={{ mesh }}\n"
+    assert mesh in block
+    (folder / "study/tool.inp.j2").write_text(block.replace(mesh, f"{mesh}*NODE\n900001, 0., 50.\n900002, 9., 50.\n"))
+    (folder / "study/study.yaml").write_text(yaml.safe_dump(STUDY | {"noise": {**STUDY["noise"], "points": 0.01}}))
+    (folder / "study/points.csv").write_text(POINTS)
+    first, *rest = STEPS.splitlines()
+    (folder / "study/steps.csv").write_text("\n".join([f"{first},points", *(f"{row},points.csv" for row in rest)]))
+    config = {"study": str(folder / "study"), "model": {**MODEL, "template": template}, "fit": FIT}
+    fit, _ = begin(load_settings(config), folder / "model")
+    asked = fit.ask({"mu": 0.05})
+    assert ("900001" in asked.deck) == (template == "tool.inp.j2")
+    solve_missing(fit, [asked], 1)
+    return fit.outcome(asked).displacement, fit.prediction(asked)
+
+
+def test_nodes_of_tools_are_no_nodes_of_the_body(tmp_path):
+    (plain, one), (tool, other) = (predicted(tmp_path / name, f"{name}.inp.j2") for name in ("block", "tool"))
+    assert np.abs(one.points).max() > 0.1
+    assert np.array_equal(plain, tool)
+    assert np.array_equal(one.points, other.points)
+    assert np.array_equal(one.conjugate, other.conjugate)
