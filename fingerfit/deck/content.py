@@ -181,6 +181,8 @@ class DeckStep:
         Whether loads without amplitude are there at once, not on a ramp.
     finite : bool
         NLGEOM.
+    printed : bool
+        Whether it prints the nodes ALL: where some steps do, the others are on the way and no results.
     """
 
     displacement: dict[NodeAxis, float] = field(default_factory=dict)
@@ -195,6 +197,7 @@ class DeckStep:
     relaxed: bool = False
     sudden: bool | None = None
     finite: bool = True
+    printed: bool = False
 
 
 @dataclass

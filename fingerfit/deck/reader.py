@@ -22,7 +22,6 @@ IGNORED = frozenset(
         "OUTPUT",
         "NODE OUTPUT",
         "ELEMENT OUTPUT",
-        "NODE PRINT",
         "EL PRINT",
         "NODE FILE",
         "EL FILE",

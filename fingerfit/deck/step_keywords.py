@@ -200,6 +200,12 @@ def _press(
     pressures[face] = card.number(value, line), curve, card.name
 
 
+def on_node_print(reading: Reading, card: Card) -> None:
+    """What is printed changes nothing, but a step that prints all nodes is one of those whose results count."""
+    if reading.step is not None and card.options.get("NSET", "").upper() == "ALL":
+        reading.step.printed = True
+
+
 def on_end_step(reading: Reading, card: Card) -> None:
     if reading.step is None:
         raise card.error("no step", "*STEP before it")
@@ -215,5 +221,6 @@ KEYWORDS: dict[str, Handler] = {
     "CLOAD": on_cload,
     "DLOAD": on_dload,
     "DSLOAD": on_dsload,
+    "NODE PRINT": on_node_print,
     "END STEP": on_end_step,
 }

@@ -93,11 +93,14 @@ class BuiltinSolver:
         node = _indenter(read, deck)
         displacement, reaction, moved, iterations = [], [], [], []
         message, status = f"{len(read.steps)} steps", CONVERGED
+        silent = not any(step.printed for step in read.steps)
         top = read.mesh.node_sets.get("TOP", node)
         for number, step in enumerate(run_steps(read, deck, self.averaged), 1):
             if not step.arrived:
                 status, message = DIVERGED, f"no equilibrium in step {number} of {len(read.steps)}"
                 break
+            if not (silent or read.steps[number - 1].printed):
+                continue
             displacement.append(step.displacement)
             reaction.append(step.internal[top].sum(axis=0))
             moved.append(step.displacement[node[0]])

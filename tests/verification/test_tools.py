@@ -1,12 +1,14 @@
-"""Decks with nodes of their own beside the mesh's: tools, as those of the fingertip for CalculiX."""
+"""Decks with nodes beside the mesh's and steps beside the measured ones, as those of the fingertip for CalculiX."""
 
 import numpy as np
+import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
-from conftest import ROOT
+from conftest import ROOT, phantom
 
 from fingerfit.settings import load_settings
 from fingerfit.simulate import begin, solve_missing
+from fingerfit.solvers.builtin import BuiltinSolver
 
 POINTS = "x,y,ux,uy\n3,2,0,-0.1\n9,6,0,-0.2\n"
 
@@ -36,3 +38,18 @@ def test_nodes_of_tools_are_no_nodes_of_the_body(tmp_path):
     assert np.array_equal(plain, tool)
     assert np.array_equal(one.points, other.points)
     assert np.array_equal(one.conjugate, other.conjugate)
+
+
+def test_steps_without_prints_are_no_results(tmp_path, write_deck):
+    """A first step that only finds the contact: it is neither a measured one nor the state of the first picture."""
+    deck, _ = write_deck(phantom("displacement", [0.4, 0.8]))
+    whole = BuiltinSolver().solve(deck, tmp_path)
+    text = deck.read_text()
+    start = text.index("*STEP")
+    first = text[start : text.index("*END STEP") + len("*END STEP\n")]
+    quiet = first[: first.index("*NODE PRINT")] + "*END STEP\n"
+    (tmp_path / "more.inp").write_text(text[:start] + quiet.replace("-0.4", "-0.2") + text[start:])
+    found = BuiltinSolver().solve(tmp_path / "more.inp", tmp_path)
+    assert found.steps == whole.steps == 2
+    assert found.displacement == pytest.approx(whole.displacement, abs=1e-9)
+    assert found.reaction == pytest.approx(whole.reaction, rel=1e-6)
