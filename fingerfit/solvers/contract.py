@@ -24,7 +24,7 @@ class Outcome:
     status : str
         ``converged``, or ``diverged``: a guess without solution is an answer, not an error.
     displacement : ndarray, shape (steps, nodes, dim)
-        In mm, at the end of each step that prints the nodes ALL (of each, where none does), nodes in the order of the deck.
+        In mm, at the end of each step that prints the nodes ALL (of each, where none does); nodes in the deck's order.
     reaction : ndarray, shape (steps, dim)
         Force of the indenter on the body in N (negative along the second axis in compression).
     indenter : ndarray, shape (steps, dim)
