@@ -3,7 +3,8 @@
     python benchmarks/fingertip.py [--part elements|fits|solvers]
 
 writes benchmarks/fingertip.md from what its parts left in benchmarks/.cache/fingertip. `fits` wants the study that
-`make fingertip-data` makes, and runs Snakemake from a cold cache; `solvers` wants that of `make fingertip-coarse`, and ccx.
+`make fingertip-data` makes, and runs Snakemake from a cold cache; `solvers` wants that of `make fingertip-coarse`,
+and ccx.
 """
 
 from __future__ import annotations
