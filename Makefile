@@ -15,7 +15,7 @@ test: setup  ## set up and run the tests
 	$(BIN)/python -m pytest -n $(CORES)
 
 FINGERTIP := studies/fingertip
-fingertip-data: $(FINGERTIP)/subject.inp  ## make the volumes of the virtual fingertip and its mesh: 4 minutes
+fingertip-data: $(FINGERTIP)/subject.inp  ## make the volumes of the virtual fingertip and its mesh: 5 minutes
 
 $(FINGERTIP)/study.yaml: .venv/ready $(FINGERTIP)/experiment.yaml $(FINGERTIP)/anatomy.yaml
 	$(BIN)/fingerfit finger --anatomy $(FINGERTIP)/anatomy.yaml --size 1.7 --out $(FINGERTIP)/sealed/true.inp
@@ -36,7 +36,7 @@ fast: .venv/fast  ## install PARDISO (650 MB): large systems in space in a fract
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-fast.lock
 	touch $@
 
-fingertip: fast fingertip-data  ## identify both tissues of the virtual fingertip: 20 minutes of processor time
+fingertip: fast fingertip-data  ## identify both tissues of the virtual fingertip: 12 minutes
 	$(BIN)/snakemake --cores $(CORES) --configfile $(FINGERTIP)/config.yaml
 
 benchmark: setup  ## make benchmarks/*.md again: about an hour, needs ccx
