@@ -12,15 +12,21 @@ from fingerfit.mesh import Block, Mesh
 from fingerfit.tetrahedra import faces_on, oriented, outer_faces, to_quadratic
 
 ELEMENTS = ("C3D4", "C3D4H", "C3D10", "C3D10H")
-SKIN, FINE, BONE = 0.87, 0.25, 0.83
-"""Sides of triangles where the mesh is of size 1: of the skin, of the pulp and of the bones, mm."""
-PULP = 3.0
-"""How far the fine part reaches from the pulp's centre, mm."""
+SKIN, BONE = 0.87, 0.83
+"""Sides of triangles where the mesh is of size 1: of the skin and of the bones, mm."""
+PULP = (0.25, 3.0)
+"""Sides of the pulp's triangles where the mesh is of size 1, and how far that part reaches from its centre, mm."""
 SOFT, DISTAL, MIDDLE = 1, 2, 3
 """Netgen's numbers of the parts."""
 
 
-def finger_mesh(anatomy: Anatomy | None = None, size: float = 1.0, element: str = "C3D4H", across: int = 1) -> Mesh:
+def finger_mesh(
+    anatomy: Anatomy | None = None,
+    size: float = 1.0,
+    element: str = "C3D4H",
+    across: int = 1,
+    pulp: tuple[float, float] = PULP,
+) -> Mesh:
     """Mesh of a finger with named tissues; the same numbers give the same mesh.
 
     Parameters
@@ -33,6 +39,8 @@ def finger_mesh(anatomy: Anatomy | None = None, size: float = 1.0, element: str 
         C3D4, C3D4H, C3D10 or C3D10H, of the soft tissues; bone and nail have the same without hybrid form.
     across : int
         Elements through each layer of the skin.
+    pulp : tuple of float
+        Sides of the triangles under the indenter where `size` is 1, and how far that part reaches from its centre, mm.
 
     Returns
     -------
@@ -54,7 +62,7 @@ def finger_mesh(anatomy: Anatomy | None = None, size: float = 1.0, element: str 
         raise InputError("finger", "element", element, "one of " + ", ".join(ELEMENTS))
     if not size > 0 or across < 1:
         raise InputError("finger", "size, across", f"{size}, {across}", "positive numbers")
-    shells, triangles, counts = _shells(anatomy, size, across)
+    shells, triangles, counts = _shells(anatomy, size, across, pulp)
     points, elements, part, fixed = _fill(anatomy, shells[-1], triangles, size)
     # the skin's inner shell is there twice: its nodes are the first ones of what netgen filled
     count = len(shells[0])
@@ -102,10 +110,12 @@ _STIFF = ("DISTAL", "MIDDLE", "NAIL")
 _NAMES = np.array(["", "SUBCUTANEOUS", "DISTAL", "MIDDLE"], dtype="<U12")
 
 
-def _shells(anatomy: Anatomy, size: float, across: int) -> tuple[list[np.ndarray], np.ndarray, list[int]]:
+def _shells(
+    anatomy: Anatomy, size: float, across: int, pulp: tuple[float, float]
+) -> tuple[list[np.ndarray], np.ndarray, list[int]]:
     """Nodes of the skin's surface and of the shells below it, its triangles, and sheets of elements in each layer."""
     flat, triangles, plane = triangulate(
-        skin_capsule(anatomy), SKIN * size, min(SKIN, FINE) * size, anatomy.pulp_centre, PULP
+        skin_capsule(anatomy), SKIN * size, min(SKIN, pulp[0]) * size, anatomy.pulp_centre, pulp[1]
     )
     triangles = triangles[~plane]
     used, renumbered = np.unique(triangles, return_inverse=True)

@@ -182,7 +182,8 @@ class DeckStep:
     finite : bool
         NLGEOM.
     printed : bool
-        Whether it prints the nodes ALL: where some steps do, the others are on the way and no results.
+        Whether it prints the nodes ALL, or one before it does: where some steps do, those before are on the way and
+        no results.
     """
 
     displacement: dict[NodeAxis, float] = field(default_factory=dict)

@@ -30,6 +30,7 @@ def on_step(reading: Reading, card: Card) -> None:
     last = reading.steps[-1] if reading.steps else DeckStep(dict(reading.fixed))
     reading.step = DeckStep(_ends(reading, last, "U", last.displacement), _ends(reading, last, "F", last.force))
     reading.step.finite = finite
+    reading.step.printed = last.printed
     before = reading.pressures[-1] if reading.pressures else {}
     ends = {face: (_end(reading, last, value, name), None, by) for face, (value, name, by) in before.items()}
     reading.pressures.append({**ends})

@@ -102,8 +102,9 @@ def test_bone_moves_as_one_unless_it_is_fixed(finger, pressed, tmp_path):
     assert np.allclose(hardly.displacement[0], pressed.displacement[-1], atol=2e-3)
 
 
-def test_friction_holds_the_skin(finger, pressed, tmp_path):
-    rubbed = solve(tmp_path, finger, "displacement", [0.5], values={**MU, "friction.coefficient": 0.3})
+def test_friction_holds_the_skin(finger, tmp_path):
+    pressed = solve(tmp_path, finger, "displacement", [1.0])
+    rubbed = solve(tmp_path, finger, "displacement", [1.0], values={**MU, "friction.coefficient": 0.3})
     palmar = np.unique(finger.blocks[0].nodes[finger.surfaces["PALMAR"][:, 0]])
     under = palmar[np.hypot(*(finger.points[palmar, :2] - finger.points[finger.node_sets["TOP"][0], :2]).T) < 1.5]
     aside = [np.abs(o.displacement[0, under, :2]).max() for o in (rubbed, pressed)]

@@ -61,7 +61,7 @@ def world(tmp_path_factory):
     centre = (Anatomy().pulp_centre, 0.0)
     # other elements than the fit's; meshes as coarse as this, of other nodes, would differ by half of what layers do
     for name, element in (("true", "C3D4H"), ("reference", "C3D4")):
-        mesh = add_fixtures(finger_mesh(size=4.0, element=element), centre, radius=4.0)
+        mesh = add_fixtures(finger_mesh(size=4.0, element=element, pulp=(0.46, 5.0)), centre, radius=4.0)
         write_text(folder / f"{name}.inp", format_mesh(mesh))
     write_json(folder / "experiment.yaml", DESCRIPTION)
     run_experiment(folder / "experiment.yaml", folder / "study")
