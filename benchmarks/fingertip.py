@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from fitting import processor_time
 from running import ROOT, machine
 
 from fingerfit.anatomy.finger import finger_mesh
@@ -130,9 +131,9 @@ def solvers() -> list[str]:
         for solver in ("calculix", "builtin"):
             fits[solver], _ = begin(load_settings({**settings, "solver": solver}), Path(name) / solver)
             asked = fits[solver].ask(VALUES)
-            start = time.process_time() + sum(os.times()[2:4])
+            start = processor_time()
             solve_missing(fits[solver], [asked], 1)
-            seconds[solver] = time.process_time() + sum(os.times()[2:4]) - start
+            seconds[solver] = processor_time() - start
             outcomes[solver] = fits[solver].outcome(asked)
         seen = fits["calculix"].prediction(fits["calculix"].ask(VALUES)).pictures
         fit = replace(fits["builtin"], data=replace(fits["builtin"].data, measured=seen))

@@ -87,9 +87,9 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
     folder = Path(settings.study) / "effects"
     known = catalogue(Path(settings.study))
     problems: list[FingerfitError] = [
-        InputError(part, "file", "no .yaml beside it", f"{part.name.removesuffix('.inp.j2')}.yaml, or no such part")
+        InputError(part, "file", "no .yaml beside it", f"{name}, or no such part")
         for part in sorted(folder.glob("*.inp.j2"))
-        if not (folder / f"{part.name.removesuffix('.inp.j2')}.yaml").exists()
+        if not (folder / (name := f"{part.name.removesuffix('.inp.j2')}.yaml")).exists()
     ]
     lines = []
     for path in sorted(folder.glob("*.yaml")):

@@ -18,14 +18,12 @@ from fingerfit.files import digest, read_json, write_json, write_npz
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
 from fingerfit.plots import outline
+from fingerfit.residual import BRIGHTNESS, CONJUGATE, MOVES
 from fingerfit.slices import border_triangles, parts_of
 from fingerfit.verdict import confusions, unseen
 
 SHOWN = 6
 """Effects whose patterns are kept, and so drawn."""
-MOVES, BRIGHTNESS, CONJUGATE = "moves", "brightness", "conjugate"
-"""Parts of what a model leaves, and of what an effect would leave: displacements and brightness of patches, and the
-quantity of each step that is not prescribed."""
 
 
 def write_compare(examination: Examination, path: Path) -> None:

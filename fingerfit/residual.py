@@ -15,6 +15,9 @@ from fingerfit.mesh import Mesh
 from fingerfit.score import Prediction
 from fingerfit.solvers.contract import Outcome
 
+MOVES, BRIGHTNESS, CONJUGATE = "moves", "brightness", "conjugate"
+"""Parts of what a model leaves, and of what an effect would leave: displacements and brightness of patches, and the
+quantity of each step that is not prescribed."""
 DRAWS = 40
 PLACES = 32
 """Points of a patch in space at which solutions are read, at most."""

@@ -1,4 +1,4 @@
-"""A small study that several tests have: a block of two layers, pressed, with forces alone."""
+"""What several tests press: a block of two layers with forces alone, as a study; corners of simple bodies, as a deck."""
 
 from __future__ import annotations
 
@@ -21,3 +21,19 @@ MODEL: dict[str, Any] = {
     "mesh": MESH,
 }
 FIT: dict[str, Any] = {"score": "likelihood", "stages": [{"name": "grid", "kind": "grid", "points": 3}]}
+RECTANGLE = """*NODE
+1, 0., 0.
+2, 2., 0.
+3, 2., 1.
+4, 0., 1.
+"""
+CUBE = """*NODE
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 1., 1., 0.
+4, 0., 1., 0.
+5, 0., 0., 1.
+6, 1., 0., 1.
+7, 1., 1., 1.
+8, 0., 1., 1.
+"""

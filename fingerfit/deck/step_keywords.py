@@ -6,7 +6,7 @@ import numpy as np
 
 from fingerfit.deck.cards import Card
 from fingerfit.deck.content import DeckStep
-from fingerfit.deck.state import Handler, Key, Reading
+from fingerfit.deck.state import Handler, Key, Pressed, Reading
 
 _SYMMETRY = {
     "XSYMM": (0, 4, 5),
@@ -32,8 +32,10 @@ def on_step(reading: Reading, card: Card) -> None:
     reading.step.finite = finite
     reading.step.printed = last.printed
     before = reading.pressures[-1] if reading.pressures else {}
-    ends = {face: (_end(reading, last, value, name), None, by) for face, (value, name, by) in before.items()}
-    reading.pressures.append({**ends})
+    ends: dict[tuple[Key, int | None], Pressed] = {
+        face: (_end(reading, last, value, name), None, by) for face, (value, name, by) in before.items()
+    }
+    reading.pressures.append(ends)
     reading.older = {"BOUNDARY": set(reading.step.displacement), "CLOAD": set(reading.step.force)}
     for keyword in ("DLOAD", "DSLOAD"):
         reading.older[keyword] = {face for face, (_, _, by) in ends.items() if by == keyword}

@@ -90,15 +90,11 @@ class AveragedVolume:
         f, around, jacobian = found
         _, pressure, bulk = self._volumetric(jacobian)
         # d(J_e V_e)/du of an element, and the pressure that acts on it: the mean of its nodes'
-        by = self.gradient @ np.linalg.inv(f)
-        # second derivative of the area ratio: J (g_Ii g_Jj - g_Ij g_Ji), and of J with that of the stretch around
-        crossed = np.einsum("eij,ekl->eilkj", by, by).reshape(len(f), *[by[0].size] * 2)
+        by = flat = self.gradient @ np.linalg.inv(f)
         if self.hoop is not None:
-            outward = np.zeros(by.shape)
+            outward = np.zeros(flat.shape)
             outward[..., 0] = self.hoop / around[:, None]
-            flat = outward.reshape(len(f), -1)
-            crossed += flat[:, :, None] * flat[:, None, :]
-            by = by + outward
+            by = flat + outward
         slope = jacobian[:, None, None] * by
         elements, nodes = self.connectivity.shape
         acting = self.share.T @ pressure
@@ -108,8 +104,11 @@ class AveragedVolume:
         empty = np.empty(0, dtype=int)
         if not tangent:
             return Contribution(force, empty, empty, np.empty(0))
-        flat = by.reshape(elements, -1)
-        local = (acting * jacobian)[:, None, None] * (flat[:, :, None] * flat[:, None, :] - crossed)
+        # second derivative of the area ratio: J (g_Ii g_Jj - g_Ij g_Ji), and of J with that of the stretch around
+        crossed = np.einsum("eij,ekl->eilkj", flat, flat).reshape(elements, nodes * self.dim, nodes * self.dim)
+        if self.hoop is not None:
+            crossed += _squares(outward)
+        local = (acting * jacobian)[:, None, None] * (_squares(by) - crossed)
         rows = np.broadcast_to(self._dofs[:, :, None], local.shape).ravel()
         columns = np.broadcast_to(self._dofs[:, None, :], local.shape).ravel()
         pointer = np.arange(elements + 1) * nodes * self.dim
@@ -122,3 +121,9 @@ class AveragedVolume:
             np.concatenate([columns, coupled.col]),
             np.concatenate([local.ravel(), coupled.data]),
         )
+
+
+def _squares(values: np.ndarray) -> np.ndarray:
+    """Products of all values of an element with each other, shape (elements, values, values)."""
+    flat = values.reshape(len(values), -1)
+    return np.asarray(flat[:, :, None] * flat[:, None, :])

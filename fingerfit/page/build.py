@@ -78,7 +78,7 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
     """All that the templates name."""
     panels = Panels(inputs.models)
     models = [_model(inputs, panels, model, n) for n, model in enumerate(inputs.models)]
-    rungs = inputs.ladder.get("rungs") or []
+    rungs, constants = inputs.ladder.get("rungs") or [], constants_figures(inputs.ladder)
     found = headline(inputs)
     return {
         "study": inputs.study,
@@ -86,8 +86,8 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
         "models": models,
         "rungs": _rungs(inputs),
         "ladder_figure": panels.keep(ladder_figure(inputs.ladder)) if rungs else None,
-        "constants_figures": [(name, panels.keep(figure)) for name, figure in constants_figures(inputs.ladder).items()],
-        "constants": list(dict.fromkeys(name for rung in rungs for name in rung.get("parameters") or {})),
+        "constants_figures": [(name, panels.keep(figure)) for name, figure in constants.items()],
+        "constants": list(constants),
         "units": {name: p.get("unit", "") for rung in rungs for name, p in (rung.get("parameters") or {}).items()},
         "verdicts": VERDICTS,
         "files": inputs.files,
@@ -190,9 +190,8 @@ def _steps(model: Model) -> list[dict[str, Any]]:
     for n, step in enumerate(compare.step):
         left, noise = float(compare.conjugate[n]), float(compare.conjugate_noise[n])
         ratio = abs(left) / noise if noise > 0 else float("nan")
-        seen = "fitted" if n >= len(compare.step_fitted) or compare.step_fitted[n] else "held out"
-        found.append({"label": f"step {int(step)}", "seen": seen, "left": number(left, 3), "noise": number(noise, 3),
-                      "words": in_words(ratio), "ratio": number(ratio, 3)})  # fmt: skip
+        found.append({"label": f"step {int(step)}", "seen": compare.seen_step(n), "left": number(left, 3),
+                      "noise": number(noise, 3), "words": in_words(ratio), "ratio": number(ratio, 3)})  # fmt: skip
     return found
 
 

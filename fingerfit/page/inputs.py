@@ -11,9 +11,15 @@ import numpy as np
 
 from fingerfit.errors import StateError
 from fingerfit.files import digest, read_json, read_npz
+from fingerfit.residual import CONJUGATE
 
 LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
 SETTINGS, ESTIMATE = "settings.json", "estimate.json"
+
+
+def _seen(fitted: np.ndarray, index: int) -> str:
+    """Of results that do not say it everything was fitted."""
+    return "fitted" if index >= len(fitted) or fitted[index] else "held out"
 
 
 def _empty(*shape: int, kind: type = float) -> np.ndarray:
@@ -145,7 +151,11 @@ class Compare:
 
     def seen(self, picture: int) -> str:
         """Whether a picture was fitted or held out."""
-        return "fitted" if picture >= len(self.fitted) or self.fitted[picture] else "held out"
+        return _seen(self.fitted, picture)
+
+    def seen_step(self, index: int) -> str:
+        """Whether a step was fitted or held out."""
+        return _seen(self.step_fitted, index)
 
     @property
     def limits(self) -> tuple[float, float, float, float]:
@@ -287,7 +297,7 @@ def read_inputs(study: Path) -> Inputs:
         When nothing is there, or a file is damaged.
     """
     study = Path(study)
-    ladder = read_json(study / LADDER) if (study / LADDER).exists() else {}
+    ladder = _json(study / LADDER)
     if not isinstance(ladder, dict):
         raise StateError(f"{study / LADDER}: cannot be read: not a mapping")
     rungs = {str(rung["model"]): rung for rung in ladder.get("rungs", [])}
@@ -308,22 +318,24 @@ def read_inputs(study: Path) -> Inputs:
 
 def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
     compare = read_compare(folder / COMPARE) if (folder / COMPARE).exists() else None
-    diagnosis = read_json(folder / DIAGNOSIS) if (folder / DIAGNOSIS).exists() else {}
+    diagnosis = _json(folder / DIAGNOSIS)
     arrays = read_npz(folder / PATTERNS) if (folder / PATTERNS).exists() else {}
     patterns = {}
     shows = {str(entry.get("effect")): str(entry.get("shows")) for entry in diagnosis.get("ranking") or []}
     for effect in diagnosis.get("patterns") or []:
         part = shows.get(effect, "")
         values = arrays.get(f"{part}_{effect}")
-        known = compare is not None and (compare.mapped or part == "conjugate")
+        known = compare is not None and (compare.mapped or part == CONJUGATE)
         if known and values is not None and values.shape == getattr(compare, part).shape:
             patterns[str(effect)] = (part, values)
     stiffness = arrays.get("stiffness", _empty(0, 4))
-    settings = read_json(folder / SETTINGS) if (folder / SETTINGS).exists() else {}
-    sim = read_json(folder / ESTIMATE).get("sim") if (folder / ESTIMATE).exists() else None
-    identity = folder.parent / "sims" / str(sim) / "solver.json"
-    solver = read_json(identity) if identity.exists() else {}
-    return Model(name, rung, compare, diagnosis, patterns, stiffness, settings, solver)
+    solver = _json(folder.parent / "sims" / str(_json(folder / ESTIMATE).get("sim")) / "solver.json")
+    return Model(name, rung, compare, diagnosis, patterns, stiffness, _json(folder / SETTINGS), solver)
+
+
+def _json(path: Path) -> Any:
+    """What a file says, empty when it is not there."""
+    return read_json(path) if path.exists() else {}
 
 
 def _study_files(models: list[Model]) -> dict[str, Path]:

@@ -23,9 +23,8 @@ from fingerfit.page.figures import (
 from fingerfit.page.inputs import Compare, Model
 from fingerfit.page.regions import patch_size
 from fingerfit.page.views import View, cuts_at, cuts_of, views_of
+from fingerfit.residual import BRIGHTNESS, CONJUGATE, MOVES
 from fingerfit.slices import Slice
-
-MOVES, BRIGHTNESS, CONJUGATE = "moves", "brightness", "conjugate"
 
 
 class Panels:
@@ -155,7 +154,7 @@ class Panels:
         for part, panel in ((MOVES, map_panel), (BRIGHTNESS, brightness_panel)):
             # of volumes one scale for all slices
             whole, drawn = getattr(model.compare, part), _drawn(model, part)
-            own = _limit([whole, *drawn.values()], dim=part == MOVES)
+            own = _limit([whole, *drawn.values()])
             for n in range(len(whole) if drawn else 0):
                 figure = panel(frame, compare, _in_plane(whole, view)[n], own)
                 self.keys[f"there|{name}|{n}{after}|{part}"] = self.keep(figure)
@@ -214,9 +213,9 @@ def _frame_data(frame: Frame) -> dict[str, Any]:
     return {"limits": frame.limits, "box": frame.box, "size": frame.size}
 
 
-def _limit(values: list[np.ndarray], dim: bool = True) -> float:
-    """End of the scale of displacements (or with no `dim`, of numbers): the greatest but for outliers, rounded up."""
-    sizes = [np.linalg.norm(m, axis=-1) if dim else np.abs(m) for m in values]
+def _limit(values: list[np.ndarray]) -> float:
+    """End of the scale of moves or brightness: the greatest but for outliers, rounded up."""
+    sizes = [np.linalg.norm(m, axis=-1) if m.ndim == 3 else np.abs(m) for m in values]
     lengths = np.concatenate([np.zeros(1), *(size.ravel() for size in sizes)])
     top = float(np.nanquantile(lengths, 0.995)) if np.isfinite(lengths).any() else 0.0
     if top <= 0:

@@ -97,7 +97,8 @@ def titles(diagnosis: dict[str, Any]) -> dict[str, str]:
 
 def _not_shown(diagnosis: dict[str, Any]) -> str:
     """What an adequate model may lack all the same."""
-    hidden = [str(e.get("title") or e.get("effect")) for e in diagnosis.get("ranking") or [] if e.get("imitated")]
+    named = titles(diagnosis)
+    hidden = [named[str(e.get("effect"))] for e in diagnosis.get("ranking") or [] if e.get("imitated")]
     untried = [str(e.get("title")) for e in diagnosis.get("not_tried") or []]
     found = f" These data would not show: {', '.join(hidden)}." if hidden else ""
     return found + (f" Not tried, since the solver lacks what they need: {', '.join(untried)}." if untried else "")
@@ -115,7 +116,7 @@ def headline(inputs: Inputs) -> dict[str, Any]:
     effects = last.diagnosis.get("effects") or []
     add = commands(str(effects[0])) if effects else ()
     named = titles(last.diagnosis)
-    blamed = [named.get(str(name), str(name)) for name in last.diagnosis.get("effects") or []]
+    blamed = [named.get(str(name), str(name)) for name in effects]
     found, following = {
         "adequate": (
             f"The model “{last.name}” explains the measurements as well as their noise allows.",

@@ -95,11 +95,11 @@ class BuiltinSolver:
         message, status = f"{len(read.steps)} steps", CONVERGED
         silent = not any(step.printed for step in read.steps)
         top = read.mesh.node_sets.get("TOP", node)
-        for number, step in enumerate(run_steps(read, deck, self.averaged), 1):
+        for number, (asked, step) in enumerate(zip(read.steps, run_steps(read, deck, self.averaged), strict=False), 1):
             if not step.arrived:
                 status, message = DIVERGED, f"no equilibrium in step {number} of {len(read.steps)}"
                 break
-            if not (silent or read.steps[number - 1].printed):
+            if not (silent or asked.printed):
                 continue
             displacement.append(step.displacement)
             reaction.append(step.internal[top].sum(axis=0))

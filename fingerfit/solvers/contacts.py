@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -106,14 +107,18 @@ def _hard(model: Model, slave: str) -> float:
     C3D8, nu = 0.495: 99.3 % of the force of contact three times as stiff, and 91 % with ten times the modulus. With
     the modulus of confined compression instead, no equilibrium was found at nu = 0.4999.
     """
+
+    @cache
+    def young(section: int) -> float:
+        tangent = model.material(section).derivatives(np.ones((1, 3)))[1][0]
+        return float(1 / np.linalg.inv(tangent)[0, 0])
+
     found = []
     elements, points = list(model.elements()), model.deck.mesh.points
     for number, face in model.deck.surfaces[slave].faces:
         element = elements[number]
         if element.section >= 0:
-            tangent = model.material(element.section).derivatives(np.ones((1, 3)))[1][0]
-            young = 1 / np.linalg.inv(tangent)[0, 0]
-            found.append(young / depth_behind(points, element.kind, element.nodes, face))
+            found.append(young(element.section) / depth_behind(points, element.kind, element.nodes, face))
     if not found:
         expected = "a slave surface of faces, or PRESSURE-OVERCLOSURE=LINEAR"
         raise InputError(model.path, "*SURFACE BEHAVIOR", f"HARD with {slave}, which has no faces", expected)

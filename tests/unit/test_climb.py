@@ -211,7 +211,7 @@ def test_the_search_starts_at_the_parents_estimate(config, tmp_path):
     values = {"mu_top": 0.031, "mu_bottom": 0.062, "tilt.slope": 0.017}
     parameters = {name: {"value": value} for name, value in values.items()}
     write_json(tmp_path / "results/study/base+tilt/estimate.json", {"parameters": parameters})
-    found = {p.name: p.start for p in layout.warm(load_settings(config)).parameters()}
+    found = layout.warm(load_settings(config)).starts()
     wanted = values | {"inclusion.contrast": 0.7, "inclusion.along": 0.3, "inclusion.across": 0.15}
     assert found == pytest.approx(wanted)
     assert str(layout.model_folder(load_settings(config))) == "results/study/base+tilt+inclusion"

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from blocks import CUBE
 
 from fingerfit.cli import main
 from fingerfit.deck.cards import read_cards
@@ -11,17 +12,8 @@ from fingerfit.deck.write import format_deck
 from fingerfit.errors import InputError
 from fingerfit.solvers.builtin import BuiltinSolver
 
-BLOCK = """\
-*NODE
-1, 0., 0., 0.
-2, 1., 0., 0.
-3, 1., 1., 0.
-4, 0., 1., 0.
-5, 0., 0., 1.
-6, 1., 0., 1.
-7, 1., 1., 1.
-8, 0., 1., 1.
-9, .5, .5, 1.
+BLOCK = f"""\
+{CUBE}9, .5, .5, 1.
 10, .5, .5, 1.
 *NSET, NSET=TOP
 5, 6, 7, 8

@@ -2,17 +2,13 @@
 
 import numpy as np
 import pytest
+from blocks import CUBE, RECTANGLE
 from solving import solve_deck
 
 from fingerfit.deck.reader import read_deck
 from fingerfit.errors import InputError
 
-SQUARE = """*NODE
-1, 0., 0.
-2, 2., 0.
-3, 2., 1.
-4, 0., 1.
-*ELEMENT, TYPE=CPE4, ELSET=E
+SQUARE = f"""{RECTANGLE}*ELEMENT, TYPE=CPE4, ELSET=E
 1, 1, 2, 3, 4
 *SURFACE, NAME=UP
 E, S3
@@ -26,16 +22,7 @@ E, S2
 1, 1, 2
 2, 2
 """
-CUBE = """*NODE
-1, 0., 0., 0.
-2, 1., 0., 0.
-3, 1., 1., 0.
-4, 0., 1., 0.
-5, 0., 0., 1.
-6, 1., 0., 1.
-7, 1., 1., 1.
-8, 0., 1., 1.
-*ELEMENT, TYPE=C3D8, ELSET=E
+SOLID = f"""{CUBE}*ELEMENT, TYPE=C3D8, ELSET=E
 1, 1, 2, 3, 4, 5, 6, 7, 8
 *SOLID SECTION, ELSET=E, MATERIAL=M
 *MATERIAL, NAME=M
@@ -130,7 +117,7 @@ def test_nodes_of_solids_may_be_held_at_axes_that_they_have_not(run, held):
     _, wanted = run(SQUARE + pull)
     _, found = run(SQUARE.replace("*BOUNDARY\n1, 1, 2", f"*BOUNDARY\n{held}") + pull)
     assert found == pytest.approx(wanted)
-    text = CUBE + "*BOUNDARY\n1, 1, 6\n2, ENCASTRE\n3, 1, 6\n4, PINNED\n" + step("*CLOAD", "5, 3, 0.1")
+    text = SOLID + "*BOUNDARY\n1, 1, 6\n2, ENCASTRE\n3, 1, 6\n4, PINNED\n" + step("*CLOAD", "5, 3, 0.1")
     assert run(text)[1][4, 2] > 1e-3
 
 
