@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from fingerfit.errors import InputError
 from fingerfit.fem.faces import faces_of
 from fingerfit.fem.shapes import EDGES
 from fingerfit.mesh import Block, Mesh
@@ -36,6 +37,29 @@ def faces_on(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
     inward = (np.cross(b - a, c - a) * (a - inner)).sum(axis=1) < 0
     found[inward] = found[inward][:, [0, 2, 1]]
     return found
+
+
+def nodes_on(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
+    """Nodes of faces (element, face), those in the middle of sides too, in order."""
+    if mesh.blocks[0].nodes.shape[1] == 4:
+        return np.unique(faces_on(mesh, faces))
+    nodes = np.concatenate([block.nodes for block in mesh.blocks])
+    return np.unique(nodes[faces[:, 0][:, None], np.array(faces_of("C3D10"))[faces[:, 1]]])
+
+
+def resting(mesh: Mesh, nodes: np.ndarray, at: Sequence[float], radius: float) -> float:
+    """Height z of the centre of a sphere above `at` (x, y) that touches nodes from above, mm.
+
+    Raises
+    ------
+    InputError
+        When no node is below it.
+    """
+    aside = np.hypot(*(mesh.points[nodes, :2] - np.asarray(at)).T)
+    below = aside < radius
+    if not below.any():
+        raise InputError("finger", "indenter", f"x, y = {at[0]:g}, {at[1]:g} mm", "a place above the skin")
+    return float((mesh.points[nodes[below], 2] + np.sqrt(radius**2 - aside[below] ** 2)).max())
 
 
 def to_quadratic(mesh: Mesh) -> Mesh:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerfit.errors import InputError
 from fingerfit.mesh import Mesh
-from fingerfit.tetrahedra import faces_on
+from fingerfit.tetrahedra import faces_on, nodes_on, resting
 
 RADIUS = 2.5
 """Of the hemispherical indenter, mm (Tada, Nagai and Maeno 2006)."""
@@ -51,11 +51,8 @@ def add_fixtures(mesh: Mesh, at: Sequence[float], radius: float = RADIUS, tube: 
     nail = np.isin(skin[:, 0], mesh.element_sets["NAIL"])
     palmar = (normal[:, 2] > 0) & (aside[nodes].min(axis=1) < 1.6 * radius)
     dorsal = (normal[:, 2] < -0.3) & ~nail
-    top, under = _nodes(mesh, skin[palmar]), _nodes(mesh, skin[dorsal])
-    near = top[aside[top] < radius]
-    if not len(near):
-        raise InputError("finger", "indenter", f"x, y = {at[0]:g}, {at[1]:g} mm", "a place above the skin")
-    touch = (mesh.points[near, 2] + np.sqrt(radius**2 - aside[near] ** 2)).max() - radius
+    top, under = nodes_on(mesh, skin[palmar]), nodes_on(mesh, skin[dorsal])
+    centre = resting(mesh, top, at, radius)
     y, z = mesh.points[under, 1], mesh.points[under, 2]
     middle = (y.min() + y.max()) / 2
     if np.abs(y - middle).max() > 0.99 * tube:
@@ -63,7 +60,7 @@ def add_fixtures(mesh: Mesh, at: Sequence[float], radius: float = RADIUS, tube: 
     # the lowest axis from which every node is inside
     axis = (z + np.sqrt((tube - CLEARANCE) ** 2 - (y - middle) ** 2)).min()
     x = mesh.points[under, 0].mean()
-    added = np.array([[*at, touch], [*at, touch + radius], [x, middle, axis - tube], [x, middle, axis]])
+    added = np.array([[*at, centre - radius], [*at, centre], [x, middle, axis - tube], [x, middle, axis]])
     count = len(mesh.points)
     sets = {
         "INDENTER": np.array([count]),
@@ -80,15 +77,3 @@ def add_fixtures(mesh: Mesh, at: Sequence[float], radius: float = RADIUS, tube: 
         mesh.element_sets,
         {**mesh.surfaces, "PALMAR": skin[palmar], "DORSAL": skin[dorsal]},
     )
-
-
-def _nodes(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
-    """Nodes of faces, those in the middle of sides too."""
-    corner = np.unique(faces_on(mesh, faces))
-    if mesh.blocks[0].nodes.shape[1] == 4:
-        return corner
-    from fingerfit.fem.faces import faces_of
-
-    nodes = np.concatenate([block.nodes for block in mesh.blocks])
-    local = np.array(faces_of("C3D10"))
-    return np.unique(nodes[faces[:, 0][:, None], local[faces[:, 1]]])

@@ -16,6 +16,7 @@ from fingerfit.errors import InputError
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.mesh import Mesh
 from fingerfit.study import Study
+from fingerfit.tetrahedra import nodes_on, resting
 
 QUANTITIES = ("mu", "alpha", "poisson")
 """Constants of a layer; a guess or the fixed constants give each, for all layers or as ``mu_top`` for one."""
@@ -52,8 +53,8 @@ def deck_context(
         ``title, mesh, dim, quadratic, thickness, control, boundary, steps, increment, top, indenter, layers, effects,
         parts``, ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
         ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``nodes(set)``, ``node(set)`` and
-        ``point(set)`` of a set of one node, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of
-        bricks.
+        ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a sphere that
+        touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
     effects = catalogue() if effects is None else effects
     present = [effect for effect in effects.values() if effect.present(values)]
@@ -87,6 +88,7 @@ def deck_context(
         "nodes": lambda name: [int(node) + 1 for node in _set(mesh, name)],
         "node": lambda name: _only(mesh, name) + 1,
         "point": lambda name: mesh.points[_only(mesh, name)].tolist(),
+        "resting": lambda name, x, y, radius: [x, y, _resting(mesh, name, (x, y), radius)],
         "ball": lambda centre, radius, count: ball(centre, radius, count, len(mesh.points) + 1),
         "half_tube": lambda axis, radius, count: half_tube(
             axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, len(mesh.points) + 1000001
@@ -298,6 +300,13 @@ def _only(mesh: Mesh, name: str) -> int:
     if len(nodes) != 1:
         raise InputError("mesh", f"node set {name}", f"{len(nodes)} nodes", "one node")
     return int(nodes[0])
+
+
+def _resting(mesh: Mesh, name: str, at: tuple[float, float], radius: float) -> float:
+    """Height of the centre of a sphere that touches a surface from above, mm."""
+    if name not in mesh.surfaces:
+        raise InputError("mesh", f"surface {name}", "nothing", "faces")
+    return resting(mesh, nodes_on(mesh, mesh.surfaces[name]), at, radius)
 
 
 def _elements(mesh: Mesh) -> list[tuple[str, list[list[int]]]]:

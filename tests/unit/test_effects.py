@@ -28,7 +28,7 @@ MESH = layered_block(12.0, LAYERS, 4, 2, "CPE8H")
 FORCES = [20.0, 40.0]
 MATERIAL = {"alpha": 1.4, "poisson": 0.49}
 UNSEEN_BY_THE_DECK = {name for name, e in EFFECTS.items() if e.acts == "observation"} | {"coarse_mesh"}
-OF_A_FINGERTIP = {"friction", "bone_mobility", "inclusion_in_space"}
+OF_A_FINGERTIP = {"friction", "bone_mobility", "inclusion_in_space", "indenter_place"}
 """Effects that no block in the plane has: tests/verification/test_fingertip.py."""
 IN_THE_DECK = sorted(set(EFFECTS) - UNSEEN_BY_THE_DECK - OF_A_FINGERTIP)
 

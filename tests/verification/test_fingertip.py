@@ -2,6 +2,7 @@
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from fingerfit.deck.reader import read_deck
 from fingerfit.deck.render import render_deck
 from fingerfit.deck.write import format_deck
 from fingerfit.effects.catalogue import catalogue
+from fingerfit.errors import InputError
 from fingerfit.mesh_io import format_mesh
 from fingerfit.solvers.abaqus import AbaqusSolver
 from fingerfit.solvers.builtin import BuiltinSolver
@@ -111,6 +113,20 @@ def test_friction_holds_the_skin(finger, tmp_path):
     assert aside[0] < 0.9 * aside[1]
     assert rubbed.reaction[0, 2] < pressed.reaction[0, 2]
     assert "*FRICTION" not in write(tmp_path, finger, "displacement", [1.0]).read_text()
+
+
+@pytest.mark.parametrize("template", ["fingertip.inp.j2", "fingertip_meshed.inp.j2"])
+def test_an_indenter_beside_its_place_is_one_that_comes_down_there(finger, tmp_path, template):
+    beside = {**MU, "indenter_place.x": 0.2, "indenter_place.y": -0.3}
+    shifted = solve(tmp_path, finger, "displacement", [0.6], template, beside)
+    count = len(finger.points) - 4
+    bare = replace(finger, points=finger.points[:count])
+    there = add_fixtures(bare, (Anatomy().pulp_centre + 0.2, -0.3))
+    other = solve(tmp_path, there, "displacement", [0.6], template)
+    assert np.allclose(shifted.displacement[0, :count], other.displacement[0, :count], atol=2e-4)
+    assert shifted.reaction[0, 2] == pytest.approx(other.reaction[0, 2], rel=1e-3)
+    with pytest.raises(InputError, match="place above the skin"):
+        write(tmp_path, finger, "displacement", [0.6], template, {**MU, "indenter_place.y": 30.0})
 
 
 @pytest.mark.parametrize("template", ["fingertip.inp.j2", "fingertip_fixed.inp.j2"])
