@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from fingerfit.anatomy.curved import bone_faces, edges_of, middles
+from fingerfit.fem.shapes import EDGES
 from fingerfit.mesh import Block, Mesh
-from fingerfit.tetrahedra import corners, faces_on, oriented, outer_faces
+from fingerfit.tetrahedra import corners, faces_on, oriented, outer_faces, radius_ratio
 
+_CORNERS = ((0, 4, 6, 7), (1, 5, 4, 8), (2, 6, 5, 9), (3, 7, 8, 9))
+_AROUND = {(4, 9): (5, 6, 7, 8), (5, 7): (4, 6, 9, 8), (6, 8): (4, 5, 9, 7)}
+"""Nodes around each of the three lines between the middles of opposite edges."""
 _PIECES = np.array(
-    [[0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 7, 8, 9], [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5]]
+    [[*_CORNERS, *((*line, ring[n], ring[(n + 1) % 4]) for n in range(4))] for line, ring in _AROUND.items()]
 )
-"""Four tetrahedra at the corners and four round the line between the middles of the first and the last edge."""
+"""Eight tetrahedra, shape (lines, pieces, 4): four at the corners and four round a line."""
 
 
 def straightened(mesh: Mesh) -> Mesh:
@@ -31,7 +35,7 @@ def straightened(mesh: Mesh) -> Mesh:
     if all(block.nodes.shape[1] == 4 for block in mesh.blocks):
         return mesh
     nodes = np.concatenate([block.nodes for block in mesh.blocks])
-    pieces = oriented(mesh.points, nodes[:, _PIECES].reshape(-1, 4))
+    pieces = _pieces(mesh.points, nodes)
     middle = middles(nodes)
     pair = dict(zip(*_pairs(mesh), strict=True))
     skin = faces_on(mesh, mesh.surfaces["SKIN"])
@@ -46,10 +50,7 @@ def straightened(mesh: Mesh) -> Mesh:
             np.intersect1d(mesh.node_sets["BONE_SURFACE"], corners(mesh)), [middle[edge] for edge in border]
         ),
     }
-    elements = {
-        name: (members[:, None] * len(_PIECES) + np.arange(len(_PIECES))).ravel()
-        for name, members in mesh.element_sets.items()
-    }
+    elements = {name: (members[:, None] * 8 + np.arange(8)).ravel() for name, members in mesh.element_sets.items()}
     fine = Mesh(mesh.points, (Block("C3D4", pieces),), sets, elements)
     outside = outer_faces(fine)
     on = faces_on(fine, outside)
@@ -60,6 +61,18 @@ def straightened(mesh: Mesh) -> Mesh:
         end = np.isin(on, mesh.node_sets["END"]).all(axis=1)
         surfaces[name] = outside[np.isin(on, members).all(axis=1) & ~end]
     return Mesh(mesh.points, fine.blocks, sets, elements, surfaces)
+
+
+def _pieces(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Linear tetrahedra, eight for each quadratic one, round the line that leaves none too flat."""
+    straight = points.copy()
+    for number, edge in enumerate(EDGES[3], 4):
+        straight[nodes[:, number]] = points[nodes[:, list(edge)]].mean(axis=1)
+    # which way round they are is told by straight edges: where these are bent a piece may be inside out
+    every = np.stack([oriented(straight, nodes[:, pieces].reshape(-1, 4)) for pieces in _PIECES])
+    worst = [radius_ratio(points, pieces).reshape(len(nodes), -1).min(axis=1) for pieces in every]
+    every = every.reshape(len(_PIECES), len(nodes), -1, 4)
+    return every[np.argmax(worst, axis=0), np.arange(len(nodes))].reshape(-1, 4)
 
 
 def _pairs(mesh: Mesh) -> tuple[list[int], list[int]]:

@@ -18,7 +18,7 @@ from fingerfit.morph.register import Registration, register, tip_of
 from fingerfit.morph.render import frame_around, render
 from fingerfit.morph.repair import mend, spread
 from fingerfit.morph.straight import straightened
-from fingerfit.tetrahedra import corners, faces_on, to_quadratic, volumes
+from fingerfit.tetrahedra import corners, faces_on, radius_ratio, to_quadratic, volumes
 
 VOXEL = 0.3
 
@@ -169,6 +169,11 @@ def test_quadratic_tetrahedra_become_eight_linear_ones():
     # in the middle of an edge between normals that are not parallel the layer is a little thinner
     assert np.allclose(np.linalg.norm(apart, axis=1), 0.6, atol=0.06)
     assert straightened(fine) is fine
+
+
+def test_pieces_of_bent_tetrahedra_are_not_flat():
+    bent = straightened(finger_mesh(size=5.0, element="C3D10H"))
+    assert radius_ratio(bent.points, corners(bent)).min() > 0.02
 
 
 @pytest.mark.parametrize("thickness", [0.45, 0.8])
