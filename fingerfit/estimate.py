@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from fingerfit.data import Data
 from fingerfit.guess import Parameter, round_value
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
-from fingerfit.score import Prediction, score
+from fingerfit.score import Prediction, deviations, score, weights
 
 STEP = 0.03
 """Step of the sensitivities: in the logarithm, or as a share of the scale of a parameter."""
@@ -76,6 +77,34 @@ class LinearModel:
                 total = total + slope * float(d)
         return total
 
+    def objective(
+        self, kind: str, data: Data, bins: int, offset: Prediction | None = None
+    ) -> Callable[[np.ndarray], float]:
+        """Score against `data` as a function of delta; but for ``nmi`` it is a quadratic one, by inner products."""
+        if kind == "nmi":
+            return lambda delta: score(kind, self.at(delta, offset), data, bins)
+        base = self.base if offset is None else self.base + offset
+        pictures, others = weights(kind, data)
+        left = base.pictures - data.measured
+        middle = pictures * _inner(left, left)
+        gradient = pictures * np.array([_inner(left, slope.pictures) for slope in self.slopes])
+        curvature = pictures * self._products
+        if others:
+            away = deviations(base, data)
+            columns = np.array([deviations(base + slope, data) - away for slope in self.slopes])
+            middle += others * _inner(away, away)
+            gradient, curvature = gradient + others * columns @ away, curvature + others * columns @ columns.T
+        return lambda delta: middle + float(2.0 * gradient @ delta + delta @ curvature @ delta)
+
+    @cached_property
+    def _products(self) -> np.ndarray:
+        """Inner products of the slopes of the pictures, shape (parameters, parameters)."""
+        return np.array([[_inner(one.pictures, other.pictures) for one in self.slopes] for other in self.slopes])
+
+
+def _inner(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.vdot(one, other))
+
 
 class Replicates:
     """Repetitions of the measurement with new noise.
@@ -123,7 +152,7 @@ class Replicates:
             points_displacement=base.points + self._points_noise(),
             **{name: drawn},
         )
-        return lambda delta: score(self.kind, self.model.at(delta, offset), repeated, self.bins)
+        return self.model.objective(self.kind, repeated, self.bins, offset)
 
     def _gauss(self, shape: tuple[int, ...], spread: float | np.ndarray) -> np.ndarray:
         return self.rng.normal(0.0, spread, shape) if np.any(spread) else np.zeros(shape)

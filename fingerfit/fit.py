@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.effects.observe import Observation
 from fingerfit.errors import InputError, StateError
+from fingerfit.estimate import LinearModel
 from fingerfit.files import digest, write_text
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import format_mesh, read_mesh
@@ -191,6 +192,10 @@ class Fit:
     def score(self, prediction: Prediction) -> float:
         """Score of a prediction."""
         return score(self.settings.fit.score, prediction, self.data, self.settings.fit.bins)
+
+    def objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
+        """Score of a linear model at a distance of shape (parameters,) from its base."""
+        return model.objective(self.settings.fit.score, self.data, self.settings.fit.bins)
 
 
 def _key(asked: Asked) -> str:

@@ -7,7 +7,7 @@ and solved again there, until the moves are small (docs/decisions/0003-two-meshe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -208,17 +208,19 @@ def _by_score(fit: Fit, model: LinearModel, low: np.ndarray, high: np.ndarray) -
 
     A similarity of pictures does not see their common brightness, nor forces and displacements at all.
     """
-    observed = fit.observed
+    observed, objective = fit.observed, fit.objective(model)
     delta: np.ndarray = np.zeros(len(low))
     for _ in range(IN_TURN if observed.any() else 1):
-        delta = _constants(fit, model, delta, low, high)
+        delta = _constants(fit, objective, delta, low, high)
         if observed.any():
             delta[observed] = 0.0
             delta[observed] = _brightness_and_shifts(fit, model.at(delta), model, low, high)
     return delta
 
 
-def _constants(fit: Fit, model: LinearModel, delta: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _constants(
+    fit: Fit, score: Callable[[np.ndarray], float], delta: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
     """`delta`, moved to the minimum of the score along all but the numbers of effects on the observation."""
     free = np.flatnonzero(~fit.observed)
 
@@ -227,10 +229,7 @@ def _constants(fit: Fit, model: LinearModel, delta: np.ndarray, low: np.ndarray,
         found[free] += step
         return found
 
-    def objective(step: np.ndarray) -> float:
-        return fit.score(model.at(at(step)))
-
-    return at(minimise(objective, len(free), low=(low - delta)[free], high=(high - delta)[free]))
+    return at(minimise(lambda step: score(at(step)), len(free), low=(low - delta)[free], high=(high - delta)[free]))
 
 
 def _brightness_and_shifts(

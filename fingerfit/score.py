@@ -66,20 +66,24 @@ def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
     return 0.5 * sum(chi_square(prediction, data).values())
 
 
+def weights(kind: str, data: Data) -> tuple[float, float]:
+    """What the sums of squared differences of pictures and of squared `deviations` count for: not for ``nmi``."""
+    if kind == "ssd":
+        return 1.0 / max(data.measured.size, 1), 0.0
+    return 0.25 / data.picture_noise**2 if data.picture_noise > 0 else 0.0, 0.5
+
+
 def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
     """Chi-square of each kind of data; kinds without data or without known noise are left out.
 
     A factor common to all forces (`Data.force_gain`) is left out: it goes into the constants, and their errors know it.
     Smoothing makes the noise of neighbouring pixels alike: a Gaussian of s pixels leaves 1 / (4 pi s^2) of
-    the variance and of the independent values (in two dimensions, for s above half a pixel). Both pictures of
-    a comparison are noisy.
+    the variance and as small a share of independent values (in two dimensions, for s above half a pixel), which
+    cancel. Both pictures of a comparison are noisy.
     """
     total: dict[str, float] = {}
     if data.measured.size and data.picture_noise > 0:
-        dim = data.measured.ndim - 1
-        shrink = max(1.0, (4.0 * np.pi * data.smooth**2) ** (dim / 2))
-        variance = 2.0 * data.picture_noise**2 / shrink
-        total["pictures"] = float(np.sum((prediction.pictures - data.measured) ** 2) / variance / shrink)
+        total["pictures"] = float(np.sum((prediction.pictures - data.measured) ** 2) / (2.0 * data.picture_noise**2))
     conjugate, points = _deviations(prediction, data)
     if conjugate.size:
         total["conjugate"] = float(np.sum(conjugate**2))

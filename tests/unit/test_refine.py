@@ -6,13 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fingerfit.data import Data
 from fingerfit.estimate import LinearModel, coordinates, moved, sensitivity_values
 from fingerfit.fit import FINAL, REFINED, SEARCH, SENSITIVITY
 from fingerfit.guess import Parameter
 from fingerfit.meshing import brick, layered_block
 from fingerfit.refine import ADDED, ORDER, Minimum, finest, mesh_error, minimum, refine_round
 from fingerfit.rounds import Asked, Round
-from fingerfit.score import Prediction
+from fingerfit.score import Prediction, score
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
 
 PARAMETERS = (Parameter("mu_top", "MPa", 1e-3, 1.0, 0.1), Parameter("poisson", "1", 0.3, 0.5, 0.4, log=False))
@@ -102,6 +103,40 @@ def test_a_linear_model_adds_slopes_and_offset():
     assert model.at(np.zeros(2), one(0.5)).conjugate == pytest.approx([1.5])
 
 
+@pytest.mark.parametrize("kind", ["ssd", "likelihood"])
+def test_a_score_near_its_base_is_that_of_the_linear_model(kind, rng):
+    def some(scale):
+        return Prediction(*(rng.normal(0, scale, shape) for shape in ((2, 4, 5), (3,), (6, 2))))
+
+    data = Data(
+        step=np.array([1, 2, 3]),
+        force=np.ones(3),
+        displacement=np.array([0.1, np.nan, 0.3]),
+        control="force",
+        force_noise=0.0,
+        displacement_noise=0.02,
+        picture_noise=0.1,
+        points_noise=0.03,
+        before=np.zeros((4, 5)),
+        coefficients=np.zeros((4, 5)),
+        measured=rng.normal(0, 1, (2, 4, 5)),
+        picture_step=np.array([0, 2]),
+        spacing=np.ones(2),
+        origin=np.zeros(2),
+        direction=np.eye(2),
+        background=0.0,
+        smooth=1.0,
+        points=np.zeros((6, 2)),
+        points_displacement=rng.normal(0, 0.1, (6, 2)),
+        points_step=np.array([0, 0, 1, 1, 2, 2]),
+    )
+    model = LinearModel(some(1.0), (some(0.5), some(2.0)), some(1.0), COARSE)
+    for offset in (None, some(0.2)):
+        objective = model.objective(kind, data, 32, offset)
+        for delta in (np.zeros(2), np.array([0.3, -0.2])):
+            assert objective(delta) == pytest.approx(score(kind, model.at(delta, offset), data, 32), rel=1e-10)
+
+
 class Body:
     """A fit whose pictures are a known function of the constants; the finer mesh sees mu 5 % differently."""
 
@@ -127,6 +162,9 @@ class Body:
     def score(self, prediction):
         z = np.log(self.truth)
         return float(((prediction.pictures - np.array([z, z**2 / 10])) ** 2).sum())
+
+    def objective(self, model):
+        return lambda delta: self.score(model.at(delta))
 
     def start(self, mu):
         best = {"mu_top": mu}
