@@ -103,7 +103,8 @@ class LinearModel:
 
 
 def _inner(one: np.ndarray, other: np.ndarray) -> float:
-    return float(np.vdot(one, other))
+    """Sum of products in double precision: pictures have single."""
+    return float(sum(np.vdot(a.astype(float), b.astype(float)) for a, b in zip(one, other, strict=True)))
 
 
 class Replicates:

@@ -92,12 +92,17 @@ class Tetrahedra:
         # columns by corner and axis, and by edge and axis
         self._corners = np.ascontiguousarray(reference[:, :4].transpose(1, 2, 0))
         self._rest_bulges = np.zeros((0, 3, len(deformed)))
+        # how far its pixels may lie beyond a tetrahedron: in space, and as barycentric coordinates below 0 by face
         self.bulge = np.zeros(len(deformed))
+        self._beyond = np.zeros((4, len(deformed)))
         if self.curved:
             bulges = _bulges(deformed)
-            # the sum of the six products of two barycentric coordinates is at most 3/8
+            # the sum of the six products of two barycentric coordinates is at most 3/8, each of them 1/4
             self.bulge = 0.375 * np.linalg.norm(bulges, axis=2).max(axis=1)
-            self._change = np.ascontiguousarray(np.einsum("eac,efc->afe", bulges, gradient[:, 1:]))
+            change = np.einsum("eac,efc->afe", bulges, gradient)
+            outward = np.maximum(-change, 0.0)
+            self._beyond = np.minimum(0.375 * outward.max(axis=0), 0.25 * outward.sum(axis=0))
+            self._change = np.ascontiguousarray(change[:, 1:])
             rest = _bulges(reference)
             if np.abs(rest).max(initial=0.0) > STRAIGHT:
                 self._rest_bulges = np.ascontiguousarray(rest.transpose(1, 2, 0))
@@ -106,8 +111,7 @@ class Tetrahedra:
         """Pixels inside the elements."""
         chosen = np.flatnonzero(~self.inverted)
         planes = self.planes[:, :, chosen].copy()
-        steepness = np.sqrt((planes[:3] ** 2).sum(axis=0))
-        planes[3] += INSIDE + self.bulge[chosen] * steepness
+        planes[3] += INSIDE + self._beyond[:, chosen]
         slack = self.bulge[chosen, None]
         nodes, parts = self.nodes[chosen], []
         for owner, place, pixel in scan(planes, nodes.min(axis=1) - slack, nodes.max(axis=1) + slack, self.size):
@@ -209,7 +213,8 @@ class Tetrahedra:
                     return now
         going = np.flatnonzero(~(moved < _SETTLED))
         now[:, going] = np.nan
-        at, outside = local_coordinates(self.kind, self.nodes, element[going], place[:, going].T, np.inf)
+        used, which = np.unique(element[going], return_inverse=True)
+        at, outside = local_coordinates(self.kind, self.nodes[used], which, place[:, going].T, np.inf)
         known = np.isfinite(outside)
         now[1:, going[known]] = at[known].T
         now[0, going[known]] = 1.0 - at[known].sum(axis=1)
