@@ -22,9 +22,7 @@ $(FINGERTIP)/study.yaml: .venv/ready $(FINGERTIP)/experiment.yaml $(FINGERTIP)/a
 	$(BIN)/fingerfit experiment $(FINGERTIP)/experiment.yaml --out $(FINGERTIP)
 
 $(FINGERTIP)/subject.inp: $(FINGERTIP)/study.yaml
-	$(BIN)/fingerfit finger --size 5 --out $(FINGERTIP)/reference.inp
-	$(BIN)/fingerfit finger --out $(FINGERTIP)/reference-fine.inp
-	$(BIN)/fingerfit morph $(FINGERTIP)/reference-fine.inp $(FINGERTIP)/pictures/before.nii.gz --at 25.49 0 --out $(FINGERTIP)/subject-fine.inp
+	$(BIN)/fingerfit finger --out $(FINGERTIP)/reference.inp
 	$(BIN)/fingerfit morph $(FINGERTIP)/reference.inp $(FINGERTIP)/pictures/before.nii.gz --at 25.49 0 --out $@
 
 COARSE := studies/fingertip-coarse
