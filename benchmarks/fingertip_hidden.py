@@ -105,6 +105,7 @@ def describe(case: Case, folder: Path) -> Path:
             "effects": case.hidden,
             "seed": 23,
             "study": {
+                "control": "displacement",
                 "body": {
                     "mesh": "model.inp",
                     "refined": "refined.inp",
@@ -137,10 +138,10 @@ def run_case(case: Case, threads: int, keep: Path | None) -> dict[str, Any]:
                 "parameters": {constant: {**MU, "start": start} for constant, start in case.constants},
             },
             "fit": {
-                "score": "ssd",
+                "score": "likelihood",
                 "steps": [2],
                 "replicates": 20,
-                "stages": [{"name": "independent", "kind": "independent", "step": 0.4, "tolx": 5e-2, "tolf": 1e-5}],
+                "stages": [{"name": "independent", "kind": "independent", "step": 0.4, "tolx": 5e-2, "tolf": 50.0}],
             },
         }
         fit, everything = begin(load_settings(settings), folder / "model")

@@ -123,10 +123,12 @@ def model_folder(settings: Settings) -> Path:
 def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     """Settings whose search starts at the estimate of the model with one effect less; `where` is named in errors.
 
+    Where there is none, a last effect with all its numbers starts there, and the constants where they would without it.
+
     Raises
     ------
     InputError
-        When that model has no estimate yet.
+        When that model has no estimate yet, and the effect not all numbers.
     """
     if not settings.model.effects:
         return settings
@@ -136,12 +138,14 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     parent = settings.model_copy(
         update={"model": settings.model.model_copy(update={"effects": {name: effects[name] for name in before}})}
     )
-    path = model_folder(parent) / "estimate.json"
-    if not path.exists():
+    path, effect = model_folder(parent) / "estimate.json", catalogue(Path(settings.study))[last]
+    if path.exists():
+        values = {name: entry["value"] for name, entry in read_json(path)["parameters"].items()}
+    elif all(parameter.name in effects[last] for parameter in effect.parameters):
+        values = warm(parent, where).starts()
+    else:
         found, wanted = f"{last}, but no {path}", f"an estimate without it first: fingerfit drop {last}, then snakemake"
         raise InputError(where, f"model.effects.{last}", found, wanted)
-    values = {name: entry["value"] for name, entry in read_json(path)["parameters"].items()}
-    effect = catalogue(Path(settings.study))[last]
     place = {effect.key(name): effects[last][name] for name in effect.scan if name in effects[last]}
     return extended(parent, effect, place, effects[last], values)
 
