@@ -115,10 +115,9 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--out", type=Path, required=True)
         if name == "estimate":
             sub.add_argument("--table", type=Path, required=True)
-        if name == "propose":
-            sub.add_argument("--threads", type=int, default=1)
         if name == "diagnose":
             sub.add_argument("--estimate", type=Path, required=True)
+        if name in ("propose", "estimate", "diagnose"):
             sub.add_argument("--threads", type=int, default=1)
 
     sub = command("ladder", "put the rungs on the way to a model together, and write the page (for the workflow)")

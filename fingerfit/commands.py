@@ -104,8 +104,9 @@ def estimate(args: argparse.Namespace) -> None:
     from fingerfit.report import estimate_of, table_of
     from fingerfit.rounds import Round
 
-    fit = _fit(args)
-    found = estimate_of(fit, Round.load(args.last))
+    fit, last = _fit(args), Round.load(args.last)
+    fit.predict_all(last.batch, args.threads)
+    found = estimate_of(fit, last)
     write_text(args.table, table_of(found))
     write_json(args.out, found)
 

@@ -94,7 +94,8 @@ class ModelSettings(Model, _Strict):
     )
     effects: dict[str, dict[str, float]] = Field(
         default_factory=dict,
-        description="Effects that were added, in order; numbers of an effect where they differ from its own.",
+        description="Effects that were added, in order; numbers of an effect where they differ from its own. With all"
+        " numbers of the last one no fit without it comes before.",
     )
 
 

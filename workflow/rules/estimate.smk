@@ -13,7 +13,7 @@ rule estimate:
         f"{MODEL}/logs/estimate.log",
     conda:
         "../envs/fingerfit.yaml"
-    threads: 1
+    threads: 2
     resources:
         mem_mb=1000,
     params:
@@ -23,7 +23,8 @@ rule estimate:
         sims=SIMS,
     shell:
         "python -P -m fingerfit estimate {input.settings} --data {input.data} {params.meshes}"
-        " --sims {params.sims} --last {input.last} --out {output.estimate} --table {output.table} 2> {log}"
+        " --sims {params.sims} --last {input.last} --threads {threads} --out {output.estimate}"
+        " --table {output.table} 2> {log}"
 
 
 rule plot:
