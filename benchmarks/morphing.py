@@ -29,6 +29,8 @@ from fingerfit.tetrahedra import corners, faces_on, outer_faces
 
 VOXEL = 0.234
 """mm."""
+TRUE = 1.0
+"""Size of the measured fingers' linear tetrahedra."""
 LONGER = 5.0
 """How much of each finger lies beyond the reference's end section, mm."""
 INTENSITY = {"EPIDERMIS": 0.5, "SUBCUTANEOUS": 0.85, "DISTAL": 0.6, "MIDDLE": 0.6, "NAIL": 0.1}
@@ -45,7 +47,7 @@ COLUMNS = (
 )  # fmt: skip
 HEAD = f"""# Morphing
 
-Made by `python benchmarks/morphing.py`; do not edit. The reference finger ({{elements}} tetrahedra, {{nodes}} nodes) is
+Made by `python benchmarks/morphing.py`; do not edit. The reference finger ({{elements}}, {{nodes}} nodes) is
 brought to {{count}} others from their volumes (voxels of {{voxel}} mm, texture of 10 %, Rician noise of 3 %, other
 contrast than the reference's), each with numbers of its own (standard deviations of 5 to 18 %), turned by up to 8
 degrees and shifted by up to 3 mm. Distances in mm from the nodes of the mesh to the true surface: of the rigidly moved
@@ -93,10 +95,10 @@ def bone_faces(mesh: Mesh) -> np.ndarray:
     return mesh.points[faces_on(bone, outer_faces(bone))]
 
 
-def measure(reference: Mesh, seed: int, size: float) -> tuple[str, list[float]]:
+def measure(reference: Mesh, seed: int) -> tuple[str, list[float]]:
     """A row of the table, and of its numbers those that are averaged."""
     anatomy, turn, shift = other(seed)
-    true = finger_mesh(anatomy, size=size, element="C3D4")
+    true = finger_mesh(anatomy, TRUE, "C3D4")
     true = replace(true, points=true.points @ turn.T + shift)
     seen = volume(true, seed)
     begin = time.perf_counter()
@@ -125,13 +127,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks/morphing.md")
     parser.add_argument("--count", type=int, default=20)
-    parser.add_argument("--size", type=float, default=1.0)
+    parser.add_argument("--element", default="C3D10H")
+    parser.add_argument("--size", type=float, default=3.0)
     args = parser.parse_args()
-    reference = finger_mesh(size=args.size, element="C3D4")
-    numbers = {"elements": reference.element_count, "nodes": len(reference.points), "voxel": VOXEL}
+    reference = finger_mesh(size=args.size, element=args.element)
+    numbers = {"elements": f"{reference.element_count} {args.element}", "nodes": len(reference.points), "voxel": VOXEL}
     lines, rows = [HEAD.format(**numbers, count=args.count, machine=machine())], []
     for seed in range(1, args.count + 1):
-        text, row = measure(reference, seed, 1.8 * args.size)
+        text, row = measure(reference, seed)
         rows.append(row)
         lines.append(text + "\n")
         print(text, flush=True)
@@ -143,7 +146,7 @@ def main() -> None:
             f" {100 * np.mean(wrong):.1f} %, at most {100 * max(wrong):.1f} %; inverted elements"
             f" {sum(r[9] for r in rows):.0f}; {mean[10]:.0f} s.\n"
         )
-        args.out.write_text("".join(lines) + close)
+        args.out.write_text("".join(lines) + close, encoding="utf-8")
 
 
 if __name__ == "__main__":

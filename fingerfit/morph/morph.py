@@ -158,6 +158,9 @@ def fit_skin(mesh: Mesh, way: Deformation, subject: Picture) -> Morphed:
         shift = np.concatenate([depth, depth + deeper, _bone_shift(mesh, found, bone, profiles)])
         found, more = mend(mesh, found + spread(replace(mesh, points=found), known, shift), surfaces)
         mended = np.union1d(mended, more)
+    # pieces may be sound where the element between the corners is not
+    found, more = mend(whole, found, surfaces)
+    mended = np.union1d(mended, more)
     moved, eased = ease(replace(whole, points=found))
     found = moved.points
     layers, _, _ = _look(mesh, found, skin, under, profiles)
