@@ -68,6 +68,14 @@ def middles(nodes: np.ndarray) -> dict[tuple[int, int], int]:
     }
 
 
+def with_straight_edges(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Points with those in the middle of the edges of C3D10, shape (elements, 10), between their corners."""
+    straight = points.copy()
+    for number, edge in enumerate(EDGES[3], 4):
+        straight[nodes[:, number]] = points[nodes[:, list(edge)]].mean(axis=1)
+    return straight
+
+
 def edges_of(triangles: np.ndarray) -> list[tuple[int, int]]:
     """Edges of triangles by their sorted corners, each once."""
     found = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
@@ -87,9 +95,7 @@ def ease(mesh: Mesh) -> tuple[Mesh, int]:
     nodes = np.concatenate([block.nodes for block in mesh.blocks])
     if nodes.shape[1] == 4:
         return mesh, 0
-    straight = mesh.points.copy()
-    for number, edge in enumerate(EDGES[3], 4):
-        straight[nodes[:, number]] = mesh.points[nodes[:, list(edge)]].mean(axis=1)
+    straight = with_straight_edges(mesh.points, nodes)
     corner = np.vstack([np.zeros(3), np.eye(3)])
     _, slopes = simplex(np.vstack([corner, corner[np.array(EDGES[3])].mean(axis=1)]), True)
     whole = volumes(mesh.points, nodes[:, :4])

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.anatomy.curved import bone_faces, edges_of, middles
-from fingerfit.fem.shapes import EDGES
+from fingerfit.anatomy.curved import bone_faces, edges_of, middles, with_straight_edges
 from fingerfit.mesh import Block, Mesh
 from fingerfit.tetrahedra import corners, faces_on, oriented, outer_faces, radius_ratio
 
@@ -65,9 +64,7 @@ def straightened(mesh: Mesh) -> Mesh:
 
 def _pieces(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """Linear tetrahedra, eight for each quadratic one, round the line that leaves none too flat."""
-    straight = points.copy()
-    for number, edge in enumerate(EDGES[3], 4):
-        straight[nodes[:, number]] = points[nodes[:, list(edge)]].mean(axis=1)
+    straight = with_straight_edges(points, nodes)
     # which way round they are is told by straight edges: where these are bent a piece may be inside out
     every = np.stack([oriented(straight, nodes[:, pieces].reshape(-1, 4)) for pieces in _PIECES])
     worst = [radius_ratio(points, pieces).reshape(len(nodes), -1).min(axis=1) for pieces in every]
