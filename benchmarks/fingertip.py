@@ -31,6 +31,7 @@ from fingerfit.anatomy.shape import Anatomy
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
 from fingerfit.files import write_text
+from fingerfit.layout import model_folder
 from fingerfit.mesh_io import format_mesh
 from fingerfit.refine import around_best, minimum
 from fingerfit.settings import load_settings
@@ -119,7 +120,7 @@ def fit(settings: dict[str, Any], folder: Path) -> tuple[dict[str, Any], float]:
     with (folder / "log").open("w", encoding="utf-8") as log:
         subprocess.run(command, cwd=ROOT, env=environment, check=True, stdout=log, stderr=log)
     seconds = time.monotonic() - start
-    path = Path(settings["results"]) / Path(settings["study"]).name / settings["model"]["name"] / "estimate.json"
+    path = model_folder(load_settings(settings)) / "estimate.json"
     return json.loads(path.read_text(encoding="utf-8")), seconds
 
 
@@ -174,13 +175,14 @@ def fits() -> list[str]:
             found, seconds = fit(settings, Path(folder))
             keep = CACHE / settings["model"]["name"]
             shutil.rmtree(keep, ignore_errors=True)
-            shutil.copytree(Path(folder) / "results/fingertip" / settings["model"]["name"], keep)
+            chosen = load_settings(settings)
+            shutil.copytree(model_folder(chosen), keep)
+        starts, rounds = chosen.starts(), found["search"]["rounds"]
         for key, entry in found["parameters"].items():
             error = f"{100 * (entry['value'] / truth[key] - 1):+.1f} %" if key in truth else ""
-            start = settings["model"]["parameters"][key]["start"]
             rows.append(
-                f"| {settings['model']['name']} | {key} | {start:g} | {entry['value']:.4g} |"
-                f" {entry['standard_error']:.1g} | {error} | {found['score']['final']:.4g} | {found['rounds']} |"
+                f"| {chosen.model.full_name} | {key} | {starts[key]:g} | {entry['value']:.4g} |"
+                f" {entry['standard_error']:.1g} | {error} | {found['score']['final']:.4g} | {rounds} |"
                 f" {found['simulations']['run']} | {seconds:.0f} |"
             )
             print(rows[-1], flush=True)

@@ -99,7 +99,11 @@ class LinearModel:
     @cached_property
     def _products(self) -> np.ndarray:
         """Inner products of the slopes of the pictures, shape (parameters, parameters)."""
-        return np.array([[_inner(one.pictures, other.pictures) for one in self.slopes] for other in self.slopes])
+        total = np.zeros((len(self.slopes), len(self.slopes)))
+        for pictures in zip(*(slope.pictures for slope in self.slopes), strict=True):
+            columns = np.stack([picture.ravel() for picture in pictures]).astype(float)
+            total += columns @ columns.T
+        return total
 
 
 def _inner(one: np.ndarray, other: np.ndarray) -> float:
