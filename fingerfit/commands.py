@@ -106,7 +106,7 @@ def estimate(args: argparse.Namespace) -> None:
 
     fit, last = _fit(args), Round.load(args.last)
     fit.predict_all(last.batch, args.threads)
-    found = estimate_of(fit, last)
+    found = estimate_of(fit, last, args.threads)
     write_text(args.table, table_of(found))
     write_json(args.out, found)
 

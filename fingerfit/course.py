@@ -43,7 +43,7 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
             "best": {"values": start, "score": None},
         }
         _refuse(fit, start)
-        return around_best(fit, base, start, ADDED)
+        return around_best(fit, base, start, ADDED, rough=True)
     names = [parameter.name for parameter in parameters]
     history = list(last.history) if last else []
     if last:

@@ -9,12 +9,14 @@ quantities measured beside - and finds the best constants of each repetition by 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from fingerfit.data import Data
+from fingerfit.errors import StateError
 from fingerfit.guess import Parameter, round_value
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
@@ -58,15 +60,15 @@ class LinearModel:
         At the best guess.
     slopes : tuple of Prediction
         Derivatives by the logarithm of each parameter (by the value, where it is not on a log scale).
-    control : Prediction
-        Derivative by the relative size of the prescribed quantity, each step by its own.
+    control : Prediction or None
+        Derivative by the relative size of the prescribed quantity, each step by its own; None where nobody asked.
     values : mapping
         The guess that the base belongs to.
     """
 
     base: Prediction
     slopes: tuple[Prediction, ...]
-    control: Prediction
+    control: Prediction | None
     values: Mapping[str, float]
 
     def at(self, delta: np.ndarray, offset: Prediction | None = None) -> Prediction:
@@ -76,6 +78,12 @@ class LinearModel:
             if d:
                 total = total + slope * float(d)
         return total
+
+    def by_control(self, relative: np.ndarray, data: Data) -> Prediction:
+        """Change of the prediction with relative changes of the prescribed quantity, shape (steps,)."""
+        if self.control is None:
+            raise StateError("the slopes by the prescribed quantity were not asked for")
+        return self.control.by_step(relative, data)
 
     def objective(
         self, kind: str, data: Data, bins: int, offset: Prediction | None = None
@@ -125,26 +133,39 @@ class Replicates:
     kind, bins
         As for `score`.
     seed : int
-        Of the noise: the same input gives the same digits.
+        Of the noise: the same input gives the same digits, whatever the threads.
+    threads : int
+        Pictures that are warped and smoothed beside each other.
     """
 
     def __init__(
-        self, model: LinearModel, data: Data, maps: list[BackwardMap], kind: str, bins: int, seed: int
+        self,
+        model: LinearModel,
+        data: Data,
+        maps: list[BackwardMap],
+        kind: str,
+        bins: int,
+        seed: int,
+        threads: int = 1,
     ) -> None:
         self.model, self.data, self.maps, self.kind, self.bins = model, data, maps, kind, bins
-        self.rng = np.random.default_rng(seed)
+        self.rng, self._pool = np.random.default_rng(seed), ThreadPoolExecutor(threads)
 
     def draw(self) -> Callable[[np.ndarray], float]:
         """Score of one repetition as a function of delta, shape (parameters,)."""
         data, base = self.data, self.model.base
         relative = self._control_noise()
-        shift = self.model.control.by_step(relative, data)
+        shift = self.model.by_control(relative, data)
         pictures = shift.pictures
         measured = base.pictures
         if data.measured.size:
             noise = spline_coefficients(self._gauss(data.before.shape, data.picture_noise))
-            pictures = pictures + np.array([smooth(warp(noise, 0.0, way), data.smooth) for way in self.maps])
-            measured = measured + np.array([self._picture_noise(p.shape) for p in base.pictures])
+            # beside each other, while the noise of the others is drawn
+            warped = [self._pool.submit(self._warped, noise, way) for way in self.maps]
+            fresh = [self._gauss(picture.shape, data.picture_noise) for picture in base.pictures]
+            smoothed = [self._pool.submit(smooth, one, data.smooth) for one in fresh]
+            pictures = pictures + np.array([one.result() for one in warped])
+            measured = measured + np.array([one.result() for one in smoothed])
         offset = Prediction(pictures, shift.conjugate, shift.points)
         conjugate, spread = data.conjugate
         drawn = np.where(np.isfinite(conjugate), base.conjugate, np.nan)
@@ -177,8 +198,8 @@ class Replicates:
             noise[part] = drawn[: len(part), :, n] + self._gauss((dim,), data.frame_noise)
         return noise
 
-    def _picture_noise(self, shape: tuple[int, ...]) -> np.ndarray:
-        return smooth(self._gauss(shape, self.data.picture_noise), self.data.smooth)
+    def _warped(self, noise: np.ndarray, way: BackwardMap) -> np.ndarray:
+        return smooth(warp(noise, 0.0, way), self.data.smooth)
 
     def _control_noise(self) -> np.ndarray:
         size = np.abs(self.data.controlled)

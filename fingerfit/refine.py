@@ -69,14 +69,27 @@ class Minimum:
     fall: float
 
 
-def around_best(fit: Fit, base: Mapping[str, Any], best: Mapping[str, float], reason: str, slopes: int = 1) -> Round:
-    """The round that asks for the slopes around the best guess, and for the finest solution there."""
-    parameters = fit.settings.parameters()
+def around_best(
+    fit: Fit, base: Mapping[str, Any], best: Mapping[str, float], reason: str, slopes: int = 1, rough: bool = False
+) -> Round:
+    """The round that asks for the slopes around the best guess, and for the finest solution there.
+
+    Rough slopes, by one side of each constant, are for guesses that will be left: others follow in any case.
+    """
+    sides = sensitivity_values(fit.settings.parameters(), best)
+    if rough:
+        sides = {role: values for role, values in sides.items() if role[0] == "+" or "+" + role[1:] not in sides}
     # the costly one first: it runs beside the others
     batch = [fit.ask(best, FINAL), fit.ask(best, ANCHOR)]
-    batch += [fit.ask(values, role) for role, values in sensitivity_values(parameters, best).items()]
-    batch += [fit.ask(best, "+control", 1.0 + STEP), fit.ask(best, "-control", 1.0 - STEP)]
-    return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=reason, slopes=slopes, **base)
+    batch += [fit.ask(values, role) for role, values in sides.items()]
+    if fit.observed.any():
+        batch += _by_control(fit, best)
+    return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=reason, slopes=slopes, rough=rough, **base)
+
+
+def _by_control(fit: Fit, best: Mapping[str, float]) -> list[Asked]:
+    """Slopes by the prescribed quantity: intervals and the diagnosis need them, a move seldom."""
+    return [fit.ask(best, "+control", 1.0 + STEP), fit.ask(best, "-control", 1.0 - STEP)]
 
 
 def refine_round(fit: Fit, last: Round) -> Round:
@@ -89,10 +102,14 @@ def refine_round(fit: Fit, last: Round) -> Round:
             return _slopes_again(fit, last, back, {"before": (last.best or {})["before"], "trust": trust})
         # no search came before the first slopes of a model with effects: they are taken where it was predicted to be
         far = FAR if last.reason != ADDED else FIRST if last.slopes == 1 else CLOSE
-        if found.move > far or _promises(fit, found):
+        if last.rough or found.move > far or _promises(fit, found):
             before = {"values": dict(found.base.values), "score": fit.score(found.model.base), "fall": found.fall}
-            return _slopes_again(fit, last, found.values, {"before": before, "trust": trust})
+            rough = last.reason == ADDED and found.move > FAR and last.slopes + 1 < again
+            return _slopes_again(fit, last, found.values, {"before": before, "trust": trust}, rough)
     asked = fit.ask(found.values, FINAL)
+    known = list(last.batch)
+    if all(asked.role != "+control" for asked in known):
+        known += _by_control(fit, _best(last))
     solutions = sum(a.role == FINAL for a in last.batch)
     lost = solutions > 1 and _diverged(fit, last.batch[-1])
     close = NEARER if last.reason == ADDED else CLOSE
@@ -105,14 +122,16 @@ def refine_round(fit: Fit, last: Round) -> Round:
         meshes=last.meshes,
         history=last.history,
         # the same guess on the search mesh shows what the finer mesh changes there
-        batch=last.batch if lost else [*last.batch, fit.ask(found.values, ANCHOR), asked],
+        batch=known if lost else [*known, fit.ask(found.values, ANCHOR), asked],
         best=last.best,
         reason=last.reason,
         slopes=last.slopes,
     )
 
 
-def _slopes_again(fit: Fit, last: Round, values: dict[str, float], memory: dict[str, Any]) -> Round:
+def _slopes_again(
+    fit: Fit, last: Round, values: dict[str, float], memory: dict[str, Any], rough: bool = False
+) -> Round:
     """The round that asks for slopes elsewhere; it remembers where the move began and how far moves are trusted."""
     base: dict[str, Any] = {
         "number": last.number + 1,
@@ -121,7 +140,7 @@ def _slopes_again(fit: Fit, last: Round, values: dict[str, float], memory: dict[
         "history": last.history,
         "best": {"values": values, "score": None, **memory},
     }
-    return around_best(fit, base, values, last.reason or "", last.slopes + 1)
+    return around_best(fit, base, values, last.reason or "", last.slopes + 1, rough)
 
 
 def _half_way_back(fit: Fit, last: Round, found: Minimum) -> tuple[dict[str, float] | None, float]:
@@ -199,7 +218,8 @@ def _minimum(fit: Fit, last: Round, base: Asked, trust: float = TRUST) -> Minimu
     high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
     low, high = np.maximum(low, -trust), np.minimum(high, trust)
     delta = _least_squares(fit, model, low, high) if fit.exact else _by_score(fit, model, low, high)
-    fall = fit.score(model.base) - fit.score(model.at(delta))
+    objective = fit.objective(model)
+    fall = objective(np.zeros(len(delta))) - objective(delta)
     return Minimum(moved(parameters, base.values, delta), base, model, float(np.abs(delta).max(initial=0.0)), fall)
 
 
@@ -249,7 +269,7 @@ def _brightness_and_shifts(
 
     base = values(left)
     noise = np.divide(data.control_noise, np.abs(data.controlled), out=np.zeros(steps), where=data.controlled != 0)
-    unknown = [model.control.by_step(share, data) for share in np.diag(noise)]
+    unknown = [model.by_control(share, data) for share in np.diag(noise)]
     columns = np.stack([values(left + one) - base for one in [*(model.slopes[n] for n in number), *unknown]], axis=1)
     likely = np.concatenate([np.zeros((steps, len(number))), np.eye(steps)], axis=1)
     ends = np.full(steps, np.inf)
@@ -283,7 +303,8 @@ def _linear_model(fit: Fit, last: Round, base: Asked) -> LinearModel:
         return (ahead - behind) * (1 / (STEP * (2 - sum(lost))))
 
     slopes = tuple(slope(parameter.name) for parameter in fit.settings.parameters())
-    return LinearModel(fit.prediction(base), slopes, slope("control"), base.values)
+    control = slope("control") if "+control" in by_role else None
+    return LinearModel(fit.prediction(base), slopes, control, base.values)
 
 
 def _best(last: Round) -> dict[str, float]:

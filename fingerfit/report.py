@@ -14,8 +14,8 @@ from fingerfit.rounds import Round
 from fingerfit.uncertainty import SURE, as_json, repeat, summarise
 
 
-def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
-    """The estimate: what goes to estimate.json.
+def estimate_of(fit: Fit, last: Round, threads: int = 1) -> dict[str, Any]:
+    """The estimate: what goes to estimate.json; pictures of repetitions are made by as many threads.
 
     Raises
     ------
@@ -30,9 +30,10 @@ def estimate_of(fit: Fit, last: Round) -> dict[str, Any]:
     searched = on_search_mesh(fit, last) if mesh == REFINED else best
     maps = fit.synthesis(best.base).maps
     size, values = len(parameters), best.values
-    replicates = Replicates(best.model, fit.data, maps, settings.fit.score, settings.fit.bins, settings.fit.seed)
+    how = settings.fit
+    replicates = Replicates(best.model, fit.data, maps, how.score, how.bins, how.seed, threads)
     sure = SURE if fit.exact else np.inf
-    shifts, hessian = repeat(replicates.draw, size, settings.fit.replicates, sure)
+    shifts, hessian = repeat(replicates.draw, size, how.replicates, sure)
     point = [values[p.name] for p in parameters]
     found = summarise(shifts, hessian, parameters, point, mesh_error(fit, best, searched), sure)
     names = [p.name for p in parameters]

@@ -75,6 +75,8 @@ class Round:
         Why the search ended, while the finer mesh is still to be solved.
     slopes : int
         How often slopes were taken so far.
+    rough : bool
+        Whether the slopes are by one side of each constant only: others follow.
     """
 
     number: int
@@ -87,6 +89,7 @@ class Round:
     best: dict[str, Any] | None = None
     reason: str | None = None
     slopes: int = 0
+    rough: bool = False
 
     def save(self, path: Path) -> None:
         """Write as JSON, whole or not at all."""

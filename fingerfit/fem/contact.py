@@ -92,6 +92,7 @@ class RigidContact:
         self.areas, self.surface, self.law, self.driven, self.dim = areas, surface, law, driven, dim
         self.symmetric = law.friction == 0 or law.glued
         self.slides = law.friction == 0 and not law.glued
+        self.remembers = not self.slides
         self.start = sampling @ points
         nodes = np.unique(sampling.indices)
         columns = [(nodes[:, None] * dim + np.arange(dim)).ravel()]
@@ -114,6 +115,15 @@ class RigidContact:
         self._rest, self._spring = np.zeros((len(areas), dim)), np.zeros((len(areas), dim, dim))
         if law.glued:
             self._hold(self._local(np.zeros(points.size)))
+
+    @property
+    def couples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and columns, by degree of freedom, of all stiffness that there may be: where every point touches."""
+        from scipy.sparse import eye_array, kron
+
+        every = kron(eye_array(len(self.areas)), np.ones((self.dim, self.dim)))
+        found = (abs(self._relative).T @ every @ abs(self._relative)).tocoo()
+        return self._columns[found.row], self._columns[found.col]
 
     @property
     def dofs(self) -> np.ndarray:

@@ -17,14 +17,22 @@ _SAME_TANGENT = 1e-6
 """Error below which the tangent is not made anew."""
 _BEND = 0.5
 """Share of the curvature that a prediction takes on: all of it goes too far where the body gives way suddenly."""
-_PATIENCE = 8
-"""Iterations after which a body in contact must be nearer to equilibrium."""
+_PATIENCE = ((4, 0.5), (8, 0.1))
+"""Iterations after which at most this share of the first force may be left, for a body in contact."""
+_ROUGH = 1e-2
+"""Residual that is enough before the end of a step, where contact opens and closes without friction."""
 _HELD = 3
 """Iterations at most in which a surface that is pushed keeps its predicted place."""
 _SETTLED = 0.1
 """Error of the body below which such a surface is let go."""
 _HERTZ = 2.0 / 3.0
 """Power of the force with which a round body goes deeper (Hertz)."""
+_TOUCH = (0.125, 0.5)
+"""First increment of a surface that must find the body first: moved, or pushed by a force."""
+_SECANTS, _FLAT = 3, 0.3
+"""Secants at most in search of the least energy along a step, and the share of the first slope that ends it."""
+_KEEP = 2
+"""Increments of the same length after one that failed."""
 ITERATIONS = 20
 CUTS = 7
 
@@ -111,6 +119,7 @@ class Newton:
         self.load = Load(zero, zero)
         self._before: tuple[State, Load] | None = None
         self._earlier: tuple[State, Load] | None = None
+        self._pace: float | None = None  # length of the last increments of a step that was hard, as of `Load.away`
 
     def change(self, system: System) -> None:
         """Go on with other constraints, from the present displacements."""
@@ -137,7 +146,12 @@ class Newton:
         how = increments if isinstance(increments, Increments) else Increments(first=increments)
         path = _line(self.load, target) if isinstance(target, Load) else target
         share, size, total = 0.0, min(how.first, how.largest), 0
-        smallest = min(0.5**CUTS * how.largest, size / 8)
+        if self.system.slides and self._before is None and not how.fixed:
+            size = min(size, _TOUCH[self.system.driven])
+        length = float(np.linalg.norm(path(1.0).away(self.load)))
+        if self._pace is not None and not how.fixed and length > 0:
+            size = min(size, max(self._pace / length, 0.5**CUTS))
+        smallest, failed, keep = min(0.5**CUTS * how.largest, size / 8), False, 0
         while share < 1.0:
             end = min([1.0, share + size, *(stop for stop in how.stops if share + 1e-9 < stop < share + size)])
             if end > 1 - 1e-9:
@@ -145,17 +159,23 @@ class Newton:
             dt = (end - share) * how.period if how.viscous else 0.0
             self.system.begin(dt, how.relaxed)
             load = path(end)
-            state, used = self._equilibrium(load)
+            # on the way, where the path does not matter, near an equilibrium is enough
+            rough = end < 1.0 and self.system.slides and not (self.system.remembers or how.viscous)
+            state, used = self._equilibrium(load, _ROUGH if rough else TOLERANCE)
             total += used
             if state is None:
                 size = min(size, end - share) / 2
                 if size < smallest or how.fixed:
                     return False, total
+                failed, keep = True, _KEEP
                 continue
             self.system.commit(state.u, dt, how.relaxed)
             self._earlier, self._before = self._before, (self.state, self.load)
             self.state, self.load, share = state, load, end
-            size = how.first if how.fixed else min(2 * size, how.largest)
+            if failed:
+                self._pace = size * length
+            keep -= 1
+            size = how.first if how.fixed else min(size if keep > 0 else 2 * size, how.largest)
         return True, total
 
     def _predict(self, load: Load) -> np.ndarray | None:
@@ -183,7 +203,7 @@ class Newton:
         bend = (slope - (before.q - earlier.q) / back) / (1 + back)
         return predicted + _BEND * ahead * (1 + ahead) * bend
 
-    def _equilibrium(self, load: Load) -> tuple[State | None, int]:
+    def _equilibrium(self, load: Load, tolerance: float = TOLERANCE) -> tuple[State | None, int]:
         system = self.system
         q = self._predict(load)
         held = np.zeros(len(system.free), dtype=bool)
@@ -215,9 +235,9 @@ class Newton:
             # in N: of a surface that was pushed in too deep, the largest force falls with the residual
             left = error * scale
             first = first or left
-            if system.slides and iteration > _PATIENCE and left > 0.1 * first:
+            if system.slides and any(iteration > after and left > share * first for after, share in _PATIENCE):
                 return None, iteration
-            if error < TOLERANCE:
+            if error < tolerance:
                 return State(q, u, internal), iteration
             # near the end the tangent of the last iteration is as good, but a small one costs nothing
             if matrix is None or error > _SAME_TANGENT or len(q) < LARGE:
@@ -289,13 +309,38 @@ class Newton:
             internal = self._forces(u)
             if internal is None:
                 continue
-            if np.abs(self._residual(internal, load, held)).max() < enough * norm:
+            ahead = self._residual(internal, load, held)
+            if np.abs(ahead).max() < enough * norm:
                 return trial
             if start is None:
                 start = self._potential(system.expand(q, load.given), load)
             if self._potential(u, load) < start + 1e-4 * 0.5**cut * slope:
-                return trial
+                slopes = 0.5**cut * slope, inner(trial - q, ahead)
+                return q + self._least(q, trial - q, slopes, load, held) * (trial - q)
         return None
+
+    def _least(
+        self, q: np.ndarray, step: np.ndarray, slopes: tuple[float, float], load: Load, held: np.ndarray
+    ) -> float:
+        """Share of a step where the energy is least, by secants between its slopes at both ends.
+
+        Where contact opens or closes on the way a whole step goes too far, and the next one too far back.
+        """
+        (low, falls), (high, rises) = (0.0, slopes[0]), (1.0, slopes[1])
+        share, slope = high, rises
+        for _ in range(_SECANTS if self.system.slides else 0):
+            if not falls < 0 < rises or abs(slope) < _FLAT * abs(slopes[0]):
+                break
+            share = low + (high - low) * falls / (falls - rises)
+            internal = self._forces(self.system.expand(q + share * step, load.given))
+            if internal is None:
+                return high
+            slope = inner(step, self._residual(internal, load, held))
+            if slope < 0:
+                low, falls = share, slope
+            else:
+                high, rises = share, slope
+        return share
 
     def _potential(self, u: np.ndarray, load: Load) -> float:
         return self.system.energy(u) - inner(load.force, u)

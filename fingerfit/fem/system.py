@@ -10,6 +10,7 @@ import numpy as np
 
 from fingerfit.fem.factor import CLOSE, LARGE, LinearSolver
 from fingerfit.fem.levels import WIDEST, Levels
+from fingerfit.fem.pattern import Pattern
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -107,6 +108,7 @@ class System:
         self.driven = any(getattr(term, "driven", False) for term in terms)
         self.touches = any(hasattr(term, "law") for term in terms)
         self.slides = any(getattr(term, "slides", False) for term in terms)
+        self.remembers = any(getattr(term, "remembers", False) for term in terms)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
         if set(turning) & set(ties):
             raise ValueError(min(set(turning) & set(ties)))
@@ -162,6 +164,7 @@ class System:
         if not self.bodies:
             self._place, self._row, self._kept = np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0, int)
             self._position, self._scale, self._pointers = self._kept, None, np.zeros(count + 1, np.int32)
+            self._pattern = Pattern(self._place, count)
             return
         dim = self.bodies[0].dim
         nodes = [body.dofs[:, ::dim] // dim for body in self.bodies]
@@ -185,11 +188,16 @@ class System:
         self._scale = None if np.all(scale[self._kept] == 1.0) else scale[self._kept]
         keys = column[self._kept].astype(np.int64) * count + row[self._kept]
         final, self._position = np.unique(keys, return_inverse=True)
-        self._row = (final % max(count, 1)).astype(np.int32)
-        self._pointers = np.searchsorted(final // max(count, 1), np.arange(count + 1)).astype(np.int32)
+        self._pattern = Pattern(final, count)
+        self._row, self._pointers = self._pattern.rows, self._pattern.pointers
         if self.simple and 0 < count < LARGE:
             levels = Levels(self._row, self._pointers, self._linear.positions)
             self._levels = levels if levels.widest <= WIDEST else None
+        for term in self.terms:
+            if hasattr(term, "couples"):
+                row, column = (unknowns[dofs] for dofs in term.couples)
+                known = (row >= 0) & (column >= 0)
+                self._pattern.grow(row[known], column[known])
 
     def _maps(self) -> tuple[Any, Any]:
         """Slopes of all displacements, by all independent ones, shape (size, size), and by the unknowns."""
@@ -298,18 +306,19 @@ class System:
         entries = [(e.values, e.rows, e.columns) for e in evaluation.extra if len(e.values)]
         if self._levels is not None and not entries:
             return data
-        from scipy.sparse import coo_matrix
-
-        matrix = self._sparse(data)
         if entries:
-            data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+            values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
             if self.simple:
-                data = data * self.factor[rows] * self.factor[columns]
+                values = values * self.factor[rows] * self.factor[columns]
                 rows, columns = self.unknown[rows], self.unknown[columns]
                 kept = (rows >= 0) & (columns >= 0)
-                data, rows, columns = data[kept], rows[kept], columns[kept]
-            matrix = matrix + coo_matrix((data, (rows, columns)), shape=matrix.shape).tocsc()
+                values, rows, columns = values[kept], rows[kept], columns[kept]
+            matrix = self._pattern.matrix(data, rows, columns, values)
+        else:
+            matrix = self._sparse(data)
         if not self.simple:
+            from scipy.sparse import coo_matrix
+
             to_unknowns = self._maps()[1]
             for body in self.rigid:
                 block = body.curvature(self._angles[body.rotation], evaluation.internal[body.dofs])
