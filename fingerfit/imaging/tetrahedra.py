@@ -18,7 +18,8 @@ from fingerfit.imaging.raster import distances, scan, slabs
 
 INSIDE = 5e-7
 """Barycentric coordinates down to minus this count as inside, as in `inverse`."""
-_TURNS = 12
+_SOON, _TURNS = 5, 12
+"""Turns of a fixed point by all pixels, and at most."""
 _SETTLED = 1e-5
 """Barycentric change at which a fixed point has settled; the next one would be some ten times smaller."""
 STRAIGHT = 1e-6
@@ -113,11 +114,22 @@ class Tetrahedra:
         planes = self.planes[:, :, chosen].copy()
         planes[3] += INSIDE + self._beyond[:, chosen]
         slack = self.bulge[chosen, None]
-        nodes, parts = self.nodes[chosen], []
+        nodes, parts, late = self.nodes[chosen], [], []
         for owner, place, pixel in scan(planes, nodes.min(axis=1) - slack, nodes.max(axis=1) + slack, self.size):
-            parts.append(self._claims(chosen[owner], place, pixel))
-        found = Claims.joined(parts)
-        return found if not self.curved else _only(found, found.depth <= 1.0)
+            element = chosen[owner]
+            if self.curved:
+                share, lost = self._settle(element, place)
+                late.append((element[lost], place[:, lost], pixel[lost]))
+                share[:, lost] = np.nan  # claims nothing yet
+                parts.append(self._claims(element, place, pixel, share))
+            else:
+                parts.append(self._claims(element, place, pixel))
+        if late:
+            # together: a call for each part would cost as much again
+            element, place, pixel = (np.concatenate(part, axis=-1) for part in zip(*late, strict=True))
+            share, known = self._solved(element, place)
+            parts.append(self._claims(element[known], place[:, known], pixel[known], share[:, known]))
+        return Claims.joined(parts)
 
     def near(self, element: np.ndarray, face: np.ndarray, margin: float, covered: np.ndarray) -> Claims:
         """Pixels that no element holds, but a face on the border has within reach.
@@ -148,7 +160,20 @@ class Tetrahedra:
         first = order[np.diff(pixel[order], prepend=-1) > 0]
         z, row = np.divmod(pixel[first], self.size[0] * self.size[1])
         y, x = np.divmod(row, self.size[0])
-        return self._claims(element[owner[first]], np.stack([x, y, z]).astype(float), pixel[first], 2.0 + away[first])
+        element, place = element[owner[first]], np.stack([x, y, z]).astype(float)
+        pixel, depth, share = pixel[first], 2.0 + away[first], None
+        if self.curved:
+            share, lost = self._settle(element, place)
+            share[:, lost], known = self._solved(element[lost], place[:, lost])
+            kept = np.delete(np.arange(len(pixel)), np.delete(lost, known))
+            element, place, pixel, depth, share = (
+                element[kept],
+                place[:, kept],
+                pixel[kept],
+                depth[kept],
+                share[:, kept],
+            )
+        return self._claims(element, place, pixel, share, depth)
 
     def _triangles(self, element: np.ndarray, face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Elements and corners, anticlockwise from outside, of the triangles of faces: four where they are curved."""
@@ -166,21 +191,21 @@ class Tetrahedra:
         return owner, self.nodes[owner[:, None], small.reshape(-1, 3)]
 
     def _claims(
-        self, element: np.ndarray, place: np.ndarray, pixel: np.ndarray, depth: np.ndarray | None = None
+        self,
+        element: np.ndarray,
+        place: np.ndarray,
+        pixel: np.ndarray,
+        share: np.ndarray | None = None,
+        depth: np.ndarray | None = None,
     ) -> Claims:
-        share = np.empty((4, len(element)))
-        for corner, (a, b, c, d) in enumerate(self.planes.transpose(1, 0, 2)):
-            share[corner] = np.take(a, element) * place[0] + np.take(b, element) * place[1]
-            share[corner] += np.take(c, element) * place[2] + np.take(d, element)
-        if self.curved:
-            share = self._settle(element, place, share)
-            kept = np.flatnonzero(np.isfinite(share[0]))
-            if len(kept) < len(element):
-                element, pixel, share = element[kept], pixel[kept], share[:, kept]
-                depth = None if depth is None else depth[kept]
+        """Claims on pixels, by their barycentric coordinates; without `depth`, of those inside."""
+        share = self._between_corners(element, place) if share is None else share
         if depth is None:
             lowest = share.min(axis=0)
-            depth = np.where(lowest < -INSIDE, 2.0, np.minimum(1.0 - 4.0 * lowest, 1.0))
+            depth = np.minimum(1.0 - 4.0 * lowest, 1.0)
+            if self.curved:
+                kept = np.flatnonzero(lowest >= -INSIDE)
+                element, pixel, depth, share = element[kept], pixel[kept], depth[kept], share[:, kept]
         source = np.zeros((3, len(element)))
         for weight, corner in zip(share, self._corners, strict=True):
             for axis in range(3):
@@ -191,34 +216,46 @@ class Tetrahedra:
                 source[axis] += product * np.take(edge[axis], element)
         return Claims(element, pixel, source.T, depth)
 
-    def _settle(self, element: np.ndarray, place: np.ndarray, share: np.ndarray) -> np.ndarray:
-        """Barycentric coordinates in curved elements, shape (4, pixels), from those between the corners.
+    def _between_corners(self, element: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """Barycentric coordinates of pixels in elements with straight edges, shape (4, pixels)."""
+        share = np.empty((4, len(element)))
+        for corner, (a, b, c, d) in enumerate(self.planes.transpose(1, 0, 2)):
+            share[corner] = np.take(a, element) * place[0] + np.take(b, element) * place[1]
+            share[corner] += np.take(c, element) * place[2] + np.take(d, element)
+        return share
 
-        NaN where there is no solution near by.
-        """
-        change = np.take(self._change, element, axis=2)
-        start, now = share, share.copy()
-        moved = np.full(len(element), np.inf)
-        with np.errstate(over="ignore", invalid="ignore"):  # those that run away are found again below
-            for _ in range(_TURNS):
-                later = start[1:].copy()
-                for (i, j), by in zip(EDGES[3], change, strict=True):
-                    product = now[i] * now[j]
-                    for axis in range(3):
-                        later[axis] -= product * by[axis]
-                moved = np.abs(later - now[1:]).max(axis=0)
-                now[1:] = later
-                now[0] = 1.0 - later.sum(axis=0)
-                if moved.max(initial=0.0) < _SETTLED:
-                    return now
-        going = np.flatnonzero(~(moved < _SETTLED))
-        now[:, going] = np.nan
-        used, which = np.unique(element[going], return_inverse=True)
-        at, outside = local_coordinates(self.kind, self.nodes[used], which, place[:, going].T, np.inf)
-        known = np.isfinite(outside)
-        now[1:, going[known]] = at[known].T
-        now[0, going[known]] = 1.0 - at[known].sum(axis=1)
-        return now
+    def _settle(self, element: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Barycentric coordinates of pixels in curved elements, shape (4, pixels), and which of them did not settle."""
+        start, change = self._between_corners(element, place), np.take(self._change, element, axis=2)
+        found = start.copy()
+        # most settle soon, some never
+        going = _follow(found, start, change, _SOON)
+        rest = found[:, going]
+        never = _follow(rest, start[:, going], change[:, :, going], _TURNS - _SOON)
+        found[:, going] = rest
+        return found, going[never]
+
+    def _solved(self, element: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same by Newton's method, and which pixels have a solution near by."""
+        used, which = np.unique(element, return_inverse=True)
+        at, outside = local_coordinates(self.kind, self.nodes[used], which, place.T, np.inf)
+        return np.concatenate([1.0 - at.T.sum(axis=0, keepdims=True), at.T]), np.flatnonzero(np.isfinite(outside))
+
+
+def _follow(found: np.ndarray, start: np.ndarray, change: np.ndarray, turns: int) -> np.ndarray:
+    """Let the bulge follow the coordinates `found`, in place; returns which have not settled."""
+    moved = np.full(found.shape[1], np.inf)
+    with np.errstate(over="ignore", invalid="ignore"):  # those that run away are found again
+        for _ in range(turns):
+            later = start[1:].copy()
+            for (i, j), by in zip(EDGES[3], change, strict=True):
+                product = found[i] * found[j]
+                for axis in range(3):
+                    later[axis] -= product * by[axis]
+            moved = np.abs(later - found[1:]).max(axis=0)
+            found[1:] = later
+            found[0] = 1.0 - later.sum(axis=0)
+    return np.flatnonzero(~(moved < _SETTLED))
 
 
 def border_faces(nodes: list[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -247,10 +284,6 @@ def _bulges(nodes: np.ndarray) -> np.ndarray:
     """What multiplies the product of the barycentric coordinates of an edge's corners, shape (elements, 6, 3)."""
     i, j = np.array(EDGES[3]).T
     return 4 * (nodes[:, 4:] - (nodes[:, i] + nodes[:, j]) / 2)
-
-
-def _only(claims: Claims, kept: np.ndarray) -> Claims:
-    return Claims(claims.element[kept], claims.pixel[kept], claims.source[kept], claims.depth[kept])
 
 
 def _barycentric(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from fingerfit.data import Data
+from fingerfit.errors import StateError
 from fingerfit.estimate import LinearModel, coordinates, moved, sensitivity_values
 from fingerfit.fit import FINAL, REFINED, SEARCH, SENSITIVITY
 from fingerfit.guess import Parameter
 from fingerfit.meshing import brick, layered_block
-from fingerfit.refine import ADDED, ORDER, Minimum, finest, mesh_error, minimum, refine_round
+from fingerfit.refine import ADDED, ORDER, Minimum, around_best, finest, mesh_error, minimum, refine_round
 from fingerfit.rounds import Asked, Round
 from fingerfit.score import Prediction, score
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
@@ -211,6 +212,46 @@ def test_a_model_with_effects_is_followed_closer(tmp_path):
     effects = refine_round(fit, replace(searched, reason=ADDED, slopes=2))
     assert (effects.stage, effects.stop) == (FINAL, None)
     assert refine_round(fit, effects).stop == ADDED
+
+
+def roles(asked):
+    return sorted(one.role for one in asked.batch)
+
+
+@pytest.mark.parametrize(("begun", "rough"), [(0.0200, True), (0.0260, False), (0.0286, False)])
+def test_rough_slopes_are_followed_by_others(tmp_path, begun, rough):
+    """Rough again after a long move only; the model at rest has both sides, wherever it began."""
+    fit, best = Body(tmp_path), {"mu_top": begun}
+    base = {"number": 0, "solver": {}, "meshes": {}, "best": {"values": best, "score": None}}
+    first = around_best(fit, base, best, ADDED, rough=True)
+    assert roles(first) == ["+mu_top", "anchor", "final"]
+    second = refine_round(fit, first)
+    assert (second.stage, second.slopes, second.rough) == (SENSITIVITY, 2, rough)
+    assert ("-mu_top" in roles(second)) is not rough
+    last = second
+    while last.stop is None:
+        last = refine_round(fit, last)
+    assert {"+mu_top", "-mu_top"} <= set(roles(last))
+    assert finest(fit, last).values["mu_top"] == pytest.approx(0.030 / 1.05, rel=2e-3)
+
+
+def test_rough_slopes_at_an_upper_bound_are_those_below(tmp_path):
+    best = {"mu_top": PARAMETERS[0].upper}
+    base = {"number": 0, "solver": {}, "meshes": {}, "best": {"values": best, "score": None}}
+    assert roles(around_best(Body(tmp_path), base, best, ADDED, rough=True)) == ["-mu_top", "anchor", "final"]
+
+
+def test_slopes_by_the_control_are_asked_for_once_at_the_end(tmp_path):
+    fit, best = Body(tmp_path), {"mu_top": 0.026}
+    base = {"number": 0, "solver": {}, "meshes": {}, "best": {"values": best, "score": None}}
+    last, seen = around_best(fit, base, best, "tolerances met"), []
+    while last.stop is None:
+        seen.append("+control" in roles(last))
+        last = refine_round(fit, last)
+    assert not seen[0]
+    assert [roles(last).count(sign + "control") for sign in "+-"] == [1, 1]
+    with pytest.raises(StateError, match="prescribed quantity"):
+        LinearModel(*(None,) * 4).by_control(np.zeros(1), None)
 
 
 def test_when_the_finer_mesh_has_no_solution_the_search_mesh_is_the_base(tmp_path):

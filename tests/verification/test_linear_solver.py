@@ -12,6 +12,7 @@ from scipy.sparse import block_diag, diags_array, kron
 from fingerfit.fem import factor
 from fingerfit.fem.factor import LinearSolver, conjugate_gradients, dissect
 from fingerfit.fem.levels import WIDEST, Levels
+from fingerfit.fem.pattern import Pattern
 
 
 def cube(n):
@@ -32,6 +33,25 @@ def test_nested_dissection_is_an_order_with_less_fill():
     ours = splu(matrix[order][:, order].tocsc(), permc_spec="NATURAL", **options).L.nnz
     assert ours < 0.6 * splu(matrix, permc_spec="NATURAL", **options).L.nnz
     assert ours < splu(matrix, permc_spec="MMD_AT_PLUS_A", **options).L.nnz
+
+
+def test_a_pattern_keeps_what_was_added_once(rng):
+    """Contact opens and closes: entries come and go, their places stay."""
+    from scipy.sparse import coo_array
+
+    first = coo_array(([1.0, 2.0, 3.0], ([0, 2, 1], [0, 1, 3])), shape=(4, 4))
+    pattern = Pattern(np.sort(first.col.astype(np.int64) * 4 + first.row), 4)
+    values = first.tocsc().data
+    sizes = []
+    for count in (0, 5, 3, 0, 9):
+        rows, columns, added = rng.integers(0, 4, count), rng.integers(0, 4, count), rng.normal(size=count)
+        whole = pattern.matrix(values, rows, columns, added)
+        assert whole.toarray() == pytest.approx((first + coo_array((added, (rows, columns)), (4, 4))).toarray())
+        assert whole.has_sorted_indices
+        sizes.append(whole.nnz)
+    assert sizes == sorted(sizes)
+    before = whole.indices.copy()
+    assert np.array_equal(pattern.matrix(values, rows[:2], columns[:2], added[:2]).indices, before)
 
 
 @pytest.mark.parametrize("symmetric", [True, False])
