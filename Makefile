@@ -36,7 +36,7 @@ fast: .venv/fast  ## install PARDISO (650 MB): large systems in space in a fract
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-fast.lock
 	touch $@
 
-fingertip: fast fingertip-data  ## identify both tissues of the virtual fingertip: 16 minutes
+fingertip: fast fingertip-data  ## identify both tissues of the virtual fingertip: 10 minutes
 	$(BIN)/snakemake --cores $(CORES) --configfile $(FINGERTIP)/config.yaml
 
 benchmark: setup  ## make benchmarks/*.md again: about an hour, needs ccx
