@@ -42,9 +42,13 @@ def curved(mesh: Mesh, triangles: np.ndarray, shells: int) -> Mesh:
             shift[cut] = (bend + bends[shell + 1]) / 2
     bones = bone_faces(mesh)
     edges = np.array(edges_of(bones))
-    shift[[middle[a, b] for a, b in edges.tolist()]] = _bend(points[edges], vertex_normals(points, bones)[edges])
+    around = [middle[a, b] for a, b in edges.tolist()]
+    shift[around] = _bend(points[edges], vertex_normals(points, bones)[edges])
     shift[mesh.node_sets["END"], 0] = 0.0
-    return ease(replace(mesh, points=points + shift))[0]
+    # an edge between two nodes of the surface may go through the bone
+    surface = np.union1d(np.intersect1d(mesh.node_sets["BONE_SURFACE"], corners(mesh)), around)
+    sets = {**mesh.node_sets, "BONE_SURFACE": surface}
+    return ease(replace(mesh, points=points + shift, node_sets=sets))[0]
 
 
 def _bend(ends: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerfit.anatomy.curved import ease, middles
+from fingerfit.anatomy.curved import bone_faces, ease, middles
 from fingerfit.anatomy.description import read_finger, tissues_of
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import CLEARANCE, add_fixtures
@@ -91,6 +91,10 @@ def test_quadratic_variant_has_the_same_corners_and_curved_edges(finger):
     depth = np.linalg.norm(curved.points[below] - curved.points[middle], axis=1)
     assert np.allclose(depth, Anatomy().epidermis, rtol=0.15)
     assert ease(curved)[1] == 0
+    # an edge between two nodes of the bones' surface may go through the bone: its middle is not on it
+    bones = curved.points[curved.node_sets["BONE_SURFACE"]]
+    assert surface_distance(bones, fine.points[bone_faces(fine)]).max() < 0.15
+    assert len(bones) > 2 * len(finger.node_sets["BONE_SURFACE"])
 
 
 def test_sets_and_surfaces_survive_a_file(finger, tmp_path):
