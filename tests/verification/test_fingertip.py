@@ -94,14 +94,16 @@ def test_bone_moves_as_one_unless_it_is_fixed(finger, pressed, tmp_path):
     fixed = solve(tmp_path, finger, "displacement", [1.0], "fingertip_fixed.inp.j2")
     assert not fixed.displacement[:, bone].any()
     assert fixed.reaction[0, 2] < 1.01 * pressed.reaction[-1, 2]
-    # springs are between both: stiff ones hold the bones nearly, soft ones hardly
-    held = {**MU, "bone_mobility.compliance": 1e-3}
-    loose = {**MU, "bone_mobility.compliance": 1e3}
-    hardly, nearly = (
-        solve(tmp_path, finger, "displacement", [1.0], "fingertip_fixed.inp.j2", each) for each in (loose, held)
+    # springs are between both: stiff ones hold the bones nearly, soft ones hardly, and in between they move in proportion
+    nearly, half, hardly, free = (
+        solve(tmp_path, finger, "displacement", [1.0], "fingertip_fixed.inp.j2", {**MU, "bone_mobility.freedom": f})
+        for f in (1e-3, 0.5, 0.999, 1.0)
     )
     assert np.abs(nearly.displacement[0, distal]).max() < 1e-3
+    assert np.allclose(free.displacement[0], pressed.displacement[-1], atol=1e-5)
     assert np.allclose(hardly.displacement[0], pressed.displacement[-1], atol=2e-3)
+    way = [np.abs(one.displacement[0, distal, 2]).mean() for one in (half, free)]
+    assert 0.4 < way[0] / way[1] < 0.6
 
 
 def test_friction_holds_the_skin(finger, tmp_path):
@@ -152,13 +154,14 @@ def test_present_it_changes_what_its_words_say(finger, tmp_path):
     assert sets(stiff)["EPIDERMIS_1"] == (finger.element_sets["EPIDERMIS"] + 1).tolist()
     # of two layers none is a dermis, and bones that are not fixed cannot be let go
     assert text_at(tmp_path, finger, {"dermis.contrast": 0.5}) == plain
-    assert text_at(tmp_path, finger, {"bone_mobility.compliance": 0.1}) == plain
-    loose = text_at(tmp_path, finger, {"bone_mobility.compliance": 0.1}, "fingertip_fixed.inp.j2")
+    assert text_at(tmp_path, finger, {"bone_mobility.freedom": 0.1}) == plain
+    assert text_at(tmp_path, finger, {"bone_mobility.freedom": 1.0}, "fingertip_fixed.inp.j2") == plain
+    loose = text_at(tmp_path, finger, {"bone_mobility.freedom": 0.1}, "fingertip_fixed.inp.j2")
     assert "BONE, 1, 3" in fixed and "BONE, 1, 3" not in loose
     count = len(finger.node_sets["BONE"])
     springs = [cards(loose, f"SPRING, ELSET=BONE_SPRINGS_{axis}") for axis in (1, 2, 3)]
     assert [own[0] for own in springs] == [1.0, 2.0, 3.0]
-    assert [own[1] * count for own in springs] == pytest.approx([10.0] * 3, rel=1e-5)
+    assert [own[1] * count for own in springs] == pytest.approx([27.0] * 3, rel=1e-5)
     assert "*FRICTION" in text_at(tmp_path, finger, {"friction.coefficient": 0.2})
 
 
