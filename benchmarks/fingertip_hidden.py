@@ -66,11 +66,11 @@ CASES = {
 HEAD = """# Hidden in a fingertip
 
 Made by `python benchmarks/fingertip_hidden.py`; do not edit. Measured on {machine}. The reference finger on
-C3D10H of size {true}, volumes of 96 x 64 x 56 voxels of 0.35 mm at 1.2 and 2.4 mm (friction: 1.8 and 3.6 mm, at 2.4 mm
-it leaves no trace: *adequate*, with the constants inside their intervals), noise of 3 % (volumes) and 0.5 % (forces); the second step is fitted, on C3D10H of size {model} and {refined} of the same finger. Errors
-are those of the volumes in multiples of what noise alone leaves, fitted / held-out step; mu errors are those of
-the constants; *refits* are the misfits per degree of freedom without and with what was tried; min is on one
-core.
+C3D10H of size {true}, volumes of 96 x 64 x 56 voxels of 0.35 mm at 1.2 and 2.4 mm (friction: 1.8 and 3.6 mm; at
+2.4 mm it leaves no trace: *adequate*, with the constants inside their intervals), noise of 3 % (volumes) and 0.5 %
+(forces); the second step is fitted, on C3D10H of size {model} and {refined} of the same finger. Errors are those of
+the volumes in multiples of what noise alone leaves, fitted / held-out step; mu errors are those of the constants;
+*refits* are the misfits per degree of freedom without and with what was tried; min is on one core.
 
 | hidden | verdict | blamed | refits | error before | after | mu before | after | numbers | at last | min |
 |---|---|---|---|---|---|---|---|---|---|---|
