@@ -45,14 +45,14 @@ MU = {"unit": "MPa", "lower": 0.001, "upper": 1.0, "log": True}
 class Case:
     """What is hidden, and the model that does not know of it.
 
-    `dermis` is the thickness of that layer in both, mm; `constants` are fitted, from these starts; `depth` is the
-    second step's, mm.
+    `anatomy` is that of both where it is not the reference's; `constants` are fitted, from these starts; `depth` is
+    the second step's, mm.
     """
 
     effect: str
     hidden: dict[str, Any] = field(default_factory=dict)
     template: str = "fingertip.inp.j2"
-    dermis: float = 0.0
+    anatomy: dict[str, float] = field(default_factory=dict)
     depth: float = 2.4
     constants: tuple[tuple[str, float], ...] = (("mu_epidermis", 0.2), ("mu_subcutaneous", 0.012))
 
@@ -61,7 +61,9 @@ CASES = {
     "a model of one tissue": Case("layers", constants=(("mu", 0.02),)),
     "phalanxes wrongly fixed": Case("bone_mobility", template="fingertip_fixed.inp.j2"),
     "friction under the indenter": Case("friction", {"friction": {"coefficient": 0.5}}, depth=3.6),
-    "a stiff dermis": Case("dermis", dermis=1.0, constants=(("mu_epidermis", 0.2), ("mu", 0.012))),
+    "a stiff dermis": Case(
+        "dermis", anatomy={"dermis": 0.8, "bone_height": 3.2}, constants=(("mu_epidermis", 0.2), ("mu", 0.012))
+    ),
 }
 HEAD = """# Hidden in a fingertip
 
@@ -79,7 +81,7 @@ the volumes in multiples of what noise alone leaves, fitted / held-out step; mu 
 
 def describe(case: Case, folder: Path) -> Path:
     """The description of a case's experiment, with its meshes."""
-    anatomy = replace(Anatomy(), dermis=case.dermis)
+    anatomy = replace(Anatomy(), **case.anatomy)
     for name, (size, pulp) in MESHES.items():
         mesh = add_fixtures(finger_mesh(anatomy, size, "C3D10H", pulp=pulp), (anatomy.pulp_centre, 0.0))
         write_text(folder / f"{name}.inp", format_mesh(mesh))
@@ -87,7 +89,7 @@ def describe(case: Case, folder: Path) -> Path:
     layers = [
         {"name": name, "elements": name.upper(), "mu": mu, "intensity": intensity}
         for name, mu, intensity in tissues
-        if name != "dermis" or case.dermis
+        if name != "dermis" or anatomy.dermis
     ]
     write_json(
         folder / "experiment.yaml",
