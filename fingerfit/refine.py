@@ -154,11 +154,12 @@ def _half_way_back(fit: Fit, last: Round, found: Minimum) -> tuple[dict[str, flo
         return None, trust
     true = (before["score"] - fit.score(found.model.base)) / before["fall"]
     trust = 0.4 * trust if true < 0.25 else min(2 * trust, TRUST) if true > 0.75 else trust
-    if true > 0.01:
-        return None, trust
     parameters = fit.settings.parameters()
-    way = coordinates(parameters, found.base.values) - coordinates(parameters, before["values"])
-    return moved(parameters, before["values"], 0.4 * way), trust
+    way = 0.4 * (coordinates(parameters, found.base.values) - coordinates(parameters, before["values"]))
+    # so near to where the move began that there is nothing to go back to
+    if true > 0.01 or np.abs(way).max() < NEARER:
+        return None, trust
+    return moved(parameters, before["values"], way), trust
 
 
 def _promises(fit: Fit, found: Minimum) -> bool:

@@ -214,6 +214,20 @@ def test_a_model_with_effects_is_followed_closer(tmp_path):
     assert refine_round(fit, effects).stop == ADDED
 
 
+@pytest.mark.parametrize(("far", "stage"), [(0.20, SENSITIVITY), (0.02, FINAL)])
+def test_a_move_that_raised_the_score_goes_back_unless_it_is_there(tmp_path, far, stage):
+    """Halving a move again and again, for slopes that lead nowhere, would go on until the last turn."""
+    fit, begun = Body(tmp_path), 0.030 / 1.05
+    last = fit.start(begun * float(np.exp(far)))
+    before = {"values": {"mu_top": begun}, "score": -1.0, "fall": 1e-3}
+    last = replace(last, reason=ADDED, slopes=3, best={**last.best, "before": before, "trust": 0.1})
+    found = refine_round(fit, last)
+    assert found.stage == stage
+    if stage == SENSITIVITY:
+        assert np.log(found.best["values"]["mu_top"] / begun) == pytest.approx(0.4 * far, rel=1e-6)
+        assert found.best["trust"] == pytest.approx(0.04)
+
+
 def roles(asked):
     return sorted(one.role for one in asked.batch)
 
