@@ -102,11 +102,11 @@ def estimate(args: argparse.Namespace) -> None:
     """Constants with their standard errors."""
     from fingerfit.files import write_json, write_text
     from fingerfit.report import estimate_of, table_of
-    from fingerfit.rounds import Round
+    from fingerfit.rounds import Round, asked_for
 
     fit, last = _fit(args), Round.load(args.last)
     fit.predict_all(last.batch, args.threads)
-    found = estimate_of(fit, last, args.threads)
+    found = estimate_of(fit, last, args.threads, asked_for(args.last))
     write_text(args.table, table_of(found))
     write_json(args.out, found)
 
@@ -135,7 +135,7 @@ def diagnose(args: argparse.Namespace) -> None:
     estimate = read_json(args.estimate)
     write_compare(found.examination, args.out.parent / "compare.npz")
     study, model = args.out.parents[1], fit.settings.model
-    counted = count_simulations(study, model.path, asked_for(args.last), fit.asked)
+    counted = count_simulations(study, model.path, set(asked_for(args.last)), fit.asked)
     write_json(args.out.parent / "rung.json", rung_of(found, estimate, counted))
     write_diagnosis(found, args.out)
     total, reused = counted["run"] + counted["reused"], counted["reused"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,17 @@ from fingerfit.rounds import Round
 from fingerfit.uncertainty import SURE, as_json, repeat, summarise
 
 
-def estimate_of(fit: Fit, last: Round, threads: int = 1) -> dict[str, Any]:
-    """The estimate: what goes to estimate.json; pictures of repetitions are made by as many threads.
+def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | None = None) -> dict[str, Any]:
+    """The estimate: what goes to estimate.json.
+
+    Parameters
+    ----------
+    fit : Fit
+    last : Round
+    threads : int
+        Pictures of repetitions that are made beside each other.
+    asked : sequence of str, optional
+        Simulations as `fingerfit.rounds.asked_for` tells them; else those that the last round knows of.
 
     Raises
     ------
@@ -37,7 +47,8 @@ def estimate_of(fit: Fit, last: Round, threads: int = 1) -> dict[str, Any]:
     point = [values[p.name] for p in parameters]
     found = summarise(shifts, hessian, parameters, point, mesh_error(fit, best, searched), sure)
     names = [p.name for p in parameters]
-    everything = {e["sim"] for e in last.history} | {a.sim for a in last.batch}
+    if asked is None:
+        asked = [*(e["sim"] for e in last.history), *(a.sim for a in last.batch)]
     return {
         "study": settings.study,
         "model": settings.model.full_name,
@@ -61,7 +72,7 @@ def estimate_of(fit: Fit, last: Round, threads: int = 1) -> dict[str, Any]:
             "diverged": sum(e["score"] is None for e in last.history),
             "faults": sorted({e["message"] for e in last.history if e["score"] is not None and e["message"]}),
         },
-        "simulations": {"asked": len(last.history) + len(last.batch), "run": len(everything)},
+        "simulations": {"asked": len(asked), "run": len(set(asked))},
         "search_mesh": searched.values if mesh == REFINED else None,
         "sim": best.base.sim,
         "sim_mesh": mesh,

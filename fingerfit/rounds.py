@@ -112,10 +112,17 @@ class Round:
             raise StateError(f"{path}: is not a round of a search: {error}") from error
 
 
-def asked_for(last: Path) -> set[str]:
-    """Names of the simulations that the rounds of a fit asked for, up to the one in the file `last`."""
+def asked_for(last: Path) -> list[str]:
+    """Names of the simulations that the rounds of a fit asked for, as often, up to the one in the file `last`."""
     rounds = [Round.load(last.parent / f"{number}.json") for number in range(Round.load(last).number + 1)]
-    return {asked.sim for one in rounds for asked in one.batch}
+    found: list[str] = []
+    before: list[Asked] = []
+    for one in rounds:
+        # the last rounds repeat the batch of the one before and add to it
+        new = one.batch[len(before) :] if one.batch[: len(before)] == before else one.batch
+        found += [asked.sim for asked in new]
+        before = one.batch
+    return found
 
 
 @lru_cache(maxsize=4096)

@@ -70,7 +70,7 @@ def diagnosed(folder):
     model = layout.model_folder(settings)
     fit, everything = begin(settings, folder / "results/study")
     last, run = fitted(fit, model / "rounds")
-    own = asked_for(model / f"rounds/{last.number}.json")
+    own = set(asked_for(model / f"rounds/{last.number}.json"))
     assert own == fit.asked
     fit = Fit(settings, fit.data, fit.mesh_files, fit.sims)  # as another job makes it
     found = examine(fit, last, everything)
