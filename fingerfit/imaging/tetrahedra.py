@@ -117,18 +117,15 @@ class Tetrahedra:
         nodes, parts, late = self.nodes[chosen], [], []
         for owner, place, pixel in scan(planes, nodes.min(axis=1) - slack, nodes.max(axis=1) + slack, self.size):
             element = chosen[owner]
-            if self.curved:
-                share, lost = self._settle(element, place)
+            share, lost = self._settle(element, place)
+            if len(lost):
                 late.append((element[lost], place[:, lost], pixel[lost]))
                 share[:, lost] = np.nan  # claims nothing yet
-                parts.append(self._claims(element, place, pixel, share))
-            else:
-                parts.append(self._claims(element, place, pixel))
+            parts.append(self._claims(element, pixel, share))
         if late:
             # together: a call for each part would cost as much again
             element, place, pixel = (np.concatenate(part, axis=-1) for part in zip(*late, strict=True))
-            share, known = self._solved(element, place)
-            parts.append(self._claims(element[known], place[:, known], pixel[known], share[:, known]))
+            parts.append(self._claims(element, pixel, self._solved(element, place)))
         return Claims.joined(parts)
 
     def near(self, element: np.ndarray, face: np.ndarray, margin: float, covered: np.ndarray) -> Claims:
@@ -161,19 +158,13 @@ class Tetrahedra:
         z, row = np.divmod(pixel[first], self.size[0] * self.size[1])
         y, x = np.divmod(row, self.size[0])
         element, place = element[owner[first]], np.stack([x, y, z]).astype(float)
-        pixel, depth, share = pixel[first], 2.0 + away[first], None
-        if self.curved:
-            share, lost = self._settle(element, place)
-            share[:, lost], known = self._solved(element[lost], place[:, lost])
-            kept = np.delete(np.arange(len(pixel)), np.delete(lost, known))
-            element, place, pixel, depth, share = (
-                element[kept],
-                place[:, kept],
-                pixel[kept],
-                depth[kept],
-                share[:, kept],
-            )
-        return self._claims(element, place, pixel, share, depth)
+        pixel, depth = pixel[first], 2.0 + away[first]
+        share, lost = self._settle(element, place)
+        if len(lost):
+            share[:, lost] = self._solved(element[lost], place[:, lost])
+            known = np.isfinite(share[0])
+            element, pixel, depth, share = element[known], pixel[known], depth[known], share[:, known]
+        return self._claims(element, pixel, share, depth)
 
     def _triangles(self, element: np.ndarray, face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Elements and corners, anticlockwise from outside, of the triangles of faces: four where they are curved."""
@@ -191,15 +182,9 @@ class Tetrahedra:
         return owner, self.nodes[owner[:, None], small.reshape(-1, 3)]
 
     def _claims(
-        self,
-        element: np.ndarray,
-        place: np.ndarray,
-        pixel: np.ndarray,
-        share: np.ndarray | None = None,
-        depth: np.ndarray | None = None,
+        self, element: np.ndarray, pixel: np.ndarray, share: np.ndarray, depth: np.ndarray | None = None
     ) -> Claims:
         """Claims on pixels, by their barycentric coordinates; without `depth`, of those inside."""
-        share = self._between_corners(element, place) if share is None else share
         if depth is None:
             lowest = share.min(axis=0)
             depth = np.minimum(1.0 - 4.0 * lowest, 1.0)
@@ -225,8 +210,11 @@ class Tetrahedra:
         return share
 
     def _settle(self, element: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Barycentric coordinates of pixels in curved elements, shape (4, pixels), and which of them did not settle."""
-        start, change = self._between_corners(element, place), np.take(self._change, element, axis=2)
+        """Barycentric coordinates of pixels in elements, shape (4, pixels), and which of them did not settle."""
+        start = self._between_corners(element, place)
+        if not self.curved:
+            return start, np.zeros(0, dtype=np.int64)
+        change = np.take(self._change, element, axis=2)
         found = start.copy()
         # most settle soon, some never
         going = _follow(found, start, change, _SOON)
@@ -235,11 +223,12 @@ class Tetrahedra:
         found[:, going] = rest
         return found, going[never]
 
-    def _solved(self, element: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same by Newton's method, and which pixels have a solution near by."""
+    def _solved(self, element: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """The same by Newton's method; NaN where there is no solution near by."""
         used, which = np.unique(element, return_inverse=True)
         at, outside = local_coordinates(self.kind, self.nodes[used], which, place.T, np.inf)
-        return np.concatenate([1.0 - at.T.sum(axis=0, keepdims=True), at.T]), np.flatnonzero(np.isfinite(outside))
+        at[~np.isfinite(outside)] = np.nan
+        return np.concatenate([1.0 - at.T.sum(axis=0, keepdims=True), at.T])
 
 
 def _follow(found: np.ndarray, start: np.ndarray, change: np.ndarray, turns: int) -> np.ndarray:
