@@ -9,17 +9,31 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fingerfit.course import next_round
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
 from fingerfit.files import write_text
+from fingerfit.fit import Fit
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import layered_block
+from fingerfit.rounds import Round
+from fingerfit.simulate import solve_missing
 from fingerfit.study import Body, Layer, Noise, Step, Study
 
 ROOT = Path(__file__).resolve().parent.parent
 LAYERS = (("top", 4.0), ("middle", 4.0), ("bottom", 4.0))
 MU = {"mu_top": 2.11e-2, "mu_middle": 3.57e-2, "mu_bottom": 6.56e-2}
+
+
+def all_rounds(fit: Fit, folder: Path) -> tuple[Round, int]:
+    """All rounds of a fit, kept as the workflow keeps them; the last one, and how many simulations were not known."""
+    last, run = None, 0
+    while last is None or last.stop is None:
+        last = next_round(fit, last)
+        last.save(folder / f"{last.number}.json")
+        run += solve_missing(fit, last.batch, 1)
+    return last, run
 
 
 @pytest.fixture

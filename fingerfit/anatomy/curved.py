@@ -45,9 +45,7 @@ def curved(mesh: Mesh, triangles: np.ndarray, shells: int) -> Mesh:
     around = [middle[a, b] for a, b in edges.tolist()]
     shift[around] = _bend(points[edges], vertex_normals(points, bones)[edges])
     shift[mesh.node_sets["END"], 0] = 0.0
-    # an edge between two nodes of the surface may go through the bone
-    surface = np.union1d(np.intersect1d(mesh.node_sets["BONE_SURFACE"], corners(mesh)), around)
-    sets = {**mesh.node_sets, "BONE_SURFACE": surface}
+    sets = {**mesh.node_sets, "BONE_SURFACE": bone_nodes(mesh, around)}
     return ease(replace(mesh, points=points + shift, node_sets=sets))[0]
 
 
@@ -112,6 +110,11 @@ def ease(mesh: Mesh) -> tuple[Mesh, int]:
             break
         share[nodes[bad, 4:]] *= 0.6 if turn < _TURNS - 1 else 0.0
     return replace(mesh, points=points), int((share < 1).sum())
+
+
+def bone_nodes(mesh: Mesh, between: list[int]) -> np.ndarray:
+    """Corners of BONE_SURFACE and the nodes `between` them: an edge between two corners may go through the bone."""
+    return np.union1d(np.intersect1d(mesh.node_sets["BONE_SURFACE"], corners(mesh)), between)
 
 
 def bone_faces(mesh: Mesh) -> np.ndarray:

@@ -92,7 +92,6 @@ class RigidContact:
         self.areas, self.surface, self.law, self.driven, self.dim = areas, surface, law, driven, dim
         self.symmetric = law.friction == 0 or law.glued
         self.slides = law.friction == 0 and not law.glued
-        self.remembers = not self.slides
         self.start = sampling @ points
         nodes = np.unique(sampling.indices)
         columns = [(nodes[:, None] * dim + np.arange(dim)).ravel()]

@@ -108,7 +108,7 @@ class System:
         self.driven = any(getattr(term, "driven", False) for term in terms)
         self.touches = any(hasattr(term, "law") for term in terms)
         self.slides = any(getattr(term, "slides", False) for term in terms)
-        self.remembers = any(getattr(term, "remembers", False) for term in terms)
+        self.remembers = any(not getattr(term, "slides", True) for term in terms)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
         if set(turning) & set(ties):
             raise ValueError(min(set(turning) & set(ties)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.anatomy.curved import bone_faces, edges_of, middles, with_straight_edges
+from fingerfit.anatomy.curved import bone_faces, bone_nodes, edges_of, middles, with_straight_edges
 from fingerfit.mesh import Block, Mesh
 from fingerfit.tetrahedra import corners, faces_on, oriented, outer_faces, radius_ratio
 
@@ -45,9 +45,7 @@ def straightened(mesh: Mesh) -> Mesh:
         **mesh.node_sets,
         "EPIDERMIS_OUTER": np.array([*pair, *(middle[edge] for edge in outer)]),
         "EPIDERMIS_INNER": np.array([*pair.values(), *(middle[edge] for edge in inner)]),
-        "BONE_SURFACE": np.union1d(
-            np.intersect1d(mesh.node_sets["BONE_SURFACE"], corners(mesh)), [middle[edge] for edge in border]
-        ),
+        "BONE_SURFACE": bone_nodes(mesh, [middle[edge] for edge in border]),
     }
     elements = {name: (members[:, None] * 8 + np.arange(8)).ravel() for name, members in mesh.element_sets.items()}
     fine = Mesh(mesh.points, (Block("C3D4", pieces),), sets, elements)

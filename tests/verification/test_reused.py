@@ -3,10 +3,10 @@
 import pytest
 import yaml
 from blocks import STUDY
+from conftest import all_rounds
 
 from fingerfit import layout
 from fingerfit.climb import add
-from fingerfit.course import next_round
 from fingerfit.examine import examine
 from fingerfit.files import read_json, write_json
 from fingerfit.findings import count_simulations, write_diagnosis
@@ -54,22 +54,12 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def fitted(fit, folder):
-    """All rounds of a fit, kept as the workflow keeps them; the last one, and how many simulations were not known."""
-    last, run = None, 0
-    while last is None or last.stop is None:
-        last = next_round(fit, last)
-        last.save(folder / f"{last.number}.json")
-        run += solve_missing(fit, last.batch, 1)
-    return last, run
-
-
 def diagnosed(folder):
     """Fit and diagnosis of a model; how many simulations the fit ran, and as the rung counts them."""
     settings = layout.warm(load_settings(folder / "config.yaml"))
     model = layout.model_folder(settings)
     fit, everything = begin(settings, folder / "results/study")
-    last, run = fitted(fit, model / "rounds")
+    last, run = all_rounds(fit, model / "rounds")
     own = set(asked_for(model / f"rounds/{last.number}.json"))
     assert own == fit.asked
     fit = Fit(settings, fit.data, fit.mesh_files, fit.sims)  # as another job makes it

@@ -5,15 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from conftest import all_rounds
 
 from fingerfit.cli import main
-from fingerfit.course import next_round
 from fingerfit.data import Data
 from fingerfit.files import read_json
 from fingerfit.fit import Fit
 from fingerfit.layout import figures
 from fingerfit.settings import load_settings
-from fingerfit.simulate import solve_missing
 
 TRUTH = {"mu_top": 0.03, "mu_bottom": 0.012}
 DESCRIPTION = {
@@ -75,13 +74,9 @@ def fitted(tmp_path_factory):
         fit = Fit(
             load_settings(Path("config.yaml")), Data.load(Path("data.npz")), {"search": Path("mesh.inp")}, Path("sims")
         )
-        last = None
-        while last is None or last.stop is None:
-            last = next_round(fit, last)
-            path = Path(f"rounds/{last.number}.json")
-            last.save(path)
-            solve_missing(fit, last.batch, 1)
-        common = ["config.yaml", "--data", "data.npz", "--mesh", "mesh.inp", "--sims", "sims", "--last", str(path)]
+        last, _ = all_rounds(fit, Path("rounds"))
+        path = f"rounds/{last.number}.json"
+        common = ["config.yaml", "--data", "data.npz", "--mesh", "mesh.inp", "--sims", "sims", "--last", path]
         run("estimate", *common, "--out", "estimate.json", "--table", "table.txt")
         run("plot", *common, "--out", "figures")
         names = figures(load_settings(Path("config.yaml")))
