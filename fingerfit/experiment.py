@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import tempfile
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ from fingerfit.effects.contract import Effect
 from fingerfit.effects.expression import evaluate
 from fingerfit.effects.observe import Observation
 from fingerfit.errors import InputError, SolverError
-from fingerfit.files import write_text
+from fingerfit.files import digest, write_text
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.mesh import Mesh
@@ -58,7 +59,7 @@ class Solved:
 
 
 def solve(truth: Truth, folder: Path, threads: int = 2) -> Solved:
-    """Solve the fine mesh and make the pictures, in a working folder.
+    """Solve the fine mesh and make the pictures, in a working folder; what was solved there is not solved again.
 
     Raises
     ------
@@ -115,8 +116,12 @@ def _present(truth: Truth) -> list[Effect]:
 def _run(truth: Truth, study: Study, mesh: Mesh, folder: Path, threads: int) -> Outcome:
     context = deck_context(study, mesh, "mesh.inp", truth.values, truth.material, truth.known)
     folders = [*([truth.own] if truth.own else []), truth.folder, TEMPLATES]
-    write_text(folder / "deck.inp", render_deck(truth.template, context, folders))
-    outcome = get_solver(truth.solver).solve(folder / "deck.inp", folder, threads)
+    deck, solver = render_deck(truth.template, context, folders), get_solver(truth.solver)
+    write_text(folder / "deck.inp", deck)
+    known = folder / f"{digest(deck, (folder / 'mesh.inp').read_bytes(), json.dumps(solver.identity()))}.npz"
+    if not known.exists():
+        solver.solve(folder / "deck.inp", folder, threads).save(known)
+    outcome = Outcome.load(known)
     if outcome.status != CONVERGED:
         raise SolverError(f"experiment: {truth.solver}: {outcome.message}")
     return outcome
