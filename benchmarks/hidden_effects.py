@@ -89,7 +89,18 @@ UNKNOWN: dict[str, dict[str, Any]] = {
 }
 """Described in the folder unknown/, which the tool does not see."""
 NOTHING: dict[str, dict[str, Any]] = {f"nothing, noise {seed}": {} for seed in range(1, 21)}
-EVERYTHING = {**CLEAR, **TWO, **UNKNOWN, **NOTHING, **WEAK}
+MODELS: dict[str, dict[str, Any]] = {
+    "mesh too coarse": {
+        "mesh": {"element": "CPE8", "across": 4, "per_layer": 1, "grading": 1},
+        "refined": {"element": "CPE8", "across": 6, "per_layer": 2, "grading": 1},
+    },
+    "mesh too coarse, weak": {
+        "mesh": {"element": "CPE8", "across": 6, "per_layer": 2, "grading": 1},
+        "refined": {"element": "CPE8", "across": 9, "per_layer": 3, "grading": 1},
+    },
+}
+"""Nothing is hidden in these data, but the model has other meshes."""
+EVERYTHING = {**CLEAR, **TWO, **UNKNOWN, **NOTHING, **{name: {} for name in MODELS}, **WEAK}
 OBSERVED = {name for name, effect in catalogue().items() if effect.acts == "observation"}
 """Effects that leave the body as it is."""
 
@@ -168,6 +179,7 @@ def run_case(name: str, threads: int, keep: Path | None, highest: int = 3) -> di
         write_study(truth, solved, folder / "study", seed)
         made = time.perf_counter()
         config = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
+        config["model"].update(MODELS.get(name, {}))
         for constant in {KNOWN[effect] for effect in hidden if effect in KNOWN}:
             del config["model"]["parameters"][constant]
             config["model"]["material"][constant] = truth.values[constant]
@@ -238,6 +250,7 @@ def counts(cases: dict[str, dict[str, Any]]) -> list[str]:
         line("nothing hidden: adequate", NOTHING, lambda case, hidden: first(case)[0] == "adequate"),
         line("two hidden: both found, then adequate", TWO, reached),
         line("not in the catalogue: unexplained", UNKNOWN, lambda case, hidden: first(case)[0] == "unexplained"),
+        line("mesh too coarse: no effect named", MODELS, lambda case, hidden: not first(case)[1]),
         line("weak: no wrong name alone", WEAK,
              lambda case, hidden: first(case)[0] != "missing" or first(case)[1] == hidden),
         line("weak: named, or in the set", WEAK, lambda case, hidden: hidden <= first(case)[1]),

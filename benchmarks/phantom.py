@@ -22,13 +22,13 @@ from fitting import CACHE, ROOT, Fitted, fit_study, processor_time
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
-from fingerfit.decks import TEMPLATES
 from fingerfit.files import write_text
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import layered_block
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Body, Layer, Noise, Step, Study
+from fingerfit.templates import template_folders
 
 PHANTOM = ROOT / "studies/phantom"
 TRUTH = yaml.safe_load((PHANTOM / "sealed/truth.yaml").read_text(encoding="utf-8"))
@@ -124,7 +124,7 @@ def solve(solver: str, control: str, values: Sequence[float], mesh: dict[str, An
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_text(folder / "mesh.inp", format_mesh(made))
-        write_text(folder / "deck.inp", render_deck("block.inp.j2", context, [TEMPLATES]))
+        write_text(folder / "deck.inp", render_deck("block.inp.j2", context, template_folders()))
         start = processor_time()
         outcome = get_solver(solver).solve(folder / "deck.inp", folder, 1)
         return outcome, processor_time() - start

@@ -14,11 +14,10 @@ from fingerfit.errors import InputError
 from fingerfit.mesh import Mesh
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Study
+from fingerfit.templates import template_folders
 
 if TYPE_CHECKING:
     from fingerfit.settings import Settings
-
-TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 
 
 def make_deck(
@@ -46,7 +45,7 @@ def make_deck(
     included = f"../../meshes/{mesh_name}.inp"
     everything = {**settings.fixed(), **values}
     context = deck_context(study, mesh, included, everything, settings.model.material, effects)
-    return render_deck(settings.model.template, context, [Path(settings.study), TEMPLATES])
+    return render_deck(settings.model.template, context, template_folders(Path(settings.study)))
 
 
 def with_effect(effect: Effect, place: Mapping[str, float], parameter: str) -> dict[str, float]:

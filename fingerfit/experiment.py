@@ -29,9 +29,9 @@ from fingerfit.settings import MeshSettings
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Noise, Step, Study
+from fingerfit.templates import template_folders
 from fingerfit.truth import Truth, read_truth
 
-TEMPLATES = Path(__file__).resolve().parent.parent / "templates"
 FULL_SCALE = 4000.0
 """Stored intensity of 1."""
 
@@ -115,7 +115,7 @@ def _present(truth: Truth) -> list[Effect]:
 
 def _run(truth: Truth, study: Study, mesh: Mesh, folder: Path, threads: int) -> Outcome:
     context = deck_context(study, mesh, "mesh.inp", truth.values, truth.material, truth.known)
-    folders = [*([truth.own] if truth.own else []), truth.folder, TEMPLATES]
+    folders = template_folders(*([truth.own] if truth.own else []), truth.folder)
     deck, solver = render_deck(truth.template, context, folders), get_solver(truth.solver)
     write_text(folder / "deck.inp", deck)
     known = folder / f"{digest(deck, (folder / 'mesh.inp').read_bytes(), json.dumps(solver.identity()))}.npz"

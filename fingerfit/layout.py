@@ -16,9 +16,9 @@ from fingerfit.settings import CONFIG, Settings
 from fingerfit.settings_check import check_against_study, check_effects
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study_file import load_study
+from fingerfit.templates import template_folders
 
 PACKAGE = Path(__file__).resolve().parent
-TEMPLATES = PACKAGE.parent / "templates"
 
 # What a change of which must run a stage again. Solvers are not here: their identity names the simulations.
 _READ = (
@@ -49,6 +49,7 @@ _FIT = (
     "predict.py",
     "rounds.py",
     "score.py",
+    "templates.py",
 )
 SOURCES: dict[str, tuple[str, ...]] = {
     "prepare": (*_READ, *_MESH, "pictured.py", "prepare.py"),
@@ -179,10 +180,11 @@ def study_files(folder: Path) -> list[str]:
 
 
 def template_files(settings: Settings) -> list[str]:
-    """All templates of decks and effects, those of the study included."""
-    study = Path(settings.study)
-    decks = [path for path in TEMPLATES.rglob("*.j2") if path.relative_to(TEMPLATES).parts[0] != "report"]
-    found = [*decks, *TEMPLATES.rglob("*.yaml"), *study.rglob("*.j2"), *study.glob("effects/*.yaml")]
+    """All templates of decks and effects, those of the study and of installed packages included."""
+    own, ours, *packages = template_folders(Path(settings.study))
+    found = [path for path in ours.rglob("*.j2") if path.relative_to(ours).parts[0] != "report"]
+    found += [*ours.rglob("*.yaml"), *own.rglob("*.j2"), *own.glob("effects/*.yaml")]
+    found += [path for folder in packages for path in folder.glob("effects/*") if path.suffix in (".j2", ".yaml")]
     return sorted(map(str, found))
 
 

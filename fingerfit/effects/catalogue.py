@@ -9,25 +9,29 @@ from typing import Any
 
 from fingerfit.effects.contract import ACTS, NEEDS, Effect, EffectParameter
 from fingerfit.effects.sense import IN_WORDS
-from fingerfit.errors import FingerfitError, Problems
+from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.keys import Keys, read_yaml, unknown_key
+from fingerfit.templates import template_folders
 
-FOLDER = Path(__file__).resolve().parents[2] / "templates" / "effects"
 CHANGES = ("alpha", "poisson", "field", "force", "displacement", "before", "increment")
 OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 
 
 def catalogue(study: Path | None = None) -> dict[str, Effect]:
-    """Effects by name: those of a study's folder ``effects`` go before ours of the same name.
+    """Effects by name: ours, those of installed packages, and a study's own, which go before others of the same name.
 
     Raises
     ------
     Problems
         With one line for everything that is wrong.
+    InputError
+        For an effect of a package whose name is taken.
     """
     found: dict[str, Effect] = {}
-    for folder in (FOLDER, *([study / "effects"] if study else [])):
-        for path in sorted(folder.glob("*.yaml")) if folder.is_dir() else []:
+    for folder in (*template_folders(), *([study] if study else [])):
+        for path in sorted((folder / "effects").glob("*.yaml")):
+            if path.stem in found and folder != study:
+                raise InputError(path, "name", path.stem, "one that no other effect has")
             found[path.stem] = _read(path, path.stat().st_mtime_ns)
     return found
 

@@ -31,8 +31,9 @@ from fingerfit.page.words import (
     with_unit,
 )
 from fingerfit.plots import COLOURS
+from fingerfit.templates import OURS
 
-FOLDER = Path(__file__).resolve().parents[2] / "templates" / "report"
+FOLDER = OURS / "report"
 SHOWN_ROWS = 8
 FOR_SCRIPT = ("pictures", "regions", "first_effect", "parts", "titles")
 """What the page's script knows of a model."""

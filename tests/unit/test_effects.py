@@ -11,7 +11,7 @@ from scipy.special import erf
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
-from fingerfit.effects.catalogue import FOLDER, catalogue, chosen
+from fingerfit.effects.catalogue import catalogue, chosen
 from fingerfit.effects.expression import evaluate
 from fingerfit.effects.observe import Observation
 from fingerfit.errors import InputError, Problems
@@ -22,6 +22,7 @@ from fingerfit.predict import since_first_picture
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Step
+from fingerfit.templates import OURS
 
 EFFECTS = catalogue()
 MESH = layered_block(12.0, LAYERS, 4, 2, "CPE8H")
@@ -75,9 +76,9 @@ def cards(text, keyword):
 
 
 def test_the_catalogue_is_whole():
-    assert set(EFFECTS) == {path.stem for path in FOLDER.glob("*.yaml")}
+    assert set(EFFECTS) == {path.stem for path in (OURS / "effects").glob("*.yaml")}
     assert len(EFFECTS) >= 18
-    parts = {path.name for path in FOLDER.glob("*.j2")}
+    parts = {path.name for path in (OURS / "effects").glob("*.j2")}
     assert parts == {Path(e.part).name for e in EFFECTS.values() if e.part}
 
 

@@ -8,7 +8,6 @@ import pytest
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.render import render_deck
-from fingerfit.decks import TEMPLATES
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.errors import InputError
 from fingerfit.imaging.points import estimate_covariance
@@ -16,6 +15,7 @@ from fingerfit.mesh_io import format_mesh, read_mesh
 from fingerfit.prepare import make_mesh, prepare
 from fingerfit.recipes.skin import FRAMES, make_study, membrane, read_numbers
 from fingerfit.study_file import load_study
+from fingerfit.templates import template_folders
 
 DATA = Path(__file__).resolve().parents[3] / "shared/real/skin_extension"
 STUDY = Path(__file__).resolve().parents[2] / "studies/skin"
@@ -108,7 +108,7 @@ def test_membrane_has_a_hole_for_each_pad():
 def deck(study, mesh, values):
     effects = catalogue(STUDY)
     context = deck_context(study, mesh, "mesh.inp", {"mu": 0.01, **values}, {"alpha": 2, "poisson": 0.495}, effects)
-    return render_deck("block.inp.j2", context, [STUDY, TEMPLATES])
+    return render_deck("block.inp.j2", context, template_folders(STUDY))
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in (STUDY / "effects").glob("*.yaml")))

@@ -11,7 +11,7 @@ PACKAGE = ROOT / "fingerfit"
 # low to high: a module imports only from its own line and from lines above it
 ORDER = (
     ("errors",),
-    ("beside", "files", "keys", "units"),
+    ("beside", "files", "keys", "templates", "units"),
     ("guess", "mesh", "material", "study"),
     ("effects",),
     ("fem",),

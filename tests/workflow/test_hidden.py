@@ -75,21 +75,25 @@ def run(place, *arguments):
     return done.stdout + done.stderr
 
 
+def snakemake(place, target):
+    command = [str(Path(sys.executable).parent / "snakemake"), "-s", str(ROOT / "Snakefile"), "--cores", "2"]
+    return run(place, *command, "--workflow-profile", str(ROOT / "workflow/profiles/default"), target)
+
+
 def diagnose(place):
-    snakemake = [str(Path(sys.executable).parent / "snakemake"), "-s", str(ROOT / "Snakefile"), "--cores", "2"]
-    return run(place, *snakemake, "--workflow-profile", str(ROOT / "workflow/profiles/default"), "diagnose")
+    return snakemake(place, "diagnose")
 
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """The study, its first rung, and then those that `fingerfit discover` climbs."""
+    """The study, its first rung, and then those that `snakemake discover` climbs."""
     place = tmp_path_factory.mktemp("hidden")
     (place / "experiment.yaml").write_text(yaml.safe_dump(DESCRIPTION))
     run_experiment(place / "experiment.yaml", place / "study")
     (place / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
     diagnose(place)
     (place / "first.txt").write_text("\n".join(f"{sim} {when}" for sim, when in simulations(place).items()))
-    (place / "said.txt").write_text(run(place, sys.executable, "-m", "fingerfit", "discover"))
+    (place / "said.txt").write_text(snakemake(place, "discover"))
     return place
 
 

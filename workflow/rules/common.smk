@@ -101,6 +101,13 @@ def included(wildcards):
     return [ancient(path) for path in WALK.sim_inputs(wildcards.sim)[2:]]
 
 
+def written_config(wildcards):
+    """The one file that effects are added to."""
+    if workflow.config_settings.config or len(workflow.configfiles) > 1:
+        raise WorkflowError(f"discover: adds effects to {CONFIG}: all settings must stand there")
+    return CONFIG
+
+
 def show_table():
     table = Path(MODEL) / "table.txt"
     if table.exists():

@@ -1,0 +1,1 @@
+"""Effects of a laboratory's machines; nothing here is executed."""
