@@ -58,8 +58,16 @@ class Solved:
     displacement: np.ndarray
 
 
-def solve(truth: Truth, folder: Path, threads: int = 2) -> Solved:
+def solve(truth: Truth, folder: Path, threads: int = 1) -> Solved:
     """Solve the fine mesh and make the pictures, in a working folder; what was solved there is not solved again.
+
+    Parameters
+    ----------
+    truth : Truth
+    folder : Path
+    threads : int
+        Of the solver. With more than one CalculiX's digits change from run to run, and near its limits even whether it
+        finds an equilibrium.
 
     Raises
     ------

@@ -1,8 +1,9 @@
-"""Pictures of the tutorial from a report, by headless Chromium.
+"""Pictures of the documentation: of the tutorial from a report, by headless Chromium, and a fit's own figures.
 
     python docs/pictures/make.py results/hidden-tilt/report.html
+    python docs/pictures/make.py results/fingertip/layered+indenter_place/figures/pictures.png fingertip_layered
 
-Each shows one section of the page, of the model without any effect, as a reader sees it.
+The first show one section of the page each, of the model without any effect, as a reader sees it.
 """
 
 from __future__ import annotations
@@ -19,10 +20,12 @@ from PIL import Image
 SECTIONS = ("compare", "fails", "missing", "ladder")
 WIDTH, HEIGHT, COLOURS = 1300, 940, 256
 """Of the upper part of a section, px."""
+FIGURE = 900
+"""Width of a figure, px."""
 
 
 def main(report: Path, out: Path) -> None:
-    """Write a picture for each section."""
+    """Write a picture for each section of a report."""
     binary = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
     if binary is None:
         sys.exit("no Chromium is installed")
@@ -41,12 +44,21 @@ def main(report: Path, out: Path) -> None:
                  "--virtual-time-budget=4000", page.as_uri()],
                 check=True, capture_output=True, timeout=120,
             )  # fmt: skip
-            picture = Image.open(shot).convert("RGB")
-            picture = picture.quantize(COLOURS)
-            picture.save(out / f"{name}.png", optimize=True)
+            shrink(shot, out / f"{name}.png", WIDTH)
+
+
+def shrink(picture: Path, out: Path, width: int) -> None:
+    """Write a picture with few colours, no wider than this."""
+    found = Image.open(picture).convert("RGB")
+    found.thumbnail((width, found.height))
+    found.quantize(COLOURS).save(out, optimize=True)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    here = Path(__file__).resolve().parent
+    if len(sys.argv) == 2:
+        main(Path(sys.argv[1]), here)
+    elif len(sys.argv) == 3:
+        shrink(Path(sys.argv[1]), here / f"{sys.argv[2]}.png", FIGURE)
+    else:
         sys.exit(__doc__)
-    main(Path(sys.argv[1]), Path(__file__).resolve().parent)

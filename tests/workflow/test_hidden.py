@@ -250,3 +250,18 @@ def test_no_rule_reads_what_is_sealed(place, monkeypatch):
     ]
     assert any("study/study.yaml" in text for text in records)
     assert not [text for text in records if "sealed" in text]
+
+
+def test_discover_takes_no_settings_beside_the_file(place):
+    """They would be lost: effects are added to the file, and the next rung reads it."""
+    command = [
+        str(Path(sys.executable).parent / "snakemake"),
+        "discover",
+        "-s",
+        str(ROOT / "Snakefile"),
+        "--cores",
+        "1",
+    ]
+    done = subprocess.run([*command, "--config", "solver=calculix"], cwd=place, capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "discover adds effects to config.yaml: all settings must stand there" in done.stderr

@@ -16,6 +16,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # the file that errors name
 CONFIG = Path((workflow.configfiles or ["config.yaml"])[-1])
+# targets are not known before the rules are
+DISCOVERS = "discover" in sys.argv
+if DISCOVERS and (workflow.config_settings.config or len(workflow.configfiles) > 1):
+    raise WorkflowError(f"discover adds effects to {CONFIG}: all settings must stand there")
 try:
     SETTINGS = load_settings(config, CONFIG)
     layout.check_model(SETTINGS, CONFIG)
@@ -99,13 +103,6 @@ def solver(wildcards):
 def included(wildcards):
     """The files that the deck of a simulation includes."""
     return [ancient(path) for path in WALK.sim_inputs(wildcards.sim)[2:]]
-
-
-def written_config(wildcards):
-    """The one file that effects are added to."""
-    if workflow.config_settings.config or len(workflow.configfiles) > 1:
-        raise WorkflowError(f"discover: adds effects to {CONFIG}: all settings must stand there")
-    return CONFIG
 
 
 def show_table():
