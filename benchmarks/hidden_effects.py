@@ -101,8 +101,8 @@ MODELS: dict[str, dict[str, Any]] = {
 }
 """Nothing is hidden in these data, but the model has other meshes."""
 EVERYTHING = {**CLEAR, **TWO, **UNKNOWN, **NOTHING, **{name: {} for name in MODELS}, **WEAK}
-OBSERVED = {name for name, effect in catalogue().items() if effect.acts == "observation"}
-"""Effects that leave the body as it is."""
+OBSERVED = {name for name, effect in catalogue().items() if effect.acts == "observation" or name.startswith("force_")}
+"""Effects that leave a body whose displacements are prescribed as it is."""
 
 
 def seed_of(name: str) -> int:
