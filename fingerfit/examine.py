@@ -166,7 +166,7 @@ def _refits(
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one."""
     for candidate in to_refit(found.judge, found.looks, found.tests, known):
         try:
-            yield candidate, *_refit(fit, last, candidate, everything, found.judge.misfit, threads)
+            yield candidate, *_refit(fit, last, candidate, everything, found, threads)
         except StateError:
             continue  # bodies without a solution explain nothing
 
@@ -274,14 +274,26 @@ def _errors_by_step(examination: Examination) -> tuple[float, float | None]:
     return float("nan") if found[0] is None else found[0], found[1]
 
 
-def _refit(fit: Fit, last: Round, one: Look, everything: Data, before: float, threads: int) -> tuple[Refit, int]:
-    ended, run = _ended(fit, last, one, everything, before, threads)
+def _refit(fit: Fit, last: Round, one: Look, everything: Data, found: _Looked, threads: int) -> tuple[Refit, int]:
+    ended, run = _ended(fit, last, one, everything, found.judge.misfit, threads)
     fitted, held_out = errors(ended.examination)
     judge, values = ended.judge, minimum(ended.fit, ended.last).values
     common = judge.common_misfit, judge.common_freedom
     start = ended.fit.settings.model.effects[one.suspect.effect.name]
-    count = len(ended.fit.asked)
-    return Refit(judge.misfit, judge.freedom, fitted, held_out, values, *common, ended.share, start, count), run
+    count, fall = len(ended.fit.asked), _fall(found.examination, ended.examination)
+    return Refit(judge.misfit, judge.freedom, fitted, held_out, values, *common, ended.share, start, count, fall), run
+
+
+def _fall(before: Examination, after: Examination) -> float:
+    """Fall of the misfit from one model to the next, both weighed by the covariance of the first."""
+    kept = before.residual.kept & after.residual.kept
+    rows = kept[before.residual.kept], kept[after.residual.kept]
+    covariance = (before.residual.covariance + before.mesh_covariance())[np.ix_(rows[0], rows[0])]
+    first, second = (
+        Judge(one.residual.vector[its], covariance, one.own()[its], before.nuisance()[rows[0]]).misfit
+        for one, its in zip((before, after), rows, strict=True)
+    )
+    return first - second
 
 
 @dataclass(frozen=True)

@@ -169,6 +169,7 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
                 "refit": refit
                 and {
                     "misfit": refit.misfit,
+                    "fall": refit.fall,
                     "error": {"fitted": refit.fitted, "held_out": refit.held_out},
                     "parameters": {name: float(value) for name, value in refit.values.items()},
                     "start": dict(refit.start),

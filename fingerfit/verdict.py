@@ -53,6 +53,8 @@ class Refit:
         Numbers of the effect that it went out from: with these in the settings its simulations are asked for again.
     simulations : int
         How many it asked for.
+    fall : float
+        Of the misfit, where both models are weighed by the covariance of the one without the effect.
     """
 
     misfit: float
@@ -65,6 +67,7 @@ class Refit:
     share: float = 1.0
     start: Mapping[str, float] = field(default_factory=dict)
     simulations: int = 0
+    fall: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -224,7 +227,9 @@ def decide(
     best = min(tried, key=lambda name: refits[name].misfit)
     after = refits[best].misfit
     share = explained_share(judge, refits[best])
-    if judge.misfit - after < limit:
+    if judge.misfit - after < limit and explains(refits[best]) and refits[best].fall >= limit:
+        share = 1.0  # each misfit has its model's own error of the mesh, which is too large where the model is wrong
+    elif judge.misfit - after < limit:
         kind = "adequate" if adequate else "unexplained"
         text = "no known effect improves the fit beyond chance"
         return Verdict(kind, (), text, limit)

@@ -392,3 +392,17 @@ def test_what_mesh_explains_in_part_or_beside_an_effect_is_not_blamed_on_it(worl
     found = decide(judge, looks, world.refits(judge, looks), TESTS)
     assert by_settings(found, judge, looks, TESTS) is found
     assert found.effects == ("tilt",)
+
+
+@pytest.mark.parametrize(
+    ("misfit", "fall", "kind"), [(1.1, 40.0, "missing"), (1.1, 5.0, "adequate"), (1.4, 40.0, "adequate")]
+)
+def test_a_fall_by_one_covariance_counts_where_the_refit_explains(world, misfit, fall, kind):
+    """The model's own error of the mesh is large and hides its misfit; that of the refit is smaller."""
+    judge = world.judge(5 * world.signal(0))
+    looks = world.looks(judge, friction=world.signal(0))
+    refit = Refit(misfit * judge.freedom, judge.freedom - 1, 1.0, 1.0, {}, fall=fall)
+    assert explains(judge)
+    found = decide(judge, looks, {"friction": refit}, TESTS)
+    assert (found.kind, found.effects) == (kind, ("friction",) if kind == "missing" else ())
+    assert "explains 100 %" in found.sentence or kind == "adequate"
