@@ -99,9 +99,9 @@ def _not_shown(diagnosis: dict[str, Any]) -> str:
     """What an adequate model may lack all the same."""
     named = titles(diagnosis)
     hidden = [named[str(e.get("effect"))] for e in diagnosis.get("ranking") or [] if e.get("imitated")]
-    untried = [str(e.get("title")) for e in diagnosis.get("not_tried") or []]
+    untried = [f"{e.get('title')} (needs {e.get('lacks')})" for e in diagnosis.get("not_tried") or []]
     found = f" These data would not show: {', '.join(hidden)}." if hidden else ""
-    return found + (f" Not tried, since the solver lacks what they need: {', '.join(untried)}." if untried else "")
+    return found + (f" Not tried, for lack of what they need: {', '.join(untried)}." if untried else "")
 
 
 def headline(inputs: Inputs) -> dict[str, Any]:

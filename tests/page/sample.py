@@ -160,7 +160,7 @@ def write(folder, names=LAYERS, done=True, only_compare=False):
     if done:
         save(folder / "base+tilt/compare.npz", compare(0.0, names=names))
         found = {"model": "base+tilt", "verdict": "adequate", "sentence": ladder()["rungs"][1]["sentence"], "effects": [],
-                 "misfit": 611.0, "freedom": 600, "threshold": 672.0, "patterns": [], "not_tried": [{"title": "Fibres"}],
+                 "misfit": 611.0, "freedom": 600, "threshold": 672.0, "patterns": [], "not_tried": [{"title": "Relaxation", "lacks": "a time at every step"}],
                  "ranking": [candidate("force_gain", "Force gain", 0.0, None, 1.02, "1", imitated=True)], "confusions": [], "measurements": [], "add": ""}  # fmt: skip
         (folder / "base+tilt/diagnosis.json").write_text(json.dumps(found))
     return folder

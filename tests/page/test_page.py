@@ -41,7 +41,10 @@ def test_sections_and_numbers(whole):
         assert f'<section id="{name}">' in whole
     assert "The model “base+tilt” explains the measurements" in whole
     assert "What is left is 1.01 times the noise; it was 2.71 times with base." in whole
-    assert "These data would not show: Force gain. Not tried, since the solver lacks what they need: Fibres." in whole
+    assert (
+        "These data would not show: Force gain. Not tried, for lack of what they need: Relaxation (needs a time at every step)."
+        in whole
+    )
     assert "44 reused" in whole and "held out" in whole
 
 
