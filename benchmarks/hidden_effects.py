@@ -110,7 +110,7 @@ def seed_of(name: str) -> int:
     return SEED + (int(name.split()[-1]) if name in NOTHING else 1)
 
 
-def truth_of(hidden: dict[str, Any], solver: str = "builtin", mesh: dict[str, Any] = MESHES[0]) -> Truth:
+def truth_of(hidden: dict[str, Any], solver: str, mesh: dict[str, Any]) -> Truth:
     """The phantom's experiment with hidden effects."""
     truth = read_truth(ROOT / "studies/phantom/experiment.yaml")
     picture = {**truth.picture, "pictured": list(range(1, STEPS + 1))}

@@ -194,12 +194,16 @@ class Examination:
         return np.nan_to_num(whole[np.ix_(self.residual.kept, self.residual.kept)])
 
     @cached_property
+    def covariance(self) -> np.ndarray:
+        """Of the noise and of the error of the mesh, shape (kept, kept)."""
+        return self.residual.covariance + self.mesh_covariance()
+
+    @cached_property
     def judge(self) -> Judge:
         """Judge of what the model leaves."""
         residual = self.residual
-        covariance = residual.covariance + self.mesh_covariance()
         common = common_modes(residual, self.data.entry_step, self.slope("control"))
-        return Judge(residual.vector, covariance, self.own(), self.nuisance(), common)
+        return Judge(residual.vector, self.covariance, self.own(), self.nuisance(), common)
 
     def _at_step(self, step: int) -> np.ndarray:
         value: np.ndarray = np.zeros(self.residual.value.shape)

@@ -288,9 +288,9 @@ def _fall(before: Examination, after: Examination) -> float:
     """Fall of the misfit from one model to the next, both weighed by the covariance of the first."""
     kept = before.residual.kept & after.residual.kept
     rows = kept[before.residual.kept], kept[after.residual.kept]
-    covariance = (before.residual.covariance + before.mesh_covariance())[np.ix_(rows[0], rows[0])]
+    covariance, nuisance = before.covariance[np.ix_(rows[0], rows[0])], before.nuisance()[rows[0]]
     first, second = (
-        Judge(one.residual.vector[its], covariance, one.own()[its], before.nuisance()[rows[0]]).misfit
+        Judge(one.residual.vector[its], covariance, one.own()[its], nuisance).misfit
         for one, its in zip((before, after), rows, strict=True)
     )
     return first - second

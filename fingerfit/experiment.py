@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 from dataclasses import dataclass, replace
@@ -24,6 +23,7 @@ from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import format_mesh, read_mesh
 from fingerfit.predict import since_first_picture
 from fingerfit.prepare import make_mesh
+from fingerfit.rounds import simulation_name
 from fingerfit.scan import take_pictures
 from fingerfit.settings import MeshSettings
 from fingerfit.solvers.contract import CONVERGED, Outcome
@@ -90,16 +90,18 @@ def solve(truth: Truth, folder: Path, threads: int = 1) -> Solved:
     for name in truth.tissues:
         if name not in mesh.element_sets:
             raise InputError(truth.mesh_file or "", f"element set {name}", "nothing", "a set that tissues name")
-    write_text(folder / "mesh.inp", format_mesh(mesh))
+    text = format_mesh(mesh)
+    included = f"{digest(text)}.inp"
+    write_text(folder / included, text)
     # a load before the first picture is a force: the forces of the test itself are found without it
     loaded_before = {e.name for e in _present(truth) if e.control == "force" and "before" in e.changes}
     without = replace(truth, effects={name: own for name, own in truth.effects.items() if name not in loaded_before})
-    outcome = _run(without, study, mesh, folder, threads)
+    outcome = _run(without, study, mesh, included, folder, threads)
     force = -outcome.reaction[:, -1]
     if loaded_before:
         # what the load before the first picture does is seen when the same forces are prescribed
         loaded = tuple(replace(step, force=float(f)) for step, f in zip(steps, force, strict=True))
-        outcome = _run(truth, replace(study, control="force", steps=loaded), mesh, folder, threads)
+        outcome = _run(truth, replace(study, control="force", steps=loaded), mesh, included, folder, threads)
         outcome = since_first_picture(outcome, len(steps))
     moved = -outcome.indenter[:, -1]
     seen = Observation.of(_present(truth), truth.values, mesh.body, len(steps))
@@ -121,12 +123,13 @@ def _present(truth: Truth) -> list[Effect]:
     return [effect for name, effect in truth.known.items() if name in truth.effects]
 
 
-def _run(truth: Truth, study: Study, mesh: Mesh, folder: Path, threads: int) -> Outcome:
-    context = deck_context(study, mesh, "mesh.inp", truth.values, truth.material, truth.known)
+def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, threads: int) -> Outcome:
+    """Solve a deck that includes its mesh by the name of its content, unless its solution is in the folder."""
+    context = deck_context(study, mesh, included, truth.values, truth.material, truth.known)
     folders = template_folders(*([truth.own] if truth.own else []), truth.folder)
     deck, solver = render_deck(truth.template, context, folders), get_solver(truth.solver)
     write_text(folder / "deck.inp", deck)
-    known = folder / f"{digest(deck, (folder / 'mesh.inp').read_bytes(), json.dumps(solver.identity()))}.npz"
+    known = folder / f"{simulation_name(deck, solver.identity())}.npz"
     if not known.exists():
         solver.solve(folder / "deck.inp", folder, threads).save(known)
     outcome = Outcome.load(known)

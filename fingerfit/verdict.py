@@ -225,14 +225,13 @@ def decide(
         hidden = ", ".join(_title(look) for look in unseen(judge, looks))
         return Verdict("adequate", (), f"{text}; these data would not show: {hidden}" if hidden else text, limit)
     best = min(tried, key=lambda name: refits[name].misfit)
-    after = refits[best].misfit
-    share = explained_share(judge, refits[best])
-    if judge.misfit - after < limit and explains(refits[best]) and refits[best].fall >= limit:
-        share = 1.0  # each misfit has its model's own error of the mesh, which is too large where the model is wrong
-    elif judge.misfit - after < limit:
+    fell = judge.misfit - refits[best].misfit >= limit
+    # each misfit has its model's own error of the mesh, which is too large where the model is wrong
+    if not fell and not (explains(refits[best]) and refits[best].fall >= limit):
         kind = "adequate" if adequate else "unexplained"
         text = "no known effect improves the fit beyond chance"
         return Verdict(kind, (), text, limit)
+    share = explained_share(judge, refits[best]) if fell else 1.0
     if half_explained(judge, looks, refits, tests) is not None:
         if partner is None or not explains(partner[1]) or not _generalises(judge, partner[1], held_out):
             nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of it"

@@ -41,6 +41,11 @@ def ask(code, environment):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
 
 
+def fingerfit(environment, *arguments):
+    command = [sys.executable, "-m", "fingerfit", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
+
+
 def test_it_is_found_by_its_entry_point(installed):
     code = "from fingerfit.solvers.registry import get_solver; print(get_solver('smallfem').identity())"
     done = ask(code, installed)
@@ -70,10 +75,10 @@ def test_what_the_example_lacks_is_refused(installed, tmp_path):
 def test_effects_of_a_package_are_known_without_running_it(effects):
     code = "import sys; from fingerfit.effects.catalogue import catalogue; catalogue(); print('lab_effects' in sys.modules)"
     assert ask(code, effects).stdout.strip() == "False"
-    listed = subprocess.run([sys.executable, "-m", "fingerfit", "effects"], capture_output=True, text=True, env=effects)
+    listed = fingerfit(effects, "effects")
     assert "return_spring: a spring that draws the indenter back" in listed.stdout
     lost = {**effects, "PYTHONPATH": str(ROOT)}
-    listed = subprocess.run([sys.executable, "-m", "fingerfit", "effects"], capture_output=True, text=True, env=lost)
+    listed = fingerfit(lost, "effects")
     assert "tilt" in listed.stdout
     assert "return_spring" not in listed.stdout
 
@@ -82,12 +87,12 @@ def test_its_part_goes_into_the_deck_of_any_study(effects, tmp_path):
     """An effect that leaves the deck as it is would be refused."""
     config = tmp_path / "config.yaml"
     shutil.copyfile(ROOT / "config.yaml", config)
-    command = [sys.executable, "-m", "fingerfit", "add", "return_spring", "--config", str(config)]
+    command = ["add", "return_spring", "--config", str(config)]
     lost = {**effects, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, capture_output=True, text=True, env=lost, cwd=ROOT)
+    done = fingerfit(lost, *command)
     assert "return_spring" in done.stderr
     assert config.read_bytes() == (ROOT / "config.yaml").read_bytes()
-    done = subprocess.run(command, capture_output=True, text=True, env=effects, cwd=ROOT)
+    done = fingerfit(effects, *command)
     assert done.stdout.startswith(f"{config}: added return_spring (a spring that draws the indenter back)"), done.stderr
 
 
@@ -113,9 +118,7 @@ def test_a_package_that_is_wrong_is_one_line(effects, tmp_path, change, says):
     else:
         shutil.rmtree(folder)
     environment = {**effects, "PYTHONPATH": os.pathsep.join([str(site), str(ROOT)])}
-    done = subprocess.run(
-        [sys.executable, "-m", "fingerfit", "effects"], capture_output=True, text=True, env=environment
-    )
+    done = fingerfit(environment, "effects")
     assert done.returncode == 1
     assert says in done.stderr
     assert len(done.stderr.splitlines()) == 1

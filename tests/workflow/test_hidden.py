@@ -67,6 +67,9 @@ CONFIG = {
 }
 
 
+SNAKEMAKE = [str(Path(sys.executable).parent / "snakemake"), "-s", str(ROOT / "Snakefile"), "--cores", "2"]
+
+
 def run(place, *arguments):
     done = subprocess.run(
         arguments, cwd=place, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
@@ -76,8 +79,7 @@ def run(place, *arguments):
 
 
 def snakemake(place, target):
-    command = [str(Path(sys.executable).parent / "snakemake"), "-s", str(ROOT / "Snakefile"), "--cores", "2"]
-    return run(place, *command, "--workflow-profile", str(ROOT / "workflow/profiles/default"), target)
+    return run(place, *SNAKEMAKE, "--workflow-profile", str(ROOT / "workflow/profiles/default"), target)
 
 
 def diagnose(place):
@@ -254,14 +256,7 @@ def test_no_rule_reads_what_is_sealed(place, monkeypatch):
 
 def test_discover_takes_no_settings_beside_the_file(place):
     """They would be lost: effects are added to the file, and the next rung reads it."""
-    command = [
-        str(Path(sys.executable).parent / "snakemake"),
-        "discover",
-        "-s",
-        str(ROOT / "Snakefile"),
-        "--cores",
-        "1",
-    ]
-    done = subprocess.run([*command, "--config", "solver=calculix"], cwd=place, capture_output=True, text=True)
+    command = [*SNAKEMAKE, "discover", "--config", "solver=calculix"]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True)
     assert done.returncode != 0
     assert "discover adds effects to config.yaml: all settings must stand there" in done.stderr
