@@ -9,7 +9,7 @@ import numpy as np
 from fingerfit.data import Data
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import reach_of, smooth
-from fingerfit.imaging.registration import FEWEST, Fit, register
+from fingerfit.imaging.registration import FEWEST, Fit, means, register
 from fingerfit.imaging.warp import BackwardMap, Probe, spline_coefficients, warp
 from fingerfit.mesh import Mesh
 from fingerfit.score import Prediction
@@ -21,8 +21,6 @@ quantity of each step that is not prescribed."""
 DRAWS = 40
 PLACES = 32
 """Points of a patch in space at which solutions are read, at most."""
-FLOOR = 0.001
-"""Error of a registered displacement that is not noise (interpolation), mm."""
 
 
 @dataclass(frozen=True)
@@ -202,10 +200,13 @@ def _places(
     order = order[patch[order] >= 0]
     number = np.bincount(patch[order], minlength=count)
     rank = np.arange(len(order)) - np.repeat(np.cumsum(number) - number, number)
-    every = np.maximum(1, -(-number // PLACES))
-    chosen = order[rank % every[patch[order]] == 0]
-    index = np.concatenate([way.index for way in maps])[chosen]
-    return frame.to_points(index), patch[chosen]
+    every = np.maximum(1, -(-number // PLACES))[patch[order]]
+    # one of each run, another one from run to run by the golden ratio: no rhythm with the rows of a picture
+    chosen = order[rank % every == (rank // every * 0.6180339887 % 1.0 * every).astype(int)]
+    index, owner = np.concatenate([way.index for way in maps]), patch[chosen]
+    # together they stand for all pixels of their patch: a displacement that grows evenly has the same mean at both
+    off = means(index[patch >= 0], patch[patch >= 0], count) - means(index[chosen], owner, count)
+    return frame.to_points(index[chosen] + off[owner]), owner
 
 
 def points_by_patch(data: Data, values: np.ndarray, patches: Patches) -> np.ndarray:
@@ -214,15 +215,8 @@ def points_by_patch(data: Data, values: np.ndarray, patches: Patches) -> np.ndar
     found = np.full((len(steps), len(patches.centre), values.shape[1] + 1), np.nan)
     for n, step in enumerate(steps):
         own = (data.points_step == step) & (owner >= 0)
-        found[n, :, :-1] = _means(values[own], owner[own], len(patches.centre))
+        found[n, :, :-1] = means(values[own], owner[own], len(patches.centre))
     return found
-
-
-def _means(values: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
-    """Means of values, shape (values, components), by their owners, shape (count, components); NaN for none."""
-    number = np.bincount(owner, minlength=count)
-    total = np.stack([np.bincount(owner, column, minlength=count) for column in values.T], axis=1)
-    return np.where(number[:, None] > 0, total / np.maximum(number, 1)[:, None], np.nan)
 
 
 def _add_points_noise(covariance: np.ndarray, data: Data, patches: Patches) -> None:
@@ -278,7 +272,7 @@ def _noise(
         for patch in range(count):
             covariance[0, n, patch] = np.cov(own[:, n, patch], rowvar=False)
             covariance[1, n, patch] = np.cov(first[:, n, patch], rowvar=False)
-    return _joined(*covariance), np.sqrt(power)
+    return _joined(covariance[0], covariance[1], fits, scale), np.sqrt(power)
 
 
 def _noise_in_space(
@@ -317,10 +311,10 @@ def _noise_in_space(
             flat_design = design.reshape(size, -1)
             root = scale[:, None] * fit.normal[patch] @ flat_design * data.picture_noise
             found[n, patch] = root @ root.T
-    return _joined(found, found), np.sqrt(power)
+    return _joined(found, found, fits, scale), np.sqrt(power)
 
 
-def _joined(own: np.ndarray, first: np.ndarray) -> np.ndarray:
+def _joined(own: np.ndarray, first: np.ndarray, fits: tuple[Fit, ...], scale: np.ndarray) -> np.ndarray:
     """Covariance of each patch over all pictures, shape (patches, pictures * size, pictures * size).
 
     Parameters
@@ -329,15 +323,18 @@ def _joined(own: np.ndarray, first: np.ndarray) -> np.ndarray:
         By the noise of each measured picture.
     first : ndarray, like `own`
         By that of the first picture, which all synthesized ones have in common.
+    fits : tuple of Fit
+        Registrations, by picture, with their own error.
+    scale : ndarray, shape (size,)
+        Of a pixel, mm, and of brightness.
     """
     pictures, count, size, _ = own.shape
     found = np.zeros((count, pictures * size, pictures * size))
-    bias = np.diag([FLOOR**2] * (size - 1) + [0.0])
     for patch in range(count):
         block = np.zeros((pictures, size, pictures, size))
         root = []
         for n in range(pictures):
-            block[n, :, n] = own[n, patch] + bias
+            block[n, :, n] = own[n, patch] + np.outer(scale, scale) * fits[n].own_error[patch]
             values, vectors = np.linalg.eigh(np.nan_to_num(np.atleast_2d(first[n, patch])))
             root.append((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
         for n in range(pictures):
@@ -378,7 +375,7 @@ class Reader:
         for step in data.picture_step:
             u = self._probe.read(outcome.displacement[step])
             known = np.isfinite(u[:, 0])  # in the mesh; a patch without any such place has 0
-            u = np.nan_to_num(_means(u[known], self._owner[known], len(self._patches.centre)))
+            u = np.nan_to_num(means(u[known], self._owner[known], len(self._patches.centre)))
             found.append(np.concatenate([u, np.zeros((len(u), 1))], axis=1))
         if len(data.points_step):
             at = np.empty_like(data.points_displacement)
