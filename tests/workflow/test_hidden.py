@@ -18,6 +18,7 @@ from fingerfit.experiment import run_experiment
 from fingerfit.files import read_json
 from fingerfit.settings import load_settings
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 SLOPE = 0.02
 DESCRIPTION = {
