@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test fast fingertip fingertip-data fingertip-coarse benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp setup lint clean
+.PHONY: help run test test-all fast fingertip fingertip-data fingertip-coarse benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp setup lint clean
 
 PYTHON ?= python3
 CORES ?= 2
@@ -11,8 +11,14 @@ help:  ## show this list
 run: setup  ## set up and identify the phantom study
 	$(BIN)/snakemake --cores $(CORES)
 
-test: setup  ## set up and run the tests
-	$(BIN)/python -m pytest -n $(CORES)
+# a module's tests stay in one process, so that what they share is made once; tests/conftest.py puts long modules first
+TEST := $(BIN)/python -m pytest -n $(CORES) --dist loadscope --no-loadscope-reorder --durations=25
+
+test: setup  ## set up and run the tests but the slow ones: 5 minutes
+	$(TEST) -m 'not slow'
+
+test-all: setup  ## set up and run all tests
+	$(TEST)
 
 FINGERTIP := studies/fingertip
 fingertip-data: $(FINGERTIP)/subject.inp  ## make the volumes of the virtual fingertip and its mesh: 5 minutes

@@ -22,8 +22,20 @@ from fingerfit.simulate import solve_missing
 from fingerfit.study import Body, Layer, Noise, Step, Study
 
 ROOT = Path(__file__).resolve().parent.parent
+# What takes longest comes first, so that no process is left alone with it at the end.
+FIRST = ("workflow", "faults", "verification", "page")
 LAYERS = (("top", 4.0), ("middle", 4.0), ("bottom", 4.0))
 MU = {"mu_top": 2.11e-2, "mu_middle": 3.57e-2, "mu_bottom": 6.56e-2}
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The order of tests that run in several processes; alone they run in the order of their files."""
+
+    def place(item: pytest.Item) -> int:
+        return FIRST.index(item.path.parent.name) if item.path.parent.name in FIRST else len(FIRST)
+
+    if hasattr(config, "workerinput"):
+        items.sort(key=place)
 
 
 def all_rounds(fit: Fit, folder: Path) -> tuple[Round, int]:

@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from figures import check_file, corners, images, legend_of, recorded
+from scipy.ndimage import gaussian_filter
 
 from fingerfit.cli import main
-from fingerfit.imaging.pictures import Picture, write_picture
+from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.solvers.builtin import BuiltinSolver
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -179,10 +181,26 @@ def test_one_clear_line(place, name, capsys):
     assert sorted(place.rglob("*")) == before
 
 
-def test_the_study_itself_is_fine(place, capsys):
+def test_the_study_itself_is_fine(place, capsys, monkeypatch):
+    drawn = recorded(monkeypatch)
     assert main(["check", "study", "--picture", "mesh.png"]) == 0
     assert "identifiable: stiffness itself" in capsys.readouterr().out
-    assert (place / "mesh.png").stat().st_size > 10_000
+    # the mesh where the body is, 12 mm wide and of two layers of 6 mm, over the picture where that is
+    (axes,) = drawn["mesh"].axes
+    assert corners(axes, "top") == pytest.approx(np.array([[0, 6], [12, 12]]))
+    assert corners(axes, "bottom") == pytest.approx(np.array([[0, 0], [12, 6]]))
+    assert sorted(legend_of(drawn["mesh"])) == ["bottom", "top"]
+    values, borders = images(axes)
+    # the part of the picture around the body, which lies where its pixels of 0.8 mm do: the first one around -5 mm
+    pixels = (np.array(borders) + 5.4) / 0.8
+    left, right, low, high = np.rint(pixels).astype(int)
+    assert pixels == pytest.approx([left, right, low, high], abs=1e-4)
+    part = read_picture(place / "study/before.nii.gz").values[low:high, left:right]
+    # smoothed by one pixel, and a border is smoothed in another way than here
+    smooth = gaussian_filter(part, 1.0)[3:-3, 3:-3]
+    assert np.corrcoef(values[3:-3, 3:-3].ravel(), smooth.ravel())[0, 1] > 0.999
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x in mm", "y in mm")
+    check_file(place / "mesh.png", drawn["mesh"])
 
 
 def test_all_problems_at_once(place, capsys):

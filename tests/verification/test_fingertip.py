@@ -204,6 +204,7 @@ def sets(text):
     return {name: [int(m) for m in re.findall(r"\d+", block)] for name, block in found}
 
 
+@pytest.mark.slow
 def test_calculix_agrees(finger, tmp_path, needs_ccx):
     forces = [0.01, 0.02]
     ours = solve(tmp_path, finger, "force", forces)

@@ -59,6 +59,7 @@ def alone(decks):
     return found
 
 
+@pytest.mark.slow
 def test_other_processes_change_no_digit(decks, alone):
     busy = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(2 * (os.cpu_count() or 1))]
     try:

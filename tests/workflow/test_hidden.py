@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +18,7 @@ from fingerfit.experiment import run_experiment
 from fingerfit.files import read_json
 from fingerfit.settings import load_settings
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 SLOPE = 0.02
 DESCRIPTION = {
@@ -153,7 +156,22 @@ def test_the_second_rung_is_the_refit_of_the_first(place):
 def test_both_rungs_are_on_the_ladder(place):
     rungs = read_json(place / "results/study/ladder.json")["rungs"]
     assert [entry["effects"] for entry in rungs] == [[], ["tilt"]]
-    assert (place / "results/study/report.html").stat().st_size > 10000
+    page = (place / "results/study/report.html").read_text(encoding="utf-8")
+    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1])
+    shown = [
+        f"{kind}|{entry['model']}|{n}"
+        for kind in ("measured", "synthesized", "map")
+        for entry in rungs
+        for n in range(4)
+    ]
+    assert set(shown) <= set(data["panels"])
+    rows = re.findall(r"<tr><td>.*?</tr>", re.search(r'<table class="rungs">.*?</table>', page, re.S)[0], re.S)
+    for row, entry in zip(rows, rungs, strict=True):
+        told = [float(x) for x in re.findall(r'data-label="Error, [a-z ]+">([\d.]+) ×', row)]
+        # three digits
+        assert told == pytest.approx([entry["error"]["fitted"], entry["error"]["held_out"]], rel=5e-3)
+        assert f"{entry['simulations']['run']} run" in row
+    assert all(entry["sentence"][0].upper() + entry["sentence"][1:] in page for entry in rungs)
 
 
 def test_discover_tells_each_rung(place):

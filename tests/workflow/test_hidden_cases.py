@@ -57,12 +57,14 @@ def test_a_drift_that_the_score_of_pictures_does_not_see(tmp_path):
     assert second.verdict.kind == "adequate"
 
 
+@pytest.mark.slow
 def test_two_effects_are_found_one_after_the_other(tmp_path):
     rungs = climbed(tmp_path, {"tilt": {"slope": 0.02}, "intensity_drift": {"gain": 0.05}})
     assert [found.verdict.kind for found in rungs] == ["missing", "missing", "adequate"]
     assert {found.verdict.effects for found in rungs[:2]} == {("tilt",), ("intensity_drift",)}
 
 
+@pytest.mark.slow
 def test_what_is_not_in_the_catalogue_has_no_name(tmp_path):
     (found,) = climbed(tmp_path, {"waves": {"contrast": 1.2}}, 1)
     assert found.verdict.kind == "unexplained"

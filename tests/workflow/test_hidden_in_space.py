@@ -21,6 +21,7 @@ from fingerfit.suspects import suspects
 from fingerfit.verdict import Refit, decide, to_refit
 
 pytest.importorskip("netgen")
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 EPIDERMIS, TISSUE = 0.138, 0.00798
 TESTED = ("layers", "dermis", "friction", "bone_mobility", "force_offset", "misregistration_in_space", "bias_field")
@@ -56,7 +57,7 @@ MU = {"unit": "MPa", "start": 0.015, "lower": 0.001, "upper": 0.2}
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    """The examination of the homogeneous model, its tested suspects, and the refit with layers."""
+    """The examination of the homogeneous model, its tested suspects, and two refits: with layers, and with the next best."""
     folder = tmp_path_factory.mktemp("finger")
     centre = (Anatomy().pulp_centre, 0.0)
     # other elements than the fit's; meshes as coarse as this, of other nodes, would differ by half of what layers do
@@ -78,11 +79,20 @@ def world(tmp_path_factory):
     judge = examination.judge
     looks = best_places(try_suspects(examination, judge, found))
     looks, _ = look_again(examination, judge, looks, len(found))
-    layers = next(one for one in looks if one.suspect.effect.name == "layers")
-    wider = widened(fit, last, layers)
+    # the effect that is missing, and the one of the others that looks best
+    first = {
+        name: next(one for one in looks if (one.suspect.effect.name == "layers") == name) for name in (True, False)
+    }
+    refits = {look.suspect.effect.name: refitted(fit, last, look, everything) for look in first.values()}
+    return examination, judge, looks, refits
+
+
+def refitted(fit, last, look, everything):
+    wider = widened(fit, last, look)
     end = run_fit(wider, 1)[0]
     solve_missing(wider, [anchor_of(wider, end)], 1)
-    return examination, judge, looks, Examination(wider, end, everything), minimum(wider, end).values
+    found = Examination(wider, end, everything)
+    return Refit(found.judge.misfit, found.judge.freedom, *errors(found), minimum(wider, end).values)
 
 
 def test_what_makes_no_sense_here_is_not_tested(world):
@@ -102,22 +112,28 @@ def test_rigid_tools_are_not_part_of_the_body(world):
 
 
 def test_the_layer_is_missing(world):
-    examination, judge, looks, wider, values = world
-    fitted, held_out = errors(wider)
-    after = wider.judge
-    refit = Refit(after.misfit, after.freedom, fitted, held_out, values)
-    verdict = decide(judge, looks, {"layers": refit}, len(looks))
+    examination, judge, looks, refits = world
+    verdict = decide(judge, looks, refits, len(looks))
     assert (verdict.kind, verdict.effects) == ("missing", ("layers",))
     # it is among those that an examination refits
     assert "layers" in [one.suspect.effect.name for one in to_refit(judge, looks, len(looks))]
     # what is left beyond the noise is what other elements change
     assert errors(examination)[0] > 1.5
-    assert fitted < 1.35
+    after = refits["layers"]
+    assert after.fitted < 1.35
     assert after.misfit - after.freedom < 0.2 * (judge.misfit - judge.freedom)
 
 
+def test_another_effect_does_not_take_its_place(world):
+    _, judge, looks, refits = world
+    (other,) = set(refits) - {"layers"}
+    verdict = decide(judge, looks, {other: refits[other]}, len(looks))
+    assert (verdict.kind, verdict.effects) == ("unexplained", ())
+    assert refits[other].misfit > refits["layers"].misfit
+
+
 def test_the_constants_are_near_the_truth(world):
-    values = world[-1]
+    values = world[-1]["layers"].values
     # linear tetrahedra without a pressure of their own are too stiff, which makes all constants too soft alike
     assert values["mu"] == pytest.approx(TISSUE, rel=0.25)
     assert values["layers.contrast"] == pytest.approx(np.log(EPIDERMIS / TISSUE), abs=0.2)

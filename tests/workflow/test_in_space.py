@@ -6,13 +6,26 @@ import numpy as np
 import pytest
 import yaml
 from conftest import all_rounds
+from figures import (
+    check_file,
+    check_forces,
+    check_search,
+    check_sections,
+    check_slices,
+    corners,
+    images,
+    recorded,
+)
 
 from fingerfit.cli import main
 from fingerfit.data import Data
 from fingerfit.files import read_json
 from fingerfit.fit import Fit
 from fingerfit.layout import figures
+from fingerfit.refine import finest
 from fingerfit.settings import load_settings
+from fingerfit.slices import slices_through
+from fingerfit.volumes import chosen_slices, frame_of
 
 TRUTH = {"mu_top": 0.03, "mu_bottom": 0.012}
 DESCRIPTION = {
@@ -66,6 +79,7 @@ def fitted(tmp_path_factory):
     place = tmp_path_factory.mktemp("space")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
+        drawn = recorded(patch)
         Path("experiment.yaml").write_text(yaml.safe_dump(DESCRIPTION), encoding="utf-8")
         Path("config.yaml").write_text(yaml.safe_dump(CONFIG), encoding="utf-8")
         run("experiment", "experiment.yaml", "--out", "study")
@@ -79,8 +93,8 @@ def fitted(tmp_path_factory):
         common = ["config.yaml", "--data", "data.npz", "--mesh", "mesh.inp", "--sims", "sims", "--last", path]
         run("estimate", *common, "--out", "estimate.json", "--table", "table.txt")
         run("plot", *common, "--out", "figures")
-        names = figures(load_settings(Path("config.yaml")))
-    return place, names
+        assert set(drawn) == {"place", *figures(fit.settings)}
+    return place, drawn, fit, last
 
 
 def run(*arguments):
@@ -88,7 +102,7 @@ def run(*arguments):
 
 
 def test_the_constants_are_found(fitted):
-    place, _ = fitted
+    place, *_ = fitted
     found = read_json(place / "estimate.json")
     assert found["remarks"] == []
     for name, truth in TRUTH.items():
@@ -99,7 +113,7 @@ def test_the_constants_are_found(fitted):
 
 
 def test_what_is_left_is_little_more_than_noise(fitted):
-    place, _ = fitted
+    place, *_ = fitted
     data = Data.load(place / "data.npz")
     score = read_json(place / "estimate.json")["score"]["final"]
     # two noisy volumes; a Gaussian of s voxels leaves 1 / (4 pi s^2)^(3/2) of the variance
@@ -109,9 +123,26 @@ def test_what_is_left_is_little_more_than_noise(fitted):
     assert 0.5 * noise < score < 6 * noise
 
 
-def test_the_figures_are_there(fitted):
-    place, names = fitted
-    assert set(names) == {"force", "search", "deformed_mesh", "pictures"}
-    for name in names:
-        assert (place / f"figures/{name}.png").stat().st_size > 5000
-    assert (place / "place.png").stat().st_size > 20_000
+def test_the_figures_show_the_fit(fitted, monkeypatch):
+    place, drawn, fit, last = fitted
+    monkeypatch.chdir(place)
+    assert set(drawn) == {"force", "search", "deformed_mesh", "pictures", "place"}
+    data, mesh, shown = fit.data, fit.meshes["search"], finest(fit, last)
+    found, cuts = fit.prediction(shown), chosen_slices(data, mesh)
+    check_forces(drawn["force"], data, found.conjugate)
+    check_search(drawn["search"], last)
+    check_sections(drawn["deformed_mesh"], mesh, fit.outcome(shown), data, cuts)
+    check_slices(drawn["pictures"], data, found.pictures, cuts)
+    for name in set(drawn) - {"place"}:
+        check_file(place / f"figures/{name}.png", drawn[name])
+
+
+def test_the_place_of_the_mesh_is_shown_in_three_slices(fitted):
+    place, drawn, fit, _ = fitted
+    slices = slices_through(frame_of(fit.data), np.array(DESCRIPTION["body"]["brick"]) / 2, (0, 1, 2))
+    for axes, cut in zip(drawn["place"].axes, slices, strict=True):
+        assert np.array_equal(images(axes)[0], cut.of(fit.data.before))
+        assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) == (*cut.labels, cut.title)
+        low, high = corners(axes)
+        assert high - low == pytest.approx(np.delete(DESCRIPTION["body"]["brick"], cut.axis), abs=1e-6)
+    check_file(place / "place.png", drawn["place"])
