@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from seeds import seed_of
 
 from fingerfit.errors import InputError, Problems
 from fingerfit.experiment import FULL_SCALE, add_noise, read_truth, run_experiment, solve, write_study
@@ -28,7 +29,7 @@ DESCRIPTION = {
     "displacement": [0.5, 1.0, 1.5],
     "picture": {"pixels": 64, "side": 20, "texture": 0.1, "correlation": 1.0, "noise": 0.02, "pictured": [1, 3]},
     "noise": {"force": 0.01, "displacement": 0.02},
-    "seed": 3,
+    "seed": seed_of(3),
 }
 
 
@@ -62,15 +63,15 @@ def test_same_seed_same_digits(description, tmp_path):
 
 
 def test_another_seed_is_new_noise_on_the_same_body(truth, solved, tmp_path):
-    for seed in (3, 4):
-        write_study(truth, solved, tmp_path / str(seed), seed)
+    for own in (3, 4):
+        write_study(truth, solved, tmp_path / str(own), seed_of(own))
     first, second = contents(tmp_path / "3"), contents(tmp_path / "4")
     differ = {str(path) for path in first if first[path] != second[path]}
     assert differ == {"steps.csv", *(f"pictures/{n}.nii.gz" for n in ("before", "step_1", "step_3"))}
 
 
 def test_noise_has_the_size_that_is_described(truth, solved):
-    drawn = [add_noise(truth, solved, seed) for seed in range(300)]
+    drawn = [add_noise(truth, solved, seed_of(n)) for n in range(300)]
     force = np.array([d[0] for d in drawn]) - solved.force
     moved = np.array([d[1] for d in drawn]) - DESCRIPTION["displacement"]
     assert force.std() == pytest.approx(0.01 * solved.force.max(), rel=0.1)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from seeds import generator
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.reader import read_deck
@@ -26,7 +27,7 @@ NOISE = 0.01
 
 def authors_files(folder):
     """Points between the pads that follow the moving one less the farther they are from it; noise of `NOISE` mm."""
-    rng = np.random.default_rng(3)
+    rng = generator(3)
     for name in ("displacement", "reactionforce"):
         (folder / name).mkdir(parents=True)
     (folder / "healthy_skin.geo").write_text(GEO)
@@ -76,7 +77,7 @@ def test_only_some_steps_are_fitted(study):
 
 
 def test_errors_of_a_point_at_two_steps_are_alike():
-    rng = np.random.default_rng(1)
+    rng = generator(1)
     points = rng.uniform(0, 10, (400, 2))
     common, own = rng.normal(0, 0.02, (400, 2)), rng.normal(0, 0.01, (2, 400, 2))
     moved = np.concatenate([points @ [[0.1, 0], [0.02, -0.05]] + common + part for part in own])

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import chdtri
+from seeds import generator
 
 from fingerfit.diagnose import Look, alike, summary
 from fingerfit.effects.catalogue import catalogue
@@ -33,7 +34,7 @@ class World:
     """Orthonormal signals of unit noise: the first belong to the model, each of the others to an effect."""
 
     def __init__(self, seed=4, size=VALUES):
-        rng = np.random.default_rng(seed)
+        rng = generator(seed)
         self.size = size
         self.basis = np.linalg.qr(rng.normal(size=(size, size)))[0]
         # noise of exactly the expected size that no single effect explains
@@ -203,7 +204,7 @@ STEPS = 7
 
 def stepwise(far, size=2000):
     """A judge of many values, one mode of each step among them, of which the last one is `far` off."""
-    rng = np.random.default_rng(3)
+    rng = generator(3)
     basis = np.linalg.qr(rng.normal(size=(size, OWN + STEPS + 1)))[0]
     own, modes = basis[:, :OWN], basis[:, OWN:-1]
     noise = rng.normal(size=size)
@@ -284,7 +285,7 @@ def test_the_threshold_is_that_of_chance(world, rng):
 
 def test_alarms_by_chance_are_rare(world):
     """Noise only: of 200 models examined with 20 effects each about two are accused, and never as many as nine."""
-    rng, alarms = np.random.default_rng(11), 0
+    rng, alarms = generator(11), 0
     own, signals = world.basis[:, :OWN], world.basis[:, OWN : OWN + TESTS]
     for _ in range(200):
         judge = Judge(rng.normal(size=VALUES), np.eye(VALUES), own, np.zeros((VALUES, 1)))

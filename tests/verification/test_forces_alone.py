@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from seeds import generator
 
 from fingerfit.examine import errors, examine
 from fingerfit.fit import Fit
@@ -26,7 +27,7 @@ def uniaxial(moved, alpha):
 
 def three_tests(folder, alpha, seed=1):
     """Three tests whose specimens differ by a factor of 3 %, and by 1 % in each force."""
-    rng, moved = np.random.default_rng(seed), np.linspace(0, 15, 61)
+    rng, moved = generator(seed), np.linspace(0, 15, 61)
     paths = []
     for number, factor in enumerate((0.97, 1.0, 1.03)):
         force = factor * uniaxial(moved, alpha) * (1 + rng.normal(0, 0.01, moved.shape))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import all_rounds
+from seeds import seed_of
 
 from fingerfit.cli import main
 from fingerfit.data import Data
@@ -38,7 +39,7 @@ DESCRIPTION = {
         "pictured": [1, 2],
     },
     "noise": {"force": 0.002, "displacement": 0.005},
-    "seed": 3,
+    "seed": seed_of(3),
     "study": {"pictures": {"resize": [38, 36, 34], "gaussian": 0.8}},
 }
 CONFIG = {
@@ -51,6 +52,7 @@ CONFIG = {
     "fit": {
         "score": "ssd",
         "replicates": 20,
+        "seed": seed_of(1),
         "max_evaluations": 14,
         "stages": [
             {"name": "grid", "kind": "grid", "points": 5},

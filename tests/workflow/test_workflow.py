@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from seeds import seed_of
 
 from fingerfit.experiment import run_experiment
 from fingerfit.files import read_json
@@ -44,7 +45,7 @@ DESCRIPTION = {
         "pictured": [1, 2],
     },
     "noise": {"force": 0.001, "displacement": 0.01},
-    "seed": 3,
+    "seed": seed_of(3),
 }
 CONFIG = {
     "study": "study",
@@ -60,6 +61,7 @@ CONFIG = {
         "score": "nmi",
         "bins": 16,
         "replicates": 20,
+        "seed": seed_of(1),
         "stages": [
             {"name": "grid", "kind": "grid", "points": 4},
             {"name": "independent", "kind": "independent", "tolx": 3e-3, "tolf": 3e-3},
@@ -226,7 +228,7 @@ def test_killed_at_a_random_moment_and_called_again(made, tmp_path, seed):
     place = tmp_path / "killed"
     shutil.copytree(made / "study", place / "study")
     configure(place)
-    rng = random.Random(seed)
+    rng = random.Random(seed_of(seed))
     number = rng.randrange(-1, read_json(made / "results/study/base/estimate.json")["search"]["rounds"])
     delay, orphans = rng.uniform(0.0, 1.5), rng.random() < 0.3
     with (tmp_path / "log").open("wb") as log:
