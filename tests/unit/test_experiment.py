@@ -74,14 +74,16 @@ def test_noise_has_the_size_that_is_described(truth, solved):
     drawn = [add_noise(truth, solved, seed_of(n)) for n in range(300)]
     force = np.array([d[0] for d in drawn]) - solved.force
     moved = np.array([d[1] for d in drawn]) - DESCRIPTION["displacement"]
-    assert force.std() == pytest.approx(0.01 * solved.force.max(), rel=0.1)
-    assert moved.std() == pytest.approx(0.02, rel=0.1)
+    # 5 standard errors: that of a standard deviation of n values is 1 / sqrt(2 n) of it
+    assert force.std() == pytest.approx(0.01 * solved.force.max(), rel=5 / np.sqrt(2 * force.size))
+    assert moved.std() == pytest.approx(0.02, rel=5 / np.sqrt(2 * moved.size))
     inside = solved.pictures[0] > 0.4
     noise = drawn[0][2][0][inside] / FULL_SCALE - solved.pictures[0][inside]
-    assert noise.std() == pytest.approx(0.02, rel=0.1)
+    assert noise.std() == pytest.approx(0.02, rel=5 / np.sqrt(2 * noise.size))
     # Rician: where there is no signal the magnitude of the noise remains, 0.02 sqrt(pi / 2) on average
     outside = drawn[0][2][0][solved.pictures[0] == 0] / FULL_SCALE
-    assert outside.mean() == pytest.approx(0.02 * np.sqrt(np.pi / 2), rel=0.05)
+    # with sqrt(4 / pi - 1) of it as its spread
+    assert outside.mean() == pytest.approx(0.02 * np.sqrt(np.pi / 2), rel=5 * np.sqrt((4 / np.pi - 1) / outside.size))
 
 
 def test_the_truth_is_only_in_the_sealed_file(truth, solved, tmp_path):

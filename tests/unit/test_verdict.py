@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import chdtri
+from scipy.stats import binom
 from seeds import generator
 
 from fingerfit.diagnose import Look, alike, summary
@@ -284,7 +285,7 @@ def test_the_threshold_is_that_of_chance(world, rng):
 
 
 def test_alarms_by_chance_are_rare(world):
-    """Noise only: of 200 models examined with 20 effects each about two are accused, and never as many as nine."""
+    """Noise only: of 200 models examined with 20 effects each about two are accused; more than 9 in one of 1e4 runs."""
     rng, alarms = generator(11), 0
     own, signals = world.basis[:, :OWN], world.basis[:, OWN : OWN + TESTS]
     for _ in range(200):
@@ -293,7 +294,7 @@ def test_alarms_by_chance_are_rare(world):
         looks = [Look(Suspect(EFFECTS["tilt"], {}), finding, signals[:, [n]]) for n, finding in enumerate(tested)]
         looks.sort(key=lambda look: -look.finding.fall)
         alarms += bool(to_refit(judge, looks, TESTS))
-    assert alarms < 9
+    assert alarms <= binom.isf(1e-4, 200, LEVEL)
 
 
 def test_no_model_is_adequate_whose_pictures_differ_by_much_more_than_their_noise(world):
