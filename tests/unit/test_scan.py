@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.special import erf
 from scipy.stats import rice
 from seeds import seed_of
 
@@ -145,13 +146,28 @@ def test_more_samples_change_borders_only(tmp_path):
     assert len(np.unique(np.round(many, 4))) > 20
 
 
+def averaged(length, correlation):
+    """Variance of the mean over a length of a field of variance 1 whose values d apart correlate by exp(-(d / correlation)^2)."""
+    q = np.asarray(length) / correlation
+    return (np.sqrt(np.pi) * q * erf(q) + np.exp(-(q**2)) - 1) / q**2
+
+
 def test_texture_moves_with_the_material(tmp_path):
-    truth = read_truth(described(tmp_path, picture__texture=0.2, body__drawn=[], body__layers=[
+    correlation = 0.8
+    truth = read_truth(described(tmp_path, picture__texture=0.2, picture__correlation=correlation, body__drawn=[], body__layers=[
         {"name": "top", "height": 3, "mu": 0.02, "intensity": 0.5}, {"name": "bottom", "height": 5, "mu": 0.02, "intensity": 0.5},
     ]))  # fmt: skip
     found = solve(truth, tmp_path)
-    inside = found.pictures[0] > 0.2
-    assert found.pictures[0][inside].std() / 0.5 == pytest.approx(0.2, rel=0.35)
+    places = found.frame.to_points(np.indices((28, 34, 36))[::-1].reshape(3, -1).T.astype(float))
+    whole = ((places > 0.25 + 1e-9) & (places < np.array(SIZE) - 0.25 - 1e-9)).all(
+        axis=1
+    )  # voxels of 0.5 mm that lie inside
+    size = np.sqrt(np.mean((found.pictures[0].reshape(-1)[whole] / 0.5 - 1) ** 2))
+    # a voxel is a mean, which correlates a little farther; squares of a normal field have the variance 2 and the square
+    # of its correlation: 5 standard errors of their mean over the block, half of it for the root (40 seeds: 2.7 %)
+    expected = 0.2 * np.sqrt(averaged(0.5, correlation) ** 3)
+    farther = np.sqrt(correlation**2 + 0.5**2 / 3)
+    assert size == pytest.approx(expected, rel=5 / 2 * np.sqrt(2 * np.prod(averaged(SIZE, farther / np.sqrt(2)))))
     # near the base nothing moves, so nothing changes; near the top it does
     low = found.frame.to_index(np.array([[6.0, 5.0, 0.3]])).round().astype(int)[0]
     core = (slice(8, -8), slice(8, -8))
