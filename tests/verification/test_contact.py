@@ -161,7 +161,8 @@ def test_patch_of_contact_in_the_plane(run, element, pair):
     top = np.abs(mesh.points[:, 1] - 1) < 1e-9
     assert np.ptp(u[:-1][top, 1]) < 1e-9
     force = -steps[-1].internal[-1, 1]
-    assert force / 2.0 == pytest.approx(1000 * (0.1 + u[:-1][top, 1].mean()), rel=0.1)
+    # the pressure is that of overclosure on the area before it was deformed; Newton's method converges to 1e-10
+    assert force / 2.0 == pytest.approx(1000 * (0.1 + u[:-1][top, 1].mean()), rel=1e-9)
     bottom = steps[-1].internal[:-1][mesh.points[:, 1] == 0, 1].sum()
     assert bottom == pytest.approx(force, rel=1e-9)
 
