@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from seeds import VARIABLE, generator, project_seed
 
 from fingerfit.course import next_round
 from fingerfit.deck.context import deck_context
@@ -85,4 +86,14 @@ def write_deck(tmp_path: Path) -> Writer:
 
 @pytest.fixture
 def rng() -> np.random.Generator:
-    return np.random.default_rng(7)
+    return generator(7)
+
+
+def pytest_report_header() -> str:
+    return f"seed of the random numbers: {VARIABLE}={project_seed()}"
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Where there is no header (`-q`), what failed can still be drawn again."""
+    if terminalreporter.verbosity < 0:
+        terminalreporter.write_line(pytest_report_header())

@@ -16,6 +16,7 @@ import pytest
 import yaml
 from figures import check_file, corners, images, legend_of, recorded
 from scipy.ndimage import gaussian_filter
+from seeds import generator
 
 from fingerfit.cli import main
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
@@ -30,7 +31,7 @@ def place(tmp_path, monkeypatch):
     """A small study and its config in an empty folder."""
     monkeypatch.chdir(tmp_path)
     study = tmp_path / "study"
-    rng = np.random.default_rng(1)
+    rng = generator(1)
     for name in ("before", "step_1", "step_2"):
         picture = Picture(rng.uniform(0, 4000, (30, 30)), np.full(2, 0.8), np.full(2, -5.0), np.eye(2))
         write_picture(study / f"{name}.nii.gz", picture)

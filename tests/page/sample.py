@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
+from seeds import generator
 
 WIDTH = HEIGHT = 12.0
 LAYERS = ("top", "middle", "bottom")
@@ -34,7 +35,7 @@ def mesh(n=12):
 
 def compare(tilt_left, mu=1.0, seed=3, names=LAYERS):
     """compare.npz of a model that misses `tilt_left` of the tilt."""
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     n = round((WIDTH + 2 * EDGE) / PIXEL)
     origin = np.array([-EDGE + PIXEL / 2] * 2)
     grid = origin + PIXEL * np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1)
@@ -50,7 +51,7 @@ def compare(tilt_left, mu=1.0, seed=3, names=LAYERS):
             moved = grid - displacement(moved, depth, tilt)
         index = (moved - origin) / PIXEL
         warped = map_coordinates(before, [index[..., 1], index[..., 0]], order=1, mode="nearest")
-        return np.clip(warped + np.random.default_rng(seed).normal(0, NOISE, warped.shape), 0, 1)
+        return np.clip(warped + generator(seed).normal(0, NOISE, warped.shape), 0, 1)
 
     measured = np.array([picture(depths[i], TILT, 10 + i) for i in PICTURES])
     synthesized = np.array([picture(depths[i], TILT - tilt_left, 50 + i) for i in PICTURES])

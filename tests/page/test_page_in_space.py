@@ -8,6 +8,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from seeds import generator
 
 from fingerfit.files import write_json, write_npz
 from fingerfit.imaging.pictures import Picture
@@ -38,7 +39,7 @@ def arrays(turned=False, seed=1):
     origin = np.array([12.0, -2.0, -1.0]) if turned else np.array([-2.0, -2.0, -1.0])
     frame = Picture(np.zeros(shape), spacing, origin, TURNED if turned else np.eye(3))
     where = frame.to_points(np.indices(shape)[::-1].reshape(3, -1).T.astype(float))
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     measured = np.array([field(where, depth).reshape(shape) for depth in (0.1, 0.2)])
     mesh = brick(SIZE, (3, 3, 1), element="C3D4", layers=[("top", 2.0), ("bottom", 4.0)])
     count = np.array([5, 4, 3])
@@ -132,7 +133,7 @@ def page(folder, done=True):
     study = folder / "block"
     found = arrays()
     write_npz(study / "base/compare.npz", found)
-    rng = np.random.default_rng(4)
+    rng = generator(4)
     patterns = {"moves_tilt": found["moves"] + rng.normal(0, 0.01, found["moves"].shape)}
     patterns["brightness_drift"] = np.full((2, 60), 0.01)
     patterns["stiffness"] = np.array([[x, y, 4.0, 0.2 * y - 0.7, x - 4.0] for x in (2.0, 5.0) for y in (3.0, 6.0)])

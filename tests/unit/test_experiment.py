@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.interpolate import CubicSpline
+from seeds import seed_of
 
 from fingerfit.errors import InputError, Problems
 from fingerfit.experiment import FULL_SCALE, add_noise, read_truth, run_experiment, solve, write_study
@@ -28,7 +30,7 @@ DESCRIPTION = {
     "displacement": [0.5, 1.0, 1.5],
     "picture": {"pixels": 64, "side": 20, "texture": 0.1, "correlation": 1.0, "noise": 0.02, "pictured": [1, 3]},
     "noise": {"force": 0.01, "displacement": 0.02},
-    "seed": 3,
+    "seed": seed_of(3),
 }
 
 
@@ -62,25 +64,27 @@ def test_same_seed_same_digits(description, tmp_path):
 
 
 def test_another_seed_is_new_noise_on_the_same_body(truth, solved, tmp_path):
-    for seed in (3, 4):
-        write_study(truth, solved, tmp_path / str(seed), seed)
+    for own in (3, 4):
+        write_study(truth, solved, tmp_path / str(own), seed_of(own))
     first, second = contents(tmp_path / "3"), contents(tmp_path / "4")
     differ = {str(path) for path in first if first[path] != second[path]}
     assert differ == {"steps.csv", *(f"pictures/{n}.nii.gz" for n in ("before", "step_1", "step_3"))}
 
 
 def test_noise_has_the_size_that_is_described(truth, solved):
-    drawn = [add_noise(truth, solved, seed) for seed in range(300)]
+    drawn = [add_noise(truth, solved, seed_of(n)) for n in range(300)]
     force = np.array([d[0] for d in drawn]) - solved.force
     moved = np.array([d[1] for d in drawn]) - DESCRIPTION["displacement"]
-    assert force.std() == pytest.approx(0.01 * solved.force.max(), rel=0.1)
-    assert moved.std() == pytest.approx(0.02, rel=0.1)
+    # 5 standard errors: that of a standard deviation of n values is 1 / sqrt(2 n) of it
+    assert force.std() == pytest.approx(0.01 * solved.force.max(), rel=5 / np.sqrt(2 * force.size))
+    assert moved.std() == pytest.approx(0.02, rel=5 / np.sqrt(2 * moved.size))
     inside = solved.pictures[0] > 0.4
     noise = drawn[0][2][0][inside] / FULL_SCALE - solved.pictures[0][inside]
-    assert noise.std() == pytest.approx(0.02, rel=0.1)
+    assert noise.std() == pytest.approx(0.02, rel=5 / np.sqrt(2 * noise.size))
     # Rician: where there is no signal the magnitude of the noise remains, 0.02 sqrt(pi / 2) on average
     outside = drawn[0][2][0][solved.pictures[0] == 0] / FULL_SCALE
-    assert outside.mean() == pytest.approx(0.02 * np.sqrt(np.pi / 2), rel=0.05)
+    # with sqrt(4 / pi - 1) of it as its spread
+    assert outside.mean() == pytest.approx(0.02 * np.sqrt(np.pi / 2), rel=5 * np.sqrt((4 / np.pi - 1) / outside.size))
 
 
 def test_the_truth_is_only_in_the_sealed_file(truth, solved, tmp_path):
@@ -100,25 +104,33 @@ def test_what_is_written_is_a_study(truth, solved, tmp_path):
     assert study.layer_names == ["top", "bottom"]
     assert [step.number for step in study.steps if step.picture] == [1, 3]
     force, moved, pictures = add_noise(truth, solved, truth.seed)
-    assert [step.force for step in study.steps] == pytest.approx(force, abs=1e-4)
-    assert [step.displacement for step in study.steps] == pytest.approx(moved, abs=1e-4)
+    # four decimal places are written
+    assert [step.force for step in study.steps] == pytest.approx(force, abs=0.5001e-4)
+    assert [step.displacement for step in study.steps] == pytest.approx(moved, abs=0.5001e-4)
     picture = read_picture(tmp_path / "s/pictures/step_3.nii.gz")
     assert np.array_equal(picture.values, pictures[3])
     assert picture.same_place(solved.frame)
 
 
-def test_pictures_show_the_layers_and_the_compression(solved):
+def test_pictures_show_the_layers_and_the_compression(truth, tmp_path):
+    solved = solve(replace(truth, picture={**truth.picture, "texture": 0.0}), tmp_path)
     frame = solved.frame
     at = frame.to_index(np.array([[6.0, 9.0], [6.0, 3.0], [6.0, 11.5], [-2.0, 6.0]])).round().astype(int)
     before, last = solved.pictures[0], solved.pictures[-1]
-    around = [before[y - 3 : y + 4, x - 3 : x + 4].mean() for x, y in at[:2]]
-    assert around == pytest.approx([0.5, 0.9], rel=0.15)
+    around = [before[y - 3 : y + 4, x - 3 : x + 4] for x, y in at[:2]]
+    assert around[0] == pytest.approx(np.full((7, 7), 0.5))
+    assert around[1] == pytest.approx(np.full((7, 7), 0.9))
     x, y = at[2]
-    assert before[y, x] > 0.3
+    assert before[y, x] == pytest.approx(0.5)
     assert last[y, x] == 0.0  # 1.5 mm down: the indenter is there now
     assert before[at[3][1], at[3][0]] == 0.0
-    # nearly incompressible: what is lost in height bulges out
-    assert (last > 0).sum() == pytest.approx((before > 0).sum(), rel=0.05)
+    # what is lost in height bulges out but for pressure over bulk modulus, with a pressure between (1 + nu) / 3 of the
+    # stress on the widest section, of a body free at its sides, and all of that on the first one, if held there
+    nu, stress = 0.49, solved.force[-1] / (12.0 * 70.0)
+    bulk = np.array([0.031234, 0.067891]) * 2 * (1 + nu) / (3 * (1 - 2 * nu))
+    most = stress * ([0.5, 0.9] / bulk).sum() / (0.5 + 0.9)
+    lost = 1 - last.sum(dtype=float) / before.sum(dtype=float)
+    assert (1 + nu) / 3 * (1 - 1.5 / 12) * most < lost < most
 
 
 def test_a_failure_leaves_nothing(truth, solved, tmp_path, monkeypatch):
@@ -156,12 +168,19 @@ def test_the_shipped_study_is_that_of_its_description():
     study = load_study(folder)
     force = np.array([step.force for step in study.steps])
     spread = truth.force_noise * max(sealed["force"])
-    assert np.abs(force - sealed["force"]).max() < 4 * spread
+    assert (
+        np.abs(force - sealed["force"]).max() < 4 * spread
+    )  # one of seven shipped values in 2000 studies is farther off
 
 
 def test_a_load_before_the_first_picture_is_one_of_the_same_forces(truth, solved, tmp_path):
-    """Under the forces of the test without it a body that is pressed already gives way less, and nothing else differs."""
+    """A body that is pressed already goes on along the curve of the test without it, seen from where the picture was taken."""
     loaded = solve(replace(truth, effects={"preload": {"force": 4.0}}), tmp_path)
     assert loaded.force == pytest.approx(solved.force, rel=1e-12)
     assert (loaded.displacement < solved.displacement).all()
-    assert loaded.displacement == pytest.approx(solved.displacement, rel=0.1)
+    moved = np.linspace(0.25, 1.75, 7)
+    (tmp_path / "curve").mkdir()
+    curve = solve(replace(truth, displacement=moved, picture={**truth.picture, "pictured": [1]}), tmp_path / "curve")
+    given = CubicSpline(np.append(0.0, curve.force), np.append(0.0, moved))
+    # a spline through 7 points of the curve is off by 1.2e-5, through 14 by 4e-7
+    assert loaded.displacement == pytest.approx(given(solved.force + 4.0) - given(4.0), rel=5e-5)

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import meshio
 import numpy as np
 import pytest
+from seeds import generator
 
 from fingerfit.cli import main
 from fingerfit.data import Data
@@ -105,7 +106,7 @@ def made(tmp_path_factory):
     write_json(model / "estimate.json", {"sim": "0123", "sim_mesh": "search"})
     data = data_of(outcome)
     data.save(model / "prepared.npz")
-    rng = np.random.default_rng(1)
+    rng = generator(1)
     centre = np.array([[x, y, z] for x in (1.0, 3.0) for y in (0.75, 2.25) for z in (0.5, 1.5)])
     moves = rng.normal(0, 0.05, (2, 8, 3))
     moves[1, 3] = np.nan
@@ -150,7 +151,7 @@ RANKING = [
 
 
 def data_of(outcome):
-    rng = np.random.default_rng(2)
+    rng = generator(2)
     shape = (6, 12, 9)
     nothing = np.zeros((0, 3))
     return Data(

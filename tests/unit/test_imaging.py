@@ -105,11 +105,14 @@ def test_probe_reads_quadratic_fields():
 
 
 def test_rician_noise_is_found_again(rng):
-    values = np.zeros((200, 200))
-    values[60:140, 60:140] = 1.0
+    values = np.zeros((400, 400))
+    values[60:340, 60:340] = 1.0
     noisy = add_rician(values, 0.03, rng)
-    assert estimate_noise(noisy, values == 0) == pytest.approx(0.03, rel=0.03)
-    assert estimate_noise(noisy[70:130, 70:130]) == pytest.approx(0.03, rel=0.1)
+    dark, inside = values == 0, noisy[70:330, 70:330]
+    # 5 standard errors of a median, 1 / (2 f sqrt(n)) with f the density there: 1 / (2 ln 2) of Rayleigh's sigma for n
+    # pixels, 1.17 of a normal one for the n / 4 diagonal details
+    assert estimate_noise(noisy, dark) == pytest.approx(0.03, rel=5 / (2 * np.log(2)) / np.sqrt(dark.sum()))
+    assert estimate_noise(inside) == pytest.approx(0.03, rel=5 * 1.17 / np.sqrt(inside.size / 4))
 
 
 def test_noise_of_repeat_pictures_is_what_differs_between_them(rng):
@@ -117,9 +120,11 @@ def test_noise_of_repeat_pictures_is_what_differs_between_them(rng):
     pictures = [values + rng.normal(0.0, 0.02, values.shape) for _ in range(4)]
     where = np.zeros(values.shape, dtype=bool)
     where[10:50, 10:50] = True
-    assert noise_of_repeats(pictures, where) == pytest.approx(0.02, rel=0.05)
+    # 5 standard errors of a standard deviation with 3 degrees of freedom at each pixel
+    close = 5 / np.sqrt(2 * 3 * where.sum())
+    assert noise_of_repeats(pictures, where) == pytest.approx(0.02, rel=close)
     pictures[1][~where] += 1.0
-    assert noise_of_repeats(pictures, where) == pytest.approx(0.02, rel=0.05)
+    assert noise_of_repeats(pictures, where) == pytest.approx(0.02, rel=close)
 
 
 @pytest.mark.parametrize("name", ["a.nii.gz", "a.mha", "a.nrrd"])

@@ -106,10 +106,11 @@ def test_sizes_stay_within_bounds(columns, rng):
     free = judge.test(effect, -WIDE, WIDE)
     low, high = np.array([-1.0, -np.inf]), np.array([1.0, np.inf])
     bound = judge.test(effect, low, high)
-    assert free.size[0] > 7
+    full = covariance + nuisance @ nuisance.T
+    assert free.size == pytest.approx(refit(residual, full, np.concatenate([own, effect], axis=1))[1][OWN:], rel=1e-8)
+    assert free.size[0] > high[0]
     assert bound.size[0] == 1.0
     # the other one follows: it is the best for the first at its bound
-    full = covariance + nuisance @ nuisance.T
     columns = np.concatenate([own, effect[:, 1:]], axis=1)
     misfit, size = refit(residual - effect[:, 0], full, columns)
     assert bound.size[1] == pytest.approx(size[-1], rel=1e-8)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import yaml
+from seeds import generator
 
 from fingerfit.errors import InputError, Problems
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
@@ -61,7 +62,7 @@ def test_fewer_pixels_do_not_alias(rng):
 
 @pytest.mark.parametrize("size", [(40, 40, 40), (20, 40, 40), (20, 20, 20), (80, 40, 40)])
 def test_noise_is_followed_through_resizing(size):
-    noise = np.random.default_rng(5).normal(size=(40, 40, 40))
+    noise = generator(5).normal(size=(40, 40, 40))
     found = resize(Picture(noise, np.ones(3), np.zeros(3), np.eye(3)), size).values.std()
     assert noise_after_resizing(Picture(noise, np.ones(3), np.zeros(3), np.eye(3)), size) == pytest.approx(
         found, rel=0.05

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from seeds import generator
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.reader import read_deck
@@ -26,7 +27,7 @@ NOISE = 0.01
 
 def authors_files(folder):
     """Points between the pads that follow the moving one less the farther they are from it; noise of `NOISE` mm."""
-    rng = np.random.default_rng(3)
+    rng = generator(3)
     for name in ("displacement", "reactionforce"):
         (folder / name).mkdir(parents=True)
     (folder / "healthy_skin.geo").write_text(GEO)
@@ -63,9 +64,13 @@ def test_the_study_turns_the_pull_downwards(study):
 
 def test_noise_is_what_no_smooth_field_can_do(study):
     data = prepare(study, make_mesh(study, None), None, 1.0, 0.3)
-    assert data.points_noise == pytest.approx(NOISE, rel=0.05)
-    between = data.between_steps / NOISE**2
-    assert np.abs(between - np.eye(len(FRAMES))).max() < 0.3
+    # 5 standard errors: of n degrees of freedom a variance is off by sqrt(2 / n), a covariance by 1 / sqrt(n); those of
+    # a step are two of each of 18 x 9 points less the 21 coefficients of a polynomial of fifth degree
+    freedom = 2 * (18 * 9 - 21)
+    assert data.points_noise == pytest.approx(NOISE, rel=5 / np.sqrt(2 * freedom * len(FRAMES)))
+    between, own = data.between_steps / NOISE**2, np.eye(len(FRAMES), dtype=bool)
+    assert between[own] == pytest.approx(1.0, abs=5 * np.sqrt(2 / freedom))
+    assert between[~own] == pytest.approx(0.0, abs=5 / np.sqrt(freedom))
 
 
 def test_only_some_steps_are_fitted(study):
@@ -76,16 +81,19 @@ def test_only_some_steps_are_fitted(study):
 
 
 def test_errors_of_a_point_at_two_steps_are_alike():
-    rng = np.random.default_rng(1)
-    points = rng.uniform(0, 10, (400, 2))
-    common, own = rng.normal(0, 0.02, (400, 2)), rng.normal(0, 0.01, (2, 400, 2))
+    rng = generator(1)
+    count = 1600
+    points = rng.uniform(0, 10, (count, 2))
+    common, own = rng.normal(0, 0.02, (count, 2)), rng.normal(0, 0.01, (2, count, 2))
     moved = np.concatenate([points @ [[0.1, 0], [0.02, -0.05]] + common + part for part in own])
-    found = estimate_covariance(np.tile(points, (2, 1)), moved, np.repeat([0, 2], 400), 3)
-    assert found[0, 0] == pytest.approx(5e-4, rel=0.15)
-    assert found[0, 2] == pytest.approx(4e-4, rel=0.15)
+    found = estimate_covariance(np.tile(points, (2, 1)), moved, np.repeat([0, 2], count), 3)
+    # 5 standard errors with n degrees of freedom: v sqrt(2 / n) of a variance, sqrt((v^2 + c^2) / n) of a covariance
+    freedom = 2 * (count - 21)
+    assert found[0, 0] == pytest.approx(5e-4, abs=5 * 5e-4 * np.sqrt(2 / freedom))
+    assert found[0, 2] == pytest.approx(4e-4, abs=5 * np.hypot(5e-4, 4e-4) / np.sqrt(freedom))
     assert not found[1].any()
     with pytest.raises(ValueError, match="different points"):
-        estimate_covariance(points, points, np.repeat([0, 1], 200), 2)
+        estimate_covariance(points, points, np.repeat([0, 1], count // 2), 2)
     with pytest.raises(ValueError, match="4 points"):
         estimate_covariance(points[:4], points[:4], np.zeros(4, int), 1)
 

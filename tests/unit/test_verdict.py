@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 from scipy.stats import binom, chi2, norm
+from seeds import generator
 
 from fingerfit.diagnose import Look, alike, summary
 from fingerfit.effects.catalogue import catalogue
@@ -34,7 +35,7 @@ class World:
     """Orthonormal signals of unit noise: the first belong to the model, each of the others to an effect."""
 
     def __init__(self, seed=4, size=VALUES):
-        rng = np.random.default_rng(seed)
+        rng = generator(seed)
         self.size = size
         self.basis = np.linalg.qr(rng.normal(size=(size, size)))[0]
         # noise of exactly the expected size that no single effect explains
@@ -204,7 +205,7 @@ STEPS = 7
 
 def stepwise(far, size=2000):
     """A judge of many values, one mode of each step among them, of which the last one is `far` off."""
-    rng = np.random.default_rng(3)
+    rng = generator(3)
     basis = np.linalg.qr(rng.normal(size=(size, OWN + STEPS + 1)))[0]
     own, modes = basis[:, :OWN], basis[:, OWN:-1]
     noise = rng.normal(size=size)

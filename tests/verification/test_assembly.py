@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from seeds import generator
 from solving import MATERIALS, parts_of
 
 from fingerfit.fem.assembly import Body
@@ -21,7 +22,7 @@ def body_of(element, distort=0.0, seed=3):
     else:
         start = (3.0, 0.0) if ELEMENTS[element].state == AXISYMMETRIC else (0.0, 0.0)
         mesh = layered_block(2.0, [("a", 1.0), ("b", 1.0)], 2, 1, element, origin=start)
-    points = mesh.points + distort * np.random.default_rng(seed).uniform(-1, 1, mesh.points.shape)
+    points = mesh.points + distort * generator(seed).uniform(-1, 1, mesh.points.shape)
     nodes = mesh.blocks[0].nodes
     count = len(nodes) * len(rule(element)[1])
     return Body(element, points, nodes, spread([MATERIAL], [count]), np.full(len(nodes), 3.0)), points

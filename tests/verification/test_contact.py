@@ -161,7 +161,8 @@ def test_patch_of_contact_in_the_plane(run, element, pair):
     top = np.abs(mesh.points[:, 1] - 1) < 1e-9
     assert np.ptp(u[:-1][top, 1]) < 1e-9
     force = -steps[-1].internal[-1, 1]
-    assert force / 2.0 == pytest.approx(1000 * (0.1 + u[:-1][top, 1].mean()), rel=0.1)
+    # the pressure is that of overclosure on the area before it was deformed; Newton's method converges to 1e-10
+    assert force / 2.0 == pytest.approx(1000 * (0.1 + u[:-1][top, 1].mean()), rel=1e-9)
     bottom = steps[-1].internal[:-1][mesh.points[:, 1] == 0, 1].sum()
     assert bottom == pytest.approx(force, rel=1e-9)
 
@@ -243,13 +244,14 @@ def test_hertz(run, control):
     last = steps[-1]
     moved = -last.displacement[-1, 1]
     if control == "displacement":
-        assert -last.internal[-1, 1] == pytest.approx(force, rel=0.03)
+        # 14 elements: 1.9 % too stiff, 28: 0.3 %; to the power 2/3 less in depth
+        assert -last.internal[-1, 1] == pytest.approx(force, rel=0.025)
     else:
-        assert moved == pytest.approx(depth, rel=0.03)
-    # radius of contact: sqrt(R d); what touches follows the sphere
+        assert moved == pytest.approx(depth, rel=2 / 3 * 0.025)
+    # radius of contact: sqrt(R d) lies between the last node that touches and the next one
     x = mesh.points[top] + last.displacement[top]
     inside = np.hypot(x[:, 0], x[:, 1] - radius + moved) < radius + 1e-6
-    assert mesh.points[top][inside, 0].max() == pytest.approx(np.sqrt(radius * depth), rel=0.25)
+    assert mesh.points[top][inside, 0].max() < np.sqrt(radius * moved) < mesh.points[top][~inside, 0].min()
 
 
 @pytest.mark.parametrize("control", ["displacement", "force"])
@@ -270,12 +272,14 @@ def test_radius_of_hertz_contact(run, control):
     last = steps[-1]
     moved = -last.displacement[-1, 1]
     pushed = -last.internal[-1, 1] if control == "displacement" else force
+    # 16 elements: 5.1 % too stiff, 32: 2.3 %, 48: 1.7 %, 40 over twice the size 1.2 %
     assert pushed == pytest.approx(4 / 3 * young / (1 - nu**2) * radius**0.5 * moved**1.5, rel=0.03)
     top = mesh.points[:, 1] == 0
     x = mesh.points[top] + last.displacement[:-1][top]
     inside = radius - np.hypot(x[:, 0], x[:, 1] - radius + moved)
     found = np.sqrt(5 / 2 * spread_of_pressure(x[:, 0], inside, True))
-    assert found == pytest.approx((3 * pushed * radius * (1 - nu**2) / (4 * young)) ** (1 / 3), rel=0.025)
+    # 16 elements: 2.8 %, 32: 0.01 %, 48: -0.6 %, by where nodes happen to lie at the edge
+    assert found == pytest.approx((3 * pushed * radius * (1 - nu**2) / (4 * young)) ** (1 / 3), rel=0.01)
 
 
 @pytest.mark.parametrize("stiffness", [1e3, 1e5])
@@ -296,7 +300,11 @@ def test_a_fine_mesh_is_pushed_by_a_force(run, stiffness):
     )
     assert steps[-1].internal[:-1][mesh.points[:, 1] == mesh.points[:, 1].min(), 1].sum() == pytest.approx(force)
     hertz = (force * 0.91 / (4 / 3 * 100 * radius**0.5)) ** (2 / 3)
-    assert -steps[-1].displacement[-1, 1] == pytest.approx(hertz, rel=0.06)
+    # the mesh is stiffer, by 2.3 % (36 elements: 2.1 %); the layer of springs gives way by the mean of pressure squared
+    # over stiffness and mean pressure, 3/4 of the largest pressure over it, or less as pressure spreads
+    wide = (3 * force * radius * 0.91 / 400) ** (1 / 3)
+    springs = 0.75 * 1.5 * force / (np.pi * wide**2) / stiffness
+    assert 0.97 * hertz < -steps[-1].displacement[-1, 1] < hertz + springs
 
 
 def hertz_block(size, cells, element, layers):
@@ -312,7 +320,8 @@ def hertz_block(size, cells, element, layers):
 def test_hertz_in_space(run, element, cells, pair):
     """A quarter of a rigid sphere on a block: force, and with nodes in contact the radius and the largest pressure.
 
-    Found: force 1.05 and 0.99 of Hertz's, radius 1.04, pressure 1.01.
+    Found with 10 and 14 linear elements a side: force 2.2 and 4.6 % too large, radius -15 and 4.3 %, pressure 4.4 and 1.3 %; with
+    6 and 8 quadratic ones force 2.6 and -1.3 %.
     """
     radius, depth, young, nu, stiffness = 10.0, 0.08, 100.0, 0.3, 1e5
     mesh = hertz_block(40.0, cells, element, cells)
@@ -368,8 +377,9 @@ def test_hertz_of_a_long_cylinder(run):
     line = (mesh.points[:, 2] == 0) & (mesh.points[:, 1] == 0)
     x = mesh.points[line] + last.displacement[:-1][line]
     inside = radius - np.hypot(x[:, 0], x[:, 2] - radius + 0.08)
-    assert 2 * np.sqrt(spread_of_pressure(x[:, 0], inside, False)) == pytest.approx(wide, rel=0.02)
-    assert stiffness * inside[0] == pytest.approx(2 * force / (np.pi * wide), rel=0.02)
+    # 12, 24 and 36 elements: half width 2.5, -0.02 and -0.6 % off, pressure -0.2, -0.4 and -0.4 %
+    assert 2 * np.sqrt(spread_of_pressure(x[:, 0], inside, False)) == pytest.approx(wide, rel=0.01)
+    assert stiffness * inside[0] == pytest.approx(2 * force / (np.pi * wide), rel=0.01)
     # and the same as a circle in the plane
     flat = hertz_mesh(20.0, 24, "CPE4")
     _, plane = run(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from seeds import generator
 
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
@@ -183,7 +184,7 @@ def test_an_inclusion_lies_below_the_indenter(finger):
         own = piece["name"].split("_")[0].lower()
         change[np.array(piece["elements"], dtype=int) - 1] = np.log(piece["mu"] / MU[f"mu_{own}"])
     # an element has the mean of the bump: of its eight points, here of a thousand
-    share = np.random.default_rng(1).dirichlet(np.ones(4), 1000)
+    share = generator(1).dirichlet(np.ones(4), 1000)
     soft = finger.element_sets["SOFT"]
     at = np.einsum("pk,eki->epi", share, finger.points[finger.blocks[0].nodes[soft]])
     touch = finger.points[finger.node_sets["INDENTER"][0]]

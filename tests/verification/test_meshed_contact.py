@@ -35,13 +35,13 @@ def facets_of(points, element, elements, face):
 
 def test_a_meshed_sphere_is_nearly_round(rng):
     """Facets are chords, inside by up to h^2 / 8 R: the gap goes to the round one's with the square of their size."""
-    sphere, way = Round(np.array([0.0, 0.0, 2.0]), 2.0), rng.uniform(-0.6, 0.6, size=(200, 3))
+    sphere, way = Round(np.array([0.0, 0.0, 2.0]), 2.0), rng.uniform(-0.6, 0.6, size=(1000, 3))
     way[:, 2] = -1.0
     way /= np.linalg.norm(way, axis=1)[:, None]
-    x = [0, 0, 2] + way * rng.uniform(1.7, 1.9, size=(200, 1))
+    x = [0, 0, 2] + way * rng.uniform(1.7, 1.9, size=(1000, 1))
     wanted, outward, _ = sphere.gap(x)
     errors = []
-    for count in (8, 32):
+    for count in (16, 64):
         points, bricks = cap(2.0, count, 45.0)
         gap, normal, slope = facets_of(points, "C3D8", bricks, 0).gap(x)
         assert (gap - wanted).min() > -1e-12
@@ -49,7 +49,8 @@ def test_a_meshed_sphere_is_nearly_round(rng):
         assert not slope.any()
         errors.append((gap - wanted).mean())
     assert errors[0] > 1e-3
-    assert errors[0] / errors[1] == pytest.approx(16, rel=0.2)
+    # 20 seeds: 16.22, of which 0.22 is of the next order, with a standard deviation of 0.15 by the places: 5 of them
+    assert errors[0] / errors[1] == pytest.approx(16, abs=0.22 + 5 * 0.15)
 
 
 @pytest.mark.parametrize("count", [2, 12], ids=["all facets", "the nearest"])

@@ -27,18 +27,19 @@ def pressed(mesh, points, shorter, steps):
     return u.reshape(points.shape), np.linalg.eigvalsh(stiffness[np.ix_(free, free)])[0]
 
 
+@pytest.mark.parametrize("wide, along, steps", [(1.0, 12, 5), (0.5, 24, 20)])
 @pytest.mark.parametrize("shorter", [1.2, 1.6])
-def test_a_column_buckles(shorter):
+def test_a_column_buckles(shorter, wide, along, steps):
     """Without turning round, it stays nearly straight: an equilibrium, but not a stable one.
 
     Euler's elastica of a clamped column of length l: shorter by 2 l (1 - E/K) and to the side by k l / K, with elliptic
     integrals of modulus k, after it got shorter straight on by P / E A (with Timoshenko's softening by shear).
     """
-    wide, high = 1.0, 8.0
-    mesh = layered_block(wide, [("a", high)], 2, 12, "CPE8", origin=(-wide / 2, 0.0))
+    high = 8.0
+    mesh = layered_block(wide, [("a", high)], 2, along, "CPE8", origin=(-wide / 2, 0.0))
     points = mesh.points.copy()
     points[:, 0] += 0.01 * np.sin(np.pi * points[:, 1] / high)
-    u, least = pressed(mesh, points, shorter, 5)
+    u, least = pressed(mesh, points, shorter, steps)
     assert least > 0
     shear = 2 * RUBBER.c10
     euler = 4 * np.pi**2 * 4 * shear * wide**3 / 12 / high**2
@@ -51,4 +52,6 @@ def test_a_column_buckles(shorter):
             (k, large) if 2 * length * (1 - ellipe(k**2) / ellipk(k**2)) < shorter - high * straight else (low, k)
         )
     middle = (points[:, 1] == high / 2) & (np.abs(mesh.points[:, 0]) < 1e-12)
-    assert abs(u[middle, 0]).max() == pytest.approx(length * k / ellipk(k**2), rel=0.12)
+    # a beam's theory leaves out the square of its slenderness, here 5.6 times that of the thinner one (2.2 % at most), and
+    # on 4 x 24 elements 8.3 times that of the wider one
+    assert abs(u[middle, 0]).max() == pytest.approx(length * k / ellipk(k**2), rel=10 * (wide / high) ** 2)

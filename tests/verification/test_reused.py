@@ -4,6 +4,7 @@ import pytest
 import yaml
 from blocks import STUDY
 from conftest import all_rounds
+from seeds import seed_of
 
 from fingerfit import layout
 from fingerfit.climb import add
@@ -30,7 +31,7 @@ fit:
   replicates: 20
   stages:
     - {name: grid, kind: grid, points: 3}
-"""
+""".replace("replicates: 20", f"replicates: 20\n  seed: {seed_of(1)}")
 
 
 def write_steps(folder, forces):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from seeds import seed_of
 
 from fingerfit import layout
 from fingerfit.experiment import run_experiment
@@ -44,7 +45,7 @@ DESCRIPTION = {
         "pictured": [1, 2, 3, 4],
     },
     "noise": {"force": 0.003, "displacement": 0.01},
-    "seed": 5,
+    "seed": seed_of(5),
     "effects": {"tilt": {"slope": SLOPE}},
 }
 CONFIG = {
@@ -61,6 +62,7 @@ CONFIG = {
         "score": "nmi",
         "bins": 16,
         "replicates": 20,
+        "seed": seed_of(1),
         "steps": [2, 4],
         "stages": [
             {"name": "grid", "kind": "grid", "points": 3},

@@ -16,6 +16,7 @@ from figures import (
     images,
     recorded,
 )
+from seeds import seed_of
 
 from fingerfit.cli import main
 from fingerfit.data import Data
@@ -51,7 +52,7 @@ DESCRIPTION = {
         "pictured": [1, 2],
     },
     "noise": {"force": 0.002, "displacement": 0.005},
-    "seed": 3,
+    "seed": seed_of(3),
     "study": {"pictures": {"resize": [38, 36, 34], "gaussian": 0.8}},
 }
 CONFIG = {
@@ -64,6 +65,7 @@ CONFIG = {
     "fit": {
         "score": "ssd",
         "replicates": 20,
+        "seed": seed_of(1),
         "max_evaluations": 14,
         "stages": [
             {"name": "grid", "kind": "grid", "points": 5},

@@ -19,6 +19,7 @@ import pytest
 import yaml
 from figures import check_deformed, check_forces, check_pictures, check_search, recorded
 from matplotlib.image import imread
+from seeds import seed_of
 
 from fingerfit.data import Data
 from fingerfit.experiment import run_experiment
@@ -53,7 +54,7 @@ DESCRIPTION = {
         "pictured": [1, 2],
     },
     "noise": {"force": 0.001, "displacement": 0.01},
-    "seed": 3,
+    "seed": seed_of(3),
 }
 CONFIG = {
     "study": "study",
@@ -69,6 +70,7 @@ CONFIG = {
         "score": "nmi",
         "bins": 16,
         "replicates": 20,
+        "seed": seed_of(1),
         "stages": [
             {"name": "grid", "kind": "grid", "points": 3},
             {"name": "independent", "kind": "independent", "tolx": 1e-2, "tolf": 1e-2},
@@ -273,6 +275,25 @@ def test_killed_at_random_moments_and_called_again(made, tmp_path, kills):
     rng = random.Random(kills)
     rounds = read_json(made / "results/study/base/estimate.json")["search"]["rounds"]
     groups = []
+    rng = random.Random(seed_of(seed))
+    number = rng.randrange(-1, read_json(made / "results/study/base/estimate.json")["search"]["rounds"])
+    delay, orphans = rng.uniform(0.0, 1.5), rng.random() < 0.3
+    with (tmp_path / "log").open("wb") as log:
+        running = subprocess.Popen(command(), cwd=place, stdout=log, stderr=log, start_new_session=True)
+        try:
+            deadline = time.monotonic() + 120
+            while number >= 0 and not (place / f"results/study/base/rounds/{number}.json").exists():
+                assert running.poll() is None, (tmp_path / "log").read_text(encoding="utf-8")
+                assert time.monotonic() < deadline
+                time.sleep(0.02)
+            time.sleep(delay)
+            assert running.poll() is None, "the run ended before it was killed"
+        finally:
+            running.kill()
+            running.wait()
+            if not orphans:
+                _kill_group(running.pid)
+    assert not (place / "results/study/base/figures/pictures.png").exists()
     try:
         for n, number in enumerate(sorted(rng.choices(range(-1, rounds), k=kills))):
             # what follows the last round is the start of two programs, half a second at least
