@@ -34,7 +34,7 @@ def simulate(args: argparse.Namespace) -> None:
     from fingerfit.solvers.registry import get_solver
 
     wanted = read_json(args.solver)
-    solver = get_solver(wanted["name"])
+    solver = get_solver(wanted["name"], args.time_limit or None)
     found = solver.identity()
     if {key: wanted.get(key) for key in found} != found:
         raise StateError(f"{args.solver}: asks for {wanted}; here is {found}: run the workflow again")
