@@ -46,41 +46,57 @@ def refuse_depth(study: Study, mesh: Mesh) -> None:
         raise Problems(problems)
 
 
-def refuse_magnitudes(settings: Settings, study: Study, mesh: Mesh, where: Path | str = CONFIG) -> None:
-    """Refuse force and displacement that no shear modulus near the bounds could join.
+def needed_modulus(study: Study, sizes: np.ndarray, force: float, displacement: float) -> float:
+    """Shear modulus in MPa that joins a force and a displacement, roughly.
 
     A flat face on a block of width w and height h needs the force F = c mu A d / h, with c = 3 in space and 4 in plane
     strain, and (1 + 2 S^2) or (1 + S^2) times that where it is glued, S being the pressed over the free area (Gent and
-    Lindley 1959, Proc. Inst. Mech. Eng. 173). A body that is pressed on a part of its face needs a higher modulus,
-    which is not held against small forces.
+    Lindley 1959, Proc. Inst. Mech. Eng. 173).
 
-    Raises
-    ------
-    InputError
-        When the modulus is further outside the bounds than the smallest slip of units, with the numbers.
+    Parameters
+    ----------
+    study : Study
+    sizes : ndarray, shape (dim,)
+        Extents of the body, mm; the last one is along the load.
+    force, displacement : float
+        N and mm, above 0.
     """
-    known = [s for s in study.steps if s.force and s.displacement]
-    bounds = list(_bounds(settings, study))
-    if not known or not bounds or not study.body.thick:
-        return
-    step = max(known, key=lambda s: s.displacement or 0.0)
-    force, moved = step.force or 0.0, step.displacement or 0.0
-    *across, height = map(float, np.ptp(mesh.body, axis=0))
-    if mesh.dim == 2:
+    *across, height = map(float, sizes)
+    if len(sizes) == 2:
         area, factor, shape = across[0] * study.thickness, 4.0, (across[0] / (2 * height)) ** 2
     else:
         area, factor = across[0] * across[1], 3.0
         shape = 2 * (area / (2 * sum(across) * height)) ** 2
     if study.indenter == "glued" and study.base == "held":
         factor *= 1 + shape
-    needed = force * height / (area * moved * factor)
+    return force / area / (displacement / height) / factor
+
+
+def refuse_magnitudes(settings: Settings, study: Study, mesh: Mesh, where: Path | str = CONFIG) -> None:
+    """Refuse forces and displacements that no shear modulus near the bounds could join, by the largest of both.
+
+    A body of the user's mesh may be pressed on a part of its face only, and needs a higher modulus then: so small
+    forces are not held against it.
+
+    Raises
+    ------
+    InputError
+        When the modulus is further outside the bounds than the smallest slip of units, with the numbers.
+    """
+    force, moved = (
+        max((getattr(s, name) or 0.0 for s in study.steps), default=0.0) for name in ("force", "displacement")
+    )
+    bounds = list(_bounds(settings, study))
+    if not force or not moved or not bounds or not study.body.thick:
+        return
+    needed = needed_modulus(study, np.ptp(mesh.body, axis=0), force, moved)
     low, high = min(low for low, _ in bounds), max(high for _, high in bounds)
     whole = study.body.mesh is None
     if needed > SLIP * high or (whole and needed < low / SLIP):
         side, bound = ("end at", high) if needed > high else ("begin at", low)
-        found = f"force {force:.4g} N at {moved:.4g} mm, for which mu would be about {needed:.2g} MPa"
-        expected = f"force and displacement for bounds that {side} {bound:g} MPa ({where}); look at units"
-        raise InputError(study.path, f"steps, step {step.number}", found, expected)
+        found = f"up to {force:.4g} N and {moved:.4g} mm, for which mu would be about {needed:.2g} MPa"
+        expected = f"forces and displacements for bounds that {side} {bound:g} MPa ({where}); look at units"
+        raise InputError(study.path, "steps", found, expected)
 
 
 def _bounds(settings: Settings, study: Study) -> Iterator[tuple[float, float]]:
