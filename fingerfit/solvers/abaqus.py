@@ -118,12 +118,15 @@ class AbaqusSolver:
             except InputError as error:
                 raise SolverError(f"{what}: deck.fil: damaged: {error.field}: found {error.found}") from None
         complete = [increment for increment in found if _ended(increment, read)]
-        if code == 0 and len(complete) < len(read.steps):
+        lacking = len(complete) < len(read.steps)
+        if lacking and not diverged:
             raise SolverError(f"{what}: deck.fil: damaged: {len(complete)} of {len(read.steps)} steps are in it")
         stopped = _last_step(status)
-        if code > 0 and stopped is not None and stopped != len(complete) + 1:
+        if diverged and stopped is not None and stopped != len(complete) + 1:
             held = f"{len(complete)} steps are in it, no equilibrium was found in step {stopped}"
             raise SolverError(f"{what}: deck.fil: damaged: {held}")
+        if diverged and not lacking:
+            raise SolverError(f"{what}: {_reason(said, code)}, though all steps are in deck.fil")
         if [increment.step for increment in complete] != list(range(1, len(complete) + 1)):
             raise SolverError(f"{what}: deck.fil: damaged: a step is missing")
         return _outcome(complete, read, what)

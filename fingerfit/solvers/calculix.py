@@ -120,7 +120,8 @@ class CalculixSolver:
         elif code > 0 and stopped is not None:
             reached = stopped - 1
         else:
-            raise SolverError(f"{what}: {reason(output) or f'{ended(code)}, no results'}")
+            left = "and it does not say that it finished" if text else "no results"
+            raise SolverError(f"{what}: {reason(output) or f'{ended(code)}, {left}'}")
         ends = list(accumulate(step.period for step in read.steps))
         tables = read_dat(text, ends, _wanted(read).values(), what)
         if any(tables[reached:]):

@@ -61,6 +61,25 @@ class TestCalculix(ExternalSolverConformance):
         return Format("deck.dat", lambda text: text.splitlines(keepends=True), "".join, row, piece)
 
 
+def test_a_full_disk_is_no_answer(tmp_path, needs_ccx, monkeypatch):
+    """A limit of 4 kB for each file stands for it: CalculiX goes on, and ends with 0."""
+    (tmp_path / "ccx").write_text(f"#!/bin/sh\ntrap '' XFSZ\nulimit -f 8\n{shutil.which('ccx')} \"$@\"\n")
+    (tmp_path / "ccx").chmod(0o755)
+    monkeypatch.setenv("FINGERFIT_CCX", str(tmp_path / "ccx"))
+    work = tmp_path / "work"
+    work.mkdir()
+    with pytest.raises(SolverError, match=r"deck\.inp: (damaged|exit code 0)"):
+        CalculixSolver().solve(write_block(tmp_path, "displacement", [0.5, 1.0, 1.5]), work)
+    assert not list(work.iterdir())
+
+
+def test_as_many_increments_as_a_deck_allows_are_an_answer(tmp_path, needs_ccx):
+    deck = write_block(tmp_path, "force", [0.5, 5.0])
+    deck.write_text(deck.read_text().replace("INC=1000", "INC=2"))
+    outcome = CalculixSolver().solve(deck, tmp_path)
+    assert (outcome.status, outcome.steps) == ("diverged", 1)
+
+
 def test_calculix_iterates_as_far_as_it_is_told(write_deck, tmp_path, needs_ccx):
     """The adapter's own residual, CalculiX's, and that of a deck that says so itself."""
     deck, _ = write_deck(phantom("displacement", [0.5, 1.5, 2.5, 3.5]))
