@@ -13,6 +13,7 @@ from fingerfit.effects.sense import unmet
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh import Mesh
+from fingerfit.plausible import refuse_magnitudes
 from fingerfit.prepare import make_mesh, prepare
 from fingerfit.settings import Settings, load_settings
 from fingerfit.settings_check import changes_the_deck, check_against_study, check_effects
@@ -43,6 +44,7 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
     mesh = make_mesh(study, settings.model.mesh)
     check_effects(settings, study, mesh, config)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
+    refuse_magnitudes(settings, study, mesh, config)
     lines = [
         f"{study_path(path)}: {study.title}",
         f"control: {study.control}; base {study.base}, indenter {study.indenter}",
@@ -64,6 +66,7 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
             f" noise {100 * data.picture_noise:.2g} % of the brightest"
         )
         lines += ["prepared, in this order:", *(f"  {line}" for line in data.history.splitlines())]
+    lines += [f"remark: {line}" for line in data.remarks.splitlines()]
     lines += own_effects(settings, study, mesh)
     lines.append(_identifiable(study, bool(len(data.measured)), settings.fit.score))
     if picture is not None and len(data.measured):

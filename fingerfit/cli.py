@@ -92,6 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--solver", type=Path, required=True)
     sub.add_argument("--out", type=Path, required=True)
     sub.add_argument("--threads", type=int, default=1)
+    sub.add_argument("--time-limit", type=int, default=0, help="seconds; 0: the solver's own")
 
     sub = command("prepare", "read the measurements and make the meshes (for the workflow)")
     sub.add_argument("settings", type=Path)

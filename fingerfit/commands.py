@@ -34,7 +34,7 @@ def simulate(args: argparse.Namespace) -> None:
     from fingerfit.solvers.registry import get_solver
 
     wanted = read_json(args.solver)
-    solver = get_solver(wanted["name"])
+    solver = get_solver(wanted["name"], args.time_limit or None)
     found = solver.identity()
     if {key: wanted.get(key) for key in found} != found:
         raise StateError(f"{args.solver}: asks for {wanted}; here is {found}: run the workflow again")
@@ -47,6 +47,7 @@ def prepare(args: argparse.Namespace) -> None:
     """Read and check the study, smooth and scale its pictures, make its meshes."""
     from fingerfit.files import write_text
     from fingerfit.mesh_io import format_mesh
+    from fingerfit.plausible import refuse_magnitudes
     from fingerfit.prepare import make_mesh, prepare
     from fingerfit.settings import load_settings
     from fingerfit.settings_check import check_against_study, check_effects
@@ -58,6 +59,9 @@ def prepare(args: argparse.Namespace) -> None:
     mesh = make_mesh(study, settings.model.mesh)
     check_effects(settings, study, mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
+    refuse_magnitudes(settings, study, mesh)
+    for remark in data.remarks.splitlines():
+        print(f"{study.path}: remark: {remark}", flush=True)
     write_text(args.mesh, format_mesh(mesh))
     if args.refined:
         write_text(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))

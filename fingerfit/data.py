@@ -54,6 +54,8 @@ class Data:
         Standard deviation of a factor common to all measured forces.
     history : str
         What was done to the pictures, in words, one step a line.
+    remarks : str
+        What looks wrong in the measurements and is no error, one a line.
     """
 
     step: np.ndarray
@@ -80,6 +82,7 @@ class Data:
     frame_noise: float = 0.0
     force_gain: float = 0.0
     history: str = ""
+    remarks: str = ""
 
     def save(self, path: Path) -> None:
         """Write to .npz, whole or not at all; not compressed, because every round reads it and noise stays as large."""

@@ -46,7 +46,10 @@ class Problems(FingerfitError):
 
 
 class SolverError(FingerfitError):
-    """The solver could not be run at all (missing executable, licence, time limit): not a diverged guess."""
+    """The solver could not be run at all (missing executable, licence, time limit), or what it left is damaged.
+
+    Not a diverged guess, which is an answer and is kept: this stops the fit, and nothing is kept.
+    """
 
 
 class StateError(FingerfitError):

@@ -52,7 +52,7 @@ _FIT = (
     "templates.py",
 )
 SOURCES: dict[str, tuple[str, ...]] = {
-    "prepare": (*_READ, *_MESH, "pictured.py", "prepare.py"),
+    "prepare": (*_READ, *_MESH, "pictured.py", "plausible.py", "prepare.py"),
     "propose": (*_FIT, "search", "uncertainty.py"),
     "estimate": (*_FIT, "report.py", "uncertainty.py"),
     "plot": (*_FIT, "plots.py", "slices.py", "volumes.py"),
@@ -66,6 +66,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "findings.py",
         "judge.py",
         "pictured.py",
+        "plausible.py",
         "prepare.py",
         "residual.py",
         "simulate.py",

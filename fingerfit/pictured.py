@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.imaging.content import constant, out_of_order, repeated
 from fingerfit.imaging.noise import estimate_noise, noise_of_repeats
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.imaging.preprocess import noise_after_resizing, resize, scale_of, smooth
@@ -16,6 +17,8 @@ from fingerfit.imaging.warp import backward_map, spline_coefficients
 from fingerfit.mesh import Mesh
 from fingerfit.study import Study
 
+_PIXELS = 2
+"""Across the body, along each axis: in fewer no difference of pixels inside it could show a deformation."""
 _LEAST = 0.5
 """Share of a mesh that must lie in the pictures."""
 
@@ -40,6 +43,8 @@ class Prepared:
         Standard deviation of the Gaussian, pixels.
     history : str
         What was done, in words, one step a line.
+    remarks : list of str
+        What looks wrong in them, in words.
     """
 
     before: Picture
@@ -49,6 +54,7 @@ class Prepared:
     background: float
     smooth: float
     history: str
+    remarks: list[str]
 
 
 def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, crop: float) -> Prepared | None:
@@ -86,12 +92,15 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
         return None
     before, pictures = found
     _check_place(study, mesh, before)
+    part = trimmed(before)
+    _check_content(study, used, part, pictures)
     sigma = sigma if chain.gaussian is None else chain.gaussian
     low, size = scale_of(before.values) if chain.scale else (0.0, 1.0)
     if not chain.scale and not -0.5 <= before.values.min() <= before.values.max() <= 1.5:
         spread = f"off, with intensities from {before.values.min():.4g} to {before.values.max():.4g}"
         raise InputError(study.path, "pictures.scale", spread, "range, or pictures with intensities from 0 to 1")
     noise = _noise(study, mesh, before)
+    remarks = _order_remarks(study, used, part, pictures, noise)
 
     def prepared(part: Picture) -> Picture:
         picture = part if chain.resize is None else resize(part, chain.resize)
@@ -99,7 +108,6 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
         values = ((picture.values - low) / size).astype(np.float32 if picture.dim == 3 else np.float64)
         return Picture(values, picture.spacing, picture.origin, picture.direction)
 
-    part = trimmed(before)
     said.append(_words_of_trim(study, before, part, crop))
     if chain.resize is not None:
         noise *= noise_after_resizing(part, chain.resize)
@@ -120,6 +128,7 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
         background=float(np.median(values[empty])) if empty.any() else float(values.min()),
         smooth=sigma,
         history="\n".join(said),
+        remarks=remarks,
     )
 
 
@@ -174,13 +183,61 @@ def _noise(study: Study, mesh: Mesh, before: Picture) -> float:
         return given
     if isinstance(given, tuple) and study.before is not None:
         again = _like(before, study.before.name, given, lambda picture: picture)
+        same = repeated([before.values, *(one.values for one in again)])
+        if same is not None:
+            first, second = ([study.before, *given][n] for n in same)
+            raise InputError(
+                second, "picture", f"the pixels of {first.name}", "a repetition, which has noise of its own"
+            )
         return noise_of_repeats([one.values for one in (before, *again)], covers(mesh, before))
     return estimate_noise(before.values, _empty(before, mesh))
 
 
+def _check_content(study: Study, used: list[int], before: Picture, pictures: list[Picture]) -> None:
+    """Refuse pictures without contrast where they are compared, and the same picture twice."""
+    paths = [path for path in (study.before, *(study.steps[index].picture for index in used)) if path is not None]
+    parts = [before.values, *(picture.values for picture in pictures)]
+    problems: list[FingerfitError] = [
+        InputError(path, "picture", found, "a picture that shows the body")
+        for path, values in zip(paths, parts, strict=True)
+        if (found := constant(values))
+    ]
+    same = repeated(parts) if not problems else None
+    if same is not None:
+        first, again = same
+        found = f"the pixels of {paths[first].name}"
+        problems.append(InputError(paths[again], "picture", found, "a picture of its own for each step"))
+    if problems:
+        raise Problems(problems)
+
+
+def _order_remarks(study: Study, used: list[int], before: Picture, pictures: list[Picture], noise: float) -> list[str]:
+    """Whether pictures become less like the one before compression as the prescribed quantity grows."""
+    load = np.array([getattr(study.steps[index], study.control) for index in used], dtype=float)
+    given = getattr(study.noise, study.control)
+    spread = given if isinstance(given, float) else 0.0
+    found = out_of_order(before.values, [picture.values for picture in pictures], load, noise, spread)
+    if found is None or study.before is None:
+        return []
+    less, more = (study.steps[used[n]] for n in found)
+    unit = {"force": "N", "displacement": "mm"}[study.control]
+    sizes = [f"{getattr(step, study.control):.4g} {unit}" for step in (more, less)]
+    names = [f"{step.picture.name} (step {step.number})" for step in (more, less) if step.picture]
+    return [
+        f"{names[0]} at {sizes[0]} is more like {study.before.name} than {names[1]} at {sizes[1]}, by more than noise"
+        " explains: are pictures swapped?"
+    ]
+
+
 def _check_place(study: Study, mesh: Mesh, before: Picture) -> None:
-    """Refuse a mesh that lies beside the pictures, or for the most part."""
+    """Refuse a mesh that lies beside the pictures, or for the most part, or in so few pixels that they show nothing."""
     index, size = before.to_index(mesh.body), np.array(before.values.shape[::-1])
+    across = np.ptp(index, axis=0)
+    if across.min() < _PIXELS:
+        found = " x ".join(f"{n:.3g}" for n in across) + " pixels for the whole body"
+        raise InputError(
+            study.before or "", "picture", found, f"{_PIXELS} or more along each axis; look at its unit of length"
+        )
     inside = ((index > -0.5) & (index < size - 0.5)).all(axis=1).mean()
     if inside >= _LEAST and covers(mesh, before).any():
         return

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 from fingerfit.data import Data
@@ -12,6 +15,7 @@ from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import read_mesh
 from fingerfit.meshing import brick, layered_block
 from fingerfit.pictured import Prepared, prepare_pictures
+from fingerfit.plausible import falls, refuse_depth
 from fingerfit.settings import MeshSettings
 from fingerfit.study import ESTIMATED, Study
 
@@ -116,6 +120,10 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
                                        f"steps of the study, {numbers[0]} to {numbers[-1]}"))  # fmt: skip
     prepared = None
     try:
+        refuse_depth(study, mesh)
+    except Problems as error:
+        problems += error.problems
+    try:
         prepared = prepare_pictures(study, mesh, used, sigma, crop)
     except Problems as error:
         problems += error.problems
@@ -130,16 +138,16 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     nothing = np.zeros((0,) * mesh.dim)
     if prepared is None:
         place = Picture(nothing, np.ones(mesh.dim), np.zeros(mesh.dim), np.eye(mesh.dim))
-        prepared = Prepared(place, nothing, np.zeros((0, *nothing.shape)), 0.0, 0.0, sigma, "")
+        prepared = Prepared(place, nothing, np.zeros((0, *nothing.shape)), 0.0, 0.0, sigma, "", [])
         used = []
 
     def column(name: str) -> np.ndarray:
         return np.array([np.nan if getattr(s, name) is None else getattr(s, name) for s in study.steps])
 
-    measured_beside = {name: column(name) for name in ("force", "displacement")}
+    measured_beside: dict[str, Any] = {name: column(name) for name in ("force", "displacement")}
     if not pictured:
         measured_beside["displacement" if study.control == "force" else "force"][~chosen] = np.nan
-    return Data(
+    data = Data(
         step=np.array(numbers),
         **measured_beside,
         control=study.control,
@@ -164,6 +172,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         force_gain=study.noise.force_gain,
         history=prepared.history,
     )
+    return replace(data, remarks="\n".join([*prepared.remarks, *falls(data)]))
 
 
 def _noise(study: Study, name: str, values: np.ndarray, against: np.ndarray) -> float:

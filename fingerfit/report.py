@@ -58,7 +58,12 @@ def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | 
             "names": names,
             "matrix": np.round(found.correlation, 4).tolist(),
         },
-        "remarks": [*found.remarks, *_mesh_remarks(fit, mesh), *_thickness_remarks(fit)],
+        "remarks": [
+            *found.remarks,
+            *_mesh_remarks(fit, mesh),
+            *_thickness_remarks(fit),
+            *(f"measurements: {line}" for line in fit.data.remarks.splitlines()),
+        ],
         "score": {
             "kind": settings.fit.score,
             "search": last.best["score"],

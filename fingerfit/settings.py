@@ -150,6 +150,13 @@ class Settings(Choices, _Strict):
     study: str = Field(pattern=PLAIN, description="Folder of the study.")
     results: str = Field(default="results", pattern=PLAIN, description="Folder of all results.")
     solver: str = Field(default="builtin", description="builtin, calculix, abaqus, or another one that is installed.")
+    time_limit: int | None = Field(
+        default=None,
+        ge=1,
+        description="Time for one simulation of a solver that runs a program, in s: a longer one is ended and stops the"
+        " fit with an error, and no answer is kept. Left out: 3600 for calculix, 14400 for abaqus (waiting for a"
+        " licence included). It changes no answer, so that another limit makes nothing run again.",
+    )
     model: ModelSettings = Field(description="The model of the body.")
     fit: FitSettings = Field(description="How the model is fitted.")
 

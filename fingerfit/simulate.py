@@ -47,7 +47,7 @@ def solve_missing(fit: Fit, asked: Sequence[Asked], threads: int) -> int:
     batch = [a for a in asked if not (fit.sims / a.sim / "solution.npz").exists()]
     meshes = {fit.mesh_names[name]: path for name, path in fit.mesh_files.items()}
     missing = write_folders(fit.sims.parent, batch, fit.solver, meshes)
-    solve = functools.partial(_solve, fit.sims, fit.settings.solver)
+    solve = functools.partial(_solve, fit.sims, fit.settings.solver, fit.settings.time_limit)
     if threads < 2 or len(missing) < 2:
         for sim in missing:
             solve(sim)
@@ -57,9 +57,9 @@ def solve_missing(fit: Fit, asked: Sequence[Asked], threads: int) -> int:
     return len(missing)
 
 
-def _solve(sims: Path, solver: str, sim: str) -> None:
+def _solve(sims: Path, solver: str, limit: int | None, sim: str) -> None:
     folder = sims / sim
-    get_solver(solver).solve(folder / "deck.inp", folder, 1).save(folder / "solution.npz")
+    get_solver(solver, limit).solve(folder / "deck.inp", folder, 1).save(folder / "solution.npz")
 
 
 def run_fit(fit: Fit, threads: int) -> tuple[Round, int]:

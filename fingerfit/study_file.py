@@ -279,6 +279,8 @@ def _step(
             problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
         elif column != "time" and value < 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "0 or more: compression is positive"))
+        elif not math.isfinite(value * sizes[kind]):
+            problems.append(InputError(file, f"row {row}, {column}", text, "a number that is finite in N, mm and s"))
         elif column == "force_noise" and value == 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "a standard deviation above 0"))
         else:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.errors import FingerfitError, InputError
+from fingerfit.imaging.whole import refuse_damaged
 
 
 @dataclass(frozen=True)
@@ -78,13 +79,16 @@ def read_picture(path: Path) -> Picture:
     Raises
     ------
     InputError
-        When it is missing, cannot be read, or is not a picture of finite scalars in 2 or 3 dimensions.
+        When it is missing, cannot be read, is cut or damaged, or is not a picture of finite real scalars in 2 or 3
+        dimensions.
     """
     import SimpleITK as sitk
 
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     if not path.exists():
         raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
+    if not path.is_dir():
+        refuse_damaged(path)
     try:
         image = sitk.ReadImage(_series(path) if path.is_dir() else str(path))
     except RuntimeError as error:
@@ -92,6 +96,8 @@ def read_picture(path: Path) -> Picture:
         raise InputError(path, "picture", reason, "a picture that SimpleITK reads") from error
     if image.GetNumberOfComponentsPerPixel() != 1:
         raise InputError(path, "picture", f"{image.GetNumberOfComponentsPerPixel()} channels", "one channel")
+    if "complex" in image.GetPixelIDTypeAsString():
+        raise InputError(path, "picture", "complex intensities", "real ones: the magnitude, for example")
     values = sitk.GetArrayFromImage(image).astype(float)
     dim = image.GetDimension()
     spacing, origin = np.array(image.GetSpacing()), np.array(image.GetOrigin())
@@ -102,6 +108,9 @@ def read_picture(path: Path) -> Picture:
         spacing, origin, direction = spacing[:2], origin[:2], direction[:2, :2]
     if dim not in (2, 3):
         raise InputError(path, "picture", f"{dim} dimensions", "2 or 3")
+    if not all(np.isfinite(part).all() for part in (spacing, origin, direction)) or not (spacing > 0).all():
+        found = f"{spacing.tolist()}, origin {origin.tolist()}"
+        raise InputError(path, "spacing", found, "finite numbers, a spacing above 0")
     if not np.isfinite(values).all():
         raise InputError(path, "picture", "NaN or infinite intensities", "finite intensities")
     if np.abs(direction.T @ direction - np.eye(dim)).max() > 1e-3:
@@ -120,6 +129,13 @@ def _series(path: Path) -> Sequence[str]:
         found = f"{len(series)} DICOM series" if series else "a folder without a DICOM series"
         raise InputError(path, "picture", found, "one DICOM series")
     files = sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(path), series[0])
+    known = {Path(file).name for file in files}
+    endings = {Path(file).suffix for file in files}
+    # GDCM leaves out what it cannot read: a slice at the end would be missing without a gap
+    others = sorted(p.name for p in path.iterdir() if p.is_file() and p.name not in known and p.suffix in endings)
+    others = [name for name in others if not name.startswith(".") and name != "DICOMDIR"]
+    if others:
+        raise InputError(path, "slices", f"{others[0]}, which is no slice of the series", "whole slices of one series")
     reader, places = sitk.ImageFileReader(), []
     for file in files:
         reader.SetFileName(file)

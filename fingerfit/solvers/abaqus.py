@@ -20,16 +20,17 @@ from fingerfit.deck.cards import Card, read_cards
 from fingerfit.deck.content import Deck
 from fingerfit.deck.dialect import to_abaqus
 from fingerfit.deck.reader import read_deck
-from fingerfit.errors import SolverError
+from fingerfit.errors import InputError, SolverError
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.solvers.abaqus_fil import FilIncrement, read_fil
+from fingerfit.solvers.answer import by_node, check_balance, ended, verify
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 from fingerfit.solvers.needs import FEATURES, refuse_lacking, require_sets
 from fingerfit.solvers.process import LOG, run, write_cards
 
 COMMAND = "abaqus job={job} cpus={threads} interactive ask_delete=OFF"
 """Template of the command; a site changes it by FINGERFIT_ABAQUS, for example to go through a container."""
-ADAPTER = 2
+ADAPTER = 3
 """Part of the identity; raised when the adapter accepts other decks or reads something else, so that old answers go."""
 TIME_LIMIT = 4 * 3600.0
 """Seconds for one deck, licence included."""
@@ -38,6 +39,9 @@ _RESULTS = (
     Card(Path(), 0, "NODE FILE", {"FREQUENCY": "9999"}, [(0, "U, RF")]),
 )
 """Asked for at the end of every step."""
+RESIDUAL = 0.01
+"""Share of the nodal forces that may be left without balance: by default ABAQUS stops at 0.5 % of the mean force
+(Analysis User's Guide, 7.2.3), here of a sum, to which each node may add with either sign; twice that."""
 LACKS = frozenset({"*DLOAD", "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN"})
 """What pressures push is not read back, so that the indenter's force would be wrong; strain without stress is
 CalculiX's."""
@@ -92,7 +96,7 @@ class AbaqusSolver:
         InputError
             For what it lacks.
         SolverError
-            When it cannot be run, has no licence, or refuses the deck.
+            When it cannot be run, has no licence, refuses the deck, or leaves a damaged answer.
         """
         command = self._arguments(threads)
         cards, read = self._cards(deck)
@@ -105,13 +109,27 @@ class AbaqusSolver:
                 waiting = _waits(_text(folder / LOG) + _text(folder / "deck.log"))
                 raise SolverError(f"{error}, while it waited for a licence: {waiting}" if waiting else error) from None
             said = output + "".join(_text(folder / f"deck.{end}") for end in ("msg", "dat", "sta"))
-            results = folder / "deck.fil"
-            found = read_fil(results).last() if results.exists() and results.stat().st_size else []
-        diverged = any(sign in said.upper() for sign in _DIVERGED)
+            what, results, status = f"abaqus: {deck}", folder / "deck.fil", _text(folder / "deck.sta")
+            diverged = any(sign in said.upper() for sign in _DIVERGED)
+            if code < 0 or (code > 0 and not diverged):
+                raise SolverError(f"{what}: {_reason(said, code)}")
+            try:
+                found = read_fil(results).last() if results.exists() and results.stat().st_size else []
+            except InputError as error:
+                raise SolverError(f"{what}: deck.fil: damaged: {error.field}: found {error.found}") from None
         complete = [increment for increment in found if _ended(increment, read)]
-        if len(complete) < len(read.steps) and not diverged:
-            raise SolverError(f"abaqus: {deck}: {_reason(said, code)}")
-        return _outcome(complete, read)
+        lacking = len(complete) < len(read.steps)
+        if lacking and not diverged:
+            raise SolverError(f"{what}: deck.fil: damaged: {len(complete)} of {len(read.steps)} steps are in it")
+        stopped = _last_step(status)
+        if diverged and stopped is not None and stopped != len(complete) + 1:
+            held = f"{len(complete)} steps are in it, no equilibrium was found in step {stopped}"
+            raise SolverError(f"{what}: deck.fil: damaged: {held}")
+        if diverged and not lacking:
+            raise SolverError(f"{what}: {_reason(said, code)}, though all steps are in deck.fil")
+        if [increment.step for increment in complete] != list(range(1, len(complete) + 1)):
+            raise SolverError(f"{what}: deck.fil: damaged: a step is missing")
+        return _outcome(complete, read, what)
 
     def _cards(self, path: Path) -> tuple[list[Card], Deck]:
         """The deck for ABAQUS, and what it says."""
@@ -134,6 +152,12 @@ class AbaqusSolver:
         return [program, *parts[1:]]
 
 
+def _last_step(status: str) -> int | None:
+    """Step of the last attempt in the .sta file, whose lines begin with step, increment and attempt."""
+    rows = re.findall(r"^\s*(\d+)\s+\d+\s+\d+U?\s", status, re.MULTILINE)
+    return int(rows[-1]) if rows else None
+
+
 def _ended(increment: FilIncrement, deck: Deck) -> bool:
     """Whether an increment is the end of its step."""
     if increment.step > len(deck.steps) or "U" not in increment.nodal:
@@ -142,7 +166,7 @@ def _ended(increment: FilIncrement, deck: Deck) -> bool:
     return abs(increment.time - end) < 1e-6 * max(end, 1.0)
 
 
-def _outcome(found: list[FilIncrement], deck: Deck) -> Outcome:
+def _outcome(found: list[FilIncrement], deck: Deck, what: str) -> Outcome:
     dim, nodes = deck.mesh.dim, len(deck.mesh.points)
     base, indenter = deck.mesh.node_sets["BOTTOM"], deck.mesh.node_sets["INDENTER"]
     # a deck of parts is numbered anew by ABAQUS, in the order of its instances
@@ -150,12 +174,18 @@ def _outcome(found: list[FilIncrement], deck: Deck) -> Outcome:
     index = {label if flat else n + 1: n for n, (_, label) in enumerate(deck.labels)}
     displacement = np.zeros((len(found), nodes, dim))
     reaction = np.zeros((len(found), dim))
+    # nodes of no element, as those that only place a surface, have no results
+    used = {int(node) for block in deck.mesh.blocks for node in block.nodes.ravel()} | {int(indenter[0])}
     for step, increment in enumerate(found):
-        for label, values in increment.nodal["U"].items():
-            displacement[step, index[label]] = values[:dim]
-        forces = np.zeros((nodes, dim))
-        for label, values in increment.nodal.get("RF", {}).items():
-            forces[index[label]] = values[:dim]
+        read = {}
+        for name in ("U", "RF"):
+            table, where = increment.nodal.get(name, {}), f"{what}: {name} of step {step + 1}"
+            if any(len(values) < dim for values in table.values()):
+                raise SolverError(f"{where}: damaged: a node has less than {dim} components")
+            values = np.array([row[:dim] for row in table.values()]).reshape(-1, dim)
+            read[name] = by_node(list(table), values, index, used, where)
+        displacement[step], forces = read["U"], read["RF"]
+        check_balance(forces, deck, displacement[step], RESIDUAL, f"{what}: RF of step {step + 1}", applied=True)
         # equilibrium: base and springs hold what the indenter pushes, whose own nodes may follow one of them
         reaction[step] = -forces[base].sum(axis=0)
         for spring in deck.springs:
@@ -165,13 +195,13 @@ def _outcome(found: list[FilIncrement], deck: Deck) -> Outcome:
     message = f"{len(found)} steps"
     if status == DIVERGED:
         message = f"no equilibrium in step {len(found) + 1} of {len(deck.steps)}"
-    return Outcome(status, displacement, reaction, displacement[:, indenter[0]], message)
+    return verify(Outcome(status, displacement, reaction, displacement[:, indenter[0]], message), deck, what)
 
 
 def _reason(said: str, code: int) -> str:
     """Why it did not run, in one line."""
     error = re.search(r"\*\*\*\s*ERROR[^\n]*(?:\n\s+\S[^\n]*)?", said, re.IGNORECASE)
-    return _waits(said) or (" ".join(error.group(0).split()) if error else f"exit code {code}, no results")
+    return _waits(said) or (" ".join(error.group(0).split()) if error else f"{ended(code)}, no results")
 
 
 def _waits(said: str) -> str:

@@ -17,6 +17,7 @@ from fingerfit.errors import InputError
 
 Item = int | float | str
 
+_HEAD = 1921
 _ELEMENT, _NODE, _STEP_START, _STEP_END = 1900, 1901, 2000, 2001
 _NODAL = {101: "U", 104: "RF", 106: "CF", 107: "COORD"}
 
@@ -52,7 +53,7 @@ class FilResults:
     elements : dict
         Element label to its type and node labels.
     increments : list of FilIncrement
-        In the order of the file; those that were not finished are left out.
+        In the order of the file; each of them finished.
     """
 
     nodes: dict[int, np.ndarray]
@@ -123,22 +124,44 @@ def read_fil(path: Path) -> FilResults:
     Raises
     ------
     InputError
-        When it is not an ASCII results file or ends within a record.
+        When it is not an ASCII results file, ends within a record or an increment, or holds a node twice.
     """
     results = FilResults({}, {}, [])
     current: FilIncrement | None = None
-    for items in records(Path(path)):
-        key, rest = items[0], items[1:]
-        if key == _NODE:
-            results.nodes[int(rest[0])] = np.array(rest[1:], dtype=float)
-        elif key == _ELEMENT:
-            nodes = tuple(int(item) for item in rest[2:])
-            results.elements[int(rest[0])] = (str(rest[1]).strip(), nodes)
-        elif key == _STEP_START:
-            current = FilIncrement(int(rest[5]), int(rest[6]), float(rest[0]))
-        elif key == _STEP_END and current is not None:
-            results.increments.append(current)
-            current = None
-        elif key in _NODAL and current is not None:
-            current.nodal.setdefault(_NODAL[int(key)], {})[int(rest[0])] = np.array(rest[1:], dtype=float)
+    first: Item = _HEAD
+    for number, items in enumerate(records(Path(path)), 1):
+        first = items[0] if number == 1 else first
+        try:
+            current = _take(items, results, current)
+        except (IndexError, ValueError) as error:
+            reason = str(error) or "a record that is too short"
+            raise InputError(path, f"record {number}", reason, "nodes, elements and results, each once") from None
+    if first != _HEAD:
+        raise InputError(path, "record 1", f"one of key {first}", f"the one of the release, {_HEAD}")
+    if current is not None:
+        raise InputError(path, f"step {current.step}, increment {current.increment}", "no end", "a record of its end")
     return results
+
+
+def _take(items: list[Item], results: FilResults, current: FilIncrement | None) -> FilIncrement | None:
+    """Put a record where it belongs; returns the increment that is open after it."""
+    key, rest = items[0], items[1:]
+    if key == _NODE:
+        results.nodes[int(rest[0])] = np.array(rest[1:], dtype=float)
+    elif key == _ELEMENT:
+        nodes = tuple(int(item) for item in rest[2:])
+        results.elements[int(rest[0])] = (str(rest[1]).strip(), nodes)
+    elif key == _STEP_START:
+        if current is not None:
+            raise ValueError(f"a new increment in step {current.step}, increment {current.increment}")
+        current = FilIncrement(int(rest[5]), int(rest[6]), float(rest[0]))
+    elif key == _STEP_END and current is not None:
+        results.increments.append(current)
+        current = None
+    elif key in _NODAL and current is not None:
+        name = _NODAL[int(key)]
+        table = current.nodal.setdefault(name, {})
+        if int(rest[0]) in table:
+            raise ValueError(f"{name} of node {rest[0]} twice")
+        table[int(rest[0])] = np.array(rest[1:], dtype=float)
+    return current

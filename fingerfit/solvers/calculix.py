@@ -22,7 +22,8 @@ from fingerfit.deck.cards import Card, read_cards, squeeze
 from fingerfit.deck.content import Deck
 from fingerfit.deck.reader import read_deck
 from fingerfit.errors import SolverError
-from fingerfit.solvers.calculix_output import diverged, not_understood, read_dat, reason
+from fingerfit.solvers.answer import DIGITS, by_node, check_balance, counted_steps, ended, verify
+from fingerfit.solvers.calculix_output import diverged, finished, not_understood, read_dat, reason
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 from fingerfit.solvers.needs import FEATURES, refuse_lacking, require_sets
 from fingerfit.solvers.process import run, write_cards
@@ -46,7 +47,7 @@ LACKS = frozenset(
     }
 )
 """Of 2.20. Of some of these it only warns, and goes on without them; initial stress it takes by integration point."""
-ADAPTER = 2
+ADAPTER = 3
 """Part of the identity; raised when the adapter accepts other decks or reads something else, so that old answers go."""
 TIME_LIMIT = 3600.0
 """Seconds for one deck."""
@@ -95,7 +96,7 @@ class CalculixSolver:
         InputError
             For what it lacks.
         SolverError
-            When it cannot be run, refuses the deck or leaves a part of it out.
+            When it cannot be run, refuses the deck, leaves a part of it out, or leaves a damaged answer.
         """
         executable = _executable()
         read = self._read(deck)
@@ -113,11 +114,20 @@ class CalculixSolver:
         left_out = not_understood(output)
         if left_out:
             raise SolverError(f"calculix: {deck}: it does not know {left_out}, and went on without it")
+        what, stopped = f"calculix: {deck}", diverged(output)
+        if code == 0 and finished(output):
+            reached = len(read.steps)
+        elif code > 0 and stopped is not None:
+            reached = stopped - 1
+        else:
+            left = "and it does not say that it finished" if text else "no results"
+            raise SolverError(f"{what}: {reason(output) or f'{ended(code)}, {left}'}")
         ends = list(accumulate(step.period for step in read.steps))
-        found, silent = read_dat(text, ends, ("U ALL", f"RF {_pushed(read)}"))
-        if not found and not diverged(output):
-            raise SolverError(f"calculix: {deck}: {reason(output) or f'exit code {code}, no results'}")
-        return _outcome(found, read, len(read.steps) - silent)
+        tables = read_dat(text, ends, _wanted(read).values(), what)
+        if any(tables[reached:]):
+            raise SolverError(f"{what}: damaged: results of a step without equilibrium, {reached + 1}")
+        silent = len(read.steps) - len(counted_steps(read))
+        return _outcome(tables[silent:reached], read, what)
 
     def _read(self, path: Path) -> Deck:
         deck = read_deck(path)
@@ -126,21 +136,39 @@ class CalculixSolver:
         return deck
 
 
-def _outcome(found: list[dict[str, np.ndarray]], deck: Deck, wanted: int) -> Outcome:
+def _wanted(deck: Deck) -> dict[str, str]:
+    """Tables that are read back: displacements of all nodes, forces of those pushed, and of all, which must balance."""
+    return {"moved": "U ALL", "pushed": f"RF {_pushed(deck)}", "forces": "RF ALL"}
+
+
+def _outcome(found: list[dict[str, np.ndarray]], deck: Deck, what: str) -> Outcome:
     mesh, sets = deck.mesh, deck.mesh.node_sets
     # without what a deck adds to its mesh: rigid surfaces of elements
     dim, nodes = mesh.dim, int(sets["ALL"].max()) + 1 if "ALL" in sets else len(mesh.points)
     index = {label: n for n, (_, label) in enumerate(deck.labels)}
+    every = sets.get("ALL", np.arange(nodes)).tolist()
+    needed = {"moved": every, "pushed": sets[_pushed(deck)].tolist(), "forces": every}
     displacement = np.zeros((len(found), nodes, dim))
     reaction = np.zeros((len(found), dim))
     for step, tables in enumerate(found):
-        rows = tables["U ALL"]
-        displacement[step, [index[int(label)] for label in rows[:, 0]]] = rows[:, 1 : 1 + dim]
+        read = {}
+        for use, name in _wanted(deck).items():
+            if name not in tables:
+                raise SolverError(f"{what}: damaged: no table {name} of result {step + 1}")
+            rows = tables[name]
+            labels = rows[:, 0].astype(int).tolist()
+            read[use] = by_node(
+                labels, rows[:, 1 : 1 + dim], index, needed[use], f"{what}: {name} of result {step + 1}"
+            )
+        displacement[step] = read["moved"][:nodes]
+        check_balance(read["forces"], deck, read["moved"], DIGITS, f"{what}: RF ALL of result {step + 1}")
         # internal forces, also where nodes follow others or a force is given
-        reaction[step] = tables[f"RF {_pushed(deck)}"][:, 1 : 1 + dim].sum(axis=0)
+        reaction[step] = read["pushed"].sum(axis=0)
+    wanted = len(counted_steps(deck))
     status = CONVERGED if len(found) == wanted else DIVERGED
     message = f"{wanted} steps" if status == CONVERGED else f"no equilibrium in step {len(found) + 1} of {wanted}"
-    return Outcome(status, displacement, reaction, displacement[:, sets["INDENTER"][0]], message)
+    outcome = Outcome(status, displacement, reaction, displacement[:, sets["INDENTER"][0]], message)
+    return verify(outcome, deck, what)
 
 
 def _own_cards(cards: list[Card], deck: Deck, residual: float | None) -> Iterator[Card]:
@@ -160,7 +188,7 @@ def _own_cards(cards: list[Card], deck: Deck, residual: float | None) -> Iterato
         if name in ("STATIC", "VISCO") and residual is not None and not controlled:
             yield _card("CONTROLS", {"PARAMETERS": "FIELD"}, f"{residual:g}")
         if name == "ENDSTEP" and (silent or prints):
-            for nodes, what in [("ALL", "U")] * silent + [(_pushed(deck), "RF")]:
+            for nodes, what in [("ALL", "U")] * silent + [(_pushed(deck), "RF"), ("ALL", "RF")]:
                 yield _card("NODE PRINT", {"NSET": nodes, "FREQUENCY": "1000000"}, what)
         yield card
 

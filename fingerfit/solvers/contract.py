@@ -25,6 +25,7 @@ class Outcome:
         ``converged``, or ``diverged``: a guess without solution is an answer, not an error.
     displacement : ndarray, shape (steps, nodes, dim)
         In mm, at the end of each step that prints the nodes ALL (of each, where none does); nodes in the deck's order.
+        Of a diverged guess those steps that were reached.
     reaction : ndarray, shape (steps, dim)
         Force of the indenter on the body in N (negative along the second axis in compression).
     indenter : ndarray, shape (steps, dim)
@@ -33,6 +34,11 @@ class Outcome:
         Why it stopped, in one line.
     iterations : tuple of int
         Equilibrium iterations of each step.
+
+    Raises
+    ------
+    StateError
+        For another status, numbers that are not finite and shapes that do not belong together: never an answer.
     """
 
     status: str
@@ -41,6 +47,19 @@ class Outcome:
     indenter: np.ndarray
     message: str = ""
     iterations: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.status not in (CONVERGED, DIVERGED):
+            raise StateError(f"a solution of status {self.status}, which is neither {CONVERGED} nor {DIVERGED}")
+        shape = self.displacement.shape
+        if len(shape) != 3 or not self.reaction.shape == self.indenter.shape == (shape[0], shape[2]):
+            found = ", ".join(str(part.shape) for part in (self.displacement, self.reaction, self.indenter))
+            raise StateError(f"a solution of shapes {found}, which do not belong together")
+        if self.status == CONVERGED and not shape[0]:
+            raise StateError("a converged solution without steps")
+        for name in ("displacement", "reaction", "indenter"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise StateError(f"a solution whose {name} is not finite")
 
     @property
     def steps(self) -> int:
@@ -82,6 +101,8 @@ class Outcome:
             )
         except KeyError as error:
             raise StateError(f"{path}: is not a solution: {error} is missing") from error
+        except StateError as error:
+            raise StateError(f"{path}: is {error}") from error
 
 
 @dataclass(frozen=True)
@@ -121,4 +142,8 @@ class Solver(Protocol):
         """
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
-        """Run the deck in a folder of its own; raises SolverError when it could not be run at all."""
+        """Run the deck in a folder of its own.
+
+        Raises SolverError when it could not be run at all, was stopped, or left a damaged answer
+        (`fingerfit.solvers.answer` helps to tell). An adapter that runs a program has an attribute `time_limit`, in s.
+        """

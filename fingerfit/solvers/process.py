@@ -104,7 +104,7 @@ def run(
         with _ended_at_last(process):
             code = process.wait(timeout=limit)
     except subprocess.TimeoutExpired:
-        raise SolverError(f"{command[0]}: not finished after {limit:g} s, ended") from None
+        raise SolverError(f"{command[0]}: time_limit: not finished after {limit:g} s, ended") from None
     finally:
         if main:
             signal.signal(signal.SIGTERM, handler)

@@ -26,14 +26,27 @@ def solver_names() -> list[str]:
     return sorted({"abaqus", "builtin", "calculix", *(entry.name for entry in _registered())})
 
 
-def get_solver(name: str) -> Solver:
+def get_solver(name: str, time_limit: float | None = None) -> Solver:
     """Adapter of a name.
+
+    Parameters
+    ----------
+    name : str
+    time_limit : float, optional
+        Seconds for one deck, for adapters that have such a limit; they have one of their own.
 
     Raises
     ------
     FingerfitError
         For an unknown name, with the nearest known one.
     """
+    solver = _made(name)
+    if time_limit is not None and hasattr(solver, "time_limit"):
+        solver.time_limit = time_limit
+    return solver
+
+
+def _made(name: str) -> Solver:
     if name == "builtin":
         from fingerfit.solvers.builtin import BuiltinSolver
 

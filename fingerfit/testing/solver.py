@@ -6,16 +6,15 @@ An adapter's own tests are three lines::
         def make(self):
             return MySolver()
 
-and, for one that runs an external program, `ExternalSolverConformance` with two methods more.
+and, for one that runs an external program, `ExternalSolverConformance` with four methods more.
 """
 
 from __future__ import annotations
 
 import json
 import re
-import stat
+import shutil
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,107 +23,11 @@ import pytest
 from fingerfit.deck.reader import read_deck
 from fingerfit.errors import FingerfitError, InputError, SolverError
 from fingerfit.fem.elements import ELEMENTS
-from fingerfit.material.ogden import Ogden
 from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import brick, layered_block
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome, Solver
 from fingerfit.solvers.needs import FEATURES
-
-MATERIAL = Ogden((0.03,), (1.4,), (0.7,))
-SIZE, DEPTH = 10.0, 2.0
-"""Side of the block and thickness, mm."""
-
-
-def write_block(
-    folder: Path, control: str, values: list[float], element: str = "CPE8", glued: bool = True, cells: int = 3
-) -> Path:
-    """Write a deck: a block of one layer on a base, pressed by a flat indenter.
-
-    Parameters
-    ----------
-    folder : Path
-        Where deck.inp and its mesh go.
-    control : str
-        ``force`` (N) or ``displacement`` (mm), with a value for each step.
-    element : str
-        In the plane or in space.
-    glued : bool
-        Whether the body sticks to base and indenter; else it slides and its deformation is homogeneous.
-    cells : int
-        Elements along each side.
-    """
-    if ELEMENTS[element].dim == 3:
-        mesh = brick((SIZE, SIZE, SIZE), (cells,) * 3, "ALL_LAYERS", element)
-    else:
-        mesh = layered_block(SIZE, [("ALL_LAYERS", SIZE)], cells, cells, element)
-    dim, indenter = mesh.dim, int(mesh.node_sets["INDENTER"][0]) + 1
-    lines = ["*HEADING", "conformance", "*INCLUDE, INPUT=block.inp", "*MATERIAL, NAME=M", "*HYPERELASTIC, OGDEN, N=1"]
-    lines += [f"{MATERIAL.mu[0]}, {MATERIAL.alpha[0]}, {MATERIAL.d[0]}"]
-    lines += ["*SOLID SECTION, ELSET=ALL_LAYERS, MATERIAL=M"] + ([f"{DEPTH}"] if dim == 2 else [])
-    lines += ["*BOUNDARY", f"BOTTOM, {dim}, {dim}"]
-    if glued:
-        lines += [f"BOTTOM, 1, {dim - 1}", f"TOP, 1, {dim - 1}"]
-    else:
-        lines += ["MIDDLE, 1, 1"] if dim == 2 else ["X0, 1, 1", "Y0, 2, 2"]
-    lines += ["*EQUATION"]
-    for node in mesh.node_sets["TOP"] + 1:
-        if node != indenter:
-            lines += ["2", f"{node}, {dim}, 1., {indenter}, {dim}, -1."]
-    for value in values:
-        lines += ["*STEP, NLGEOM, INC=1000", "*STATIC", "0.5, 1., 1e-5, 1."]
-        lines += ["*CLOAD" if control == "force" else "*BOUNDARY"]
-        lines += [f"INDENTER, {dim}, " + ("" if control == "force" else f"{dim}, ") + repr(-float(value))]
-        lines += ["*NODE PRINT, NSET=ALL, FREQUENCY=1000", "U", "*NODE PRINT, NSET=BOTTOM, FREQUENCY=1000", "RF"]
-        lines += ["*END STEP"]
-    (folder / "block.inp").write_text(format_mesh(mesh))
-    (folder / "deck.inp").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return folder / "deck.inp"
-
-
-def _amplitude(text: str) -> str:
-    text = text.replace("*STEP", "*AMPLITUDE, NAME=HALF\n0., 0., 1., 0.5\n*STEP", 1)
-    return text.replace("*BOUNDARY\nINDENTER", "*BOUNDARY, AMPLITUDE=HALF\nINDENTER")
-
-
-def _relaxing(text: str) -> str:
-    text = text.replace("*SOLID SECTION", "*VISCOELASTIC, TIME=PRONY\n0.4, 0., 2.\n*SOLID SECTION")
-    text = text.replace("*STEP, NLGEOM", "*STEP, NLGEOM, AMPLITUDE=RAMP")
-    return text.replace("*STATIC\n0.5, 1., 1e-5, 1.", "*VISCO, CETOL=1e-3\n0.25, 5., 1e-5, 0.25")
-
-
-def _stressed(text: str) -> str:
-    rows = "*INITIAL CONDITIONS, TYPE=STRESS\nALL_LAYERS, 0.002, -0.004, 0.001, 0., 0., 0.\n"
-    return text.replace("*STEP", rows + "*STEP", 1)
-
-
-def _loaded(text: str) -> str:
-    return text.replace("*NODE PRINT", "*DLOAD\n1, P2, 0.02\n*NODE PRINT", 1)
-
-
-def _sprung(text: str) -> str:
-    rows = "*ELEMENT, TYPE=SPRING1, ELSET=SPRUNG\n900, 20\n*SPRING, ELSET=SPRUNG\n2\n2.\n"
-    return text.replace("*MATERIAL", rows + "*MATERIAL", 1)
-
-
-CHANGES: dict[str, Callable[[str], str]] = {
-    "*AMPLITUDE": _amplitude,
-    "*DLOAD": _loaded,
-    "*INITIAL CONDITIONS, TYPE=STRESS": _stressed,
-    "*SPRING": _sprung,
-    "*VISCOELASTIC": _relaxing,
-}
-"""Features that a program may leave out without a word, each with what brings it into the deck of the glued block."""
-
-
-def homogeneous_force(stretch: float, dim: int) -> tuple[float, float]:
-    """Force in N on the sliding block and lateral stretch, in closed form by bisection."""
-    low, high = 0.5, 2.0
-    for _ in range(200):
-        wide = (low + high) / 2
-        stretches = np.array([stretch, wide, wide if dim == 3 else 1.0])
-        low, high = (low, wide) if MATERIAL.derivatives(stretches)[0][1] > 0 else (wide, high)
-    area = SIZE * (SIZE if dim == 3 else DEPTH)
-    return float(MATERIAL.derivatives(stretches)[0][0] / stretch * area), wide
+from fingerfit.testing.block import CHANGES, SIZE, homogeneous_force, write_block
+from fingerfit.testing.damage import DAMAGES, Format, recorder, replay, script
 
 
 class SolverConformance:
@@ -306,11 +209,81 @@ class SolverConformance:
 
 
 class ExternalSolverConformance(SolverConformance):
-    """For adapters that run a program: one that is missing, hangs or fails is an error in one line."""
+    """For adapters that run a program: one that is missing, hangs or fails is an error in one line.
+
+    So is one that leaves damaged results: never an answer, which would be kept for good.
+    """
 
     def make_with(self, program: str, time_limit: float) -> Solver:
         """The adapter with another program in place of its own, and a time limit in s."""
         raise NotImplementedError
+
+    def program(self) -> list[str]:
+        """The program itself, as its adapter starts it, without arguments."""
+        raise NotImplementedError
+
+    def results(self) -> Format:
+        """How the file that the adapter reads its results from is taken apart."""
+        raise NotImplementedError
+
+    def _recorded(self, folder: Path, control: str, values: list[float]) -> tuple[Path, Solver]:
+        """A deck that was solved once, and an adapter whose program leaves the same files again."""
+        if not self.make().capabilities.control >= {control}:
+            pytest.skip("has one kind of control only")
+        deck = write_block(folder, control, values)
+        self.make_with(recorder(folder, self.program()), 60.0).solve(deck, folder)
+        return deck, self.make_with(replay(folder), 60.0)
+
+    def _refuses(self, solver: Solver, deck: Path, work: Path, name: str) -> None:
+        try:
+            outcome = solver.solve(deck, work)
+        except SolverError as error:
+            assert "\n" not in str(error), name
+            assert deck.name in str(error), name
+        else:
+            pytest.fail(f"{name}: taken for {outcome.status}, {outcome.message}")
+        assert not list(work.iterdir()), f"{name}: files are left"
+
+    @pytest.mark.parametrize("diverges", [False, True], ids=["converged", "diverged"])
+    def test_damaged_results_are_no_answer(self, tmp_path: Path, diverges: bool) -> None:
+        control, values = ("force", [0.3, 0.5, 5000.0]) if diverges else ("displacement", [0.5, 1.0])
+        deck, solver = self._recorded(tmp_path, control, values)
+        form, work = self.results(), tmp_path / "work"
+        work.mkdir()
+        file = tmp_path / "kept" / form.name
+        whole = file.read_text(encoding="utf-8")
+        assert solver.solve(deck, work).status == (DIVERGED if diverges else CONVERGED)
+        for name, damage in DAMAGES.items():
+            file.write_text(form.join(damage(form, form.split(whole))), encoding="utf-8")
+            assert file.read_text(encoding="utf-8") != whole, name
+            self._refuses(solver, deck, work, name)
+        file.unlink()
+        self._refuses(solver, deck, work, "no file of results")
+        file.write_text(whole, encoding="utf-8")
+        assert solver.solve(deck, work).steps == 2
+
+    def test_whole_results_of_a_program_that_failed_are_no_answer(self, tmp_path: Path) -> None:
+        deck, _ = self._recorded(tmp_path, "displacement", [0.5, 1.0])
+        work = tmp_path / "work"
+        work.mkdir()
+        for ending, told in (("exit 3", "exit code 3"), ("kill -9 $$", "SIGKILL"), ("kill -11 $$", "SIGSEGV")):
+            with pytest.raises(SolverError, match=told):
+                self.make_with(replay(tmp_path, ending), 60.0).solve(deck, work)
+            assert not list(work.iterdir())
+
+    def test_a_program_that_says_and_does_nothing_is_an_error(self, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [1.0])
+        work = tmp_path / "work"
+        work.mkdir()
+        self._refuses(self.make_with(self._script(tmp_path, "exit 0\n"), 30.0), deck, work, "nothing")
+        shutil.rmtree(work)
+
+    def test_its_time_limit_can_be_set(self, tmp_path: Path) -> None:
+        deck = write_block(tmp_path, "displacement", [1.0])
+        solver = self.make_with(self._script(tmp_path, "sleep 600\n"), 600.0)
+        solver.time_limit = 0.5  # type: ignore[attr-defined]
+        with pytest.raises(SolverError, match=r"not finished after 0\.5 s"):
+            solver.solve(deck, tmp_path)
 
     def test_a_missing_program_is_an_error(self, tmp_path: Path) -> None:
         deck = write_block(tmp_path, "displacement", [1.0])
@@ -342,10 +315,7 @@ class ExternalSolverConformance(SolverConformance):
 
     @staticmethod
     def _script(folder: Path, body: str) -> str:
-        path = folder / "program"
-        path.write_text("#!/bin/sh\n" + body)
-        path.chmod(path.stat().st_mode | stat.S_IXUSR)
-        return str(path)
+        return script(folder, body)
 
 
 def _runs(pid: int) -> bool:

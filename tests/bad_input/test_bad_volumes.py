@@ -53,7 +53,7 @@ NAMES = ("before", "step_1", "step_2")
 
 def write(place, name, shape=SHAPE, **changes):
     frame = {"spacing": np.full(3, 0.8), "origin": np.full(3, -2.0), "direction": np.eye(3)} | changes
-    values = generator(len(name)).uniform(0, 4000, shape)
+    values = generator(sum(name.encode())).uniform(0, 4000, shape)
     write_picture(place / "study" / f"{name}.mha", Picture(values, **frame), np.float32)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import phantom
+from fil import FIL
 
 from fingerfit.deck.reader import read_deck
 from fingerfit.errors import InputError, SolverError
@@ -18,6 +19,7 @@ from fingerfit.solvers.calculix_output import reason
 from fingerfit.solvers.contract import Capabilities
 from fingerfit.solvers.needs import FEATURES
 from fingerfit.solvers.registry import get_solver, solver_names
+from fingerfit.testing.damage import Format
 from fingerfit.testing.solver import CHANGES, ExternalSolverConformance, SolverConformance, write_block
 
 
@@ -43,6 +45,39 @@ class TestCalculix(ExternalSolverConformance):
     def make_with(self, program, time_limit):
         self.monkeypatch.setenv("FINGERFIT_CCX", program)
         return CalculixSolver(time_limit)
+
+    def program(self):
+        self.make()
+        return [shutil.which("ccx")]
+
+    def results(self):
+        def row(line):
+            found = re.fullmatch(r"\s+(\d+)((?:\s+\S+){3})\s*", line)
+            return (int(found[1]), [float(cell) for cell in found[2].split()]) if found else None
+
+        def piece(line, row):
+            return f"{row[0]:10d}" + "".join(f"{value:14.6E}" for value in row[1]) + "\n"
+
+        return Format("deck.dat", lambda text: text.splitlines(keepends=True), "".join, row, piece)
+
+
+def test_a_full_disk_is_no_answer(tmp_path, needs_ccx, monkeypatch):
+    """A limit of 4 kB for each file stands for it: CalculiX goes on, and ends with 0."""
+    (tmp_path / "ccx").write_text(f"#!/bin/sh\ntrap '' XFSZ\nulimit -f 8\n{shutil.which('ccx')} \"$@\"\n")
+    (tmp_path / "ccx").chmod(0o755)
+    monkeypatch.setenv("FINGERFIT_CCX", str(tmp_path / "ccx"))
+    work = tmp_path / "work"
+    work.mkdir()
+    with pytest.raises(SolverError, match=r"deck\.inp: (damaged|exit code 0)"):
+        CalculixSolver().solve(write_block(tmp_path, "displacement", [0.5, 1.0, 1.5]), work)
+    assert not list(work.iterdir())
+
+
+def test_as_many_increments_as_a_deck_allows_are_an_answer(tmp_path, needs_ccx):
+    deck = write_block(tmp_path, "force", [0.5, 5.0])
+    deck.write_text(deck.read_text().replace("INC=1000", "INC=2"))
+    outcome = CalculixSolver().solve(deck, tmp_path)
+    assert (outcome.status, outcome.steps) == ("diverged", 1)
 
 
 def test_calculix_iterates_as_far_as_it_is_told(write_deck, tmp_path, needs_ccx):
@@ -224,6 +259,12 @@ class TestAbaqus(ExternalSolverConformance):
 
     def make_with(self, program, time_limit):
         return AbaqusSolver(f"{program} job={{job}}", time_limit)
+
+    def program(self):
+        return [sys.executable, str(STAND_IN)]
+
+    def results(self):
+        return FIL
 
     def test_it_says_what_it_is(self, tmp_path):
         solver = AbaqusSolver(self._script(tmp_path, "echo Abaqus 2024.HF1\n"))

@@ -30,6 +30,7 @@ ORDER = (
     ("predict", "estimate", "rounds", "scan"),
     ("choices",),
     ("settings", "pictured"),
+    ("plausible",),
     ("decks", "prepare", "fit", "experiment", "settings_check"),
     ("residual",),
     ("refine",),

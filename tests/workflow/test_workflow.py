@@ -272,28 +272,9 @@ def test_killed_at_random_moments_and_called_again(made, tmp_path, kills):
     place = tmp_path / "killed"
     shutil.copytree(made / "study", place / "study", ignore=shutil.ignore_patterns("sealed"))
     configure(place)
-    rng = random.Random(kills)
+    rng = random.Random(seed_of(kills))
     rounds = read_json(made / "results/study/base/estimate.json")["search"]["rounds"]
     groups = []
-    rng = random.Random(seed_of(seed))
-    number = rng.randrange(-1, read_json(made / "results/study/base/estimate.json")["search"]["rounds"])
-    delay, orphans = rng.uniform(0.0, 1.5), rng.random() < 0.3
-    with (tmp_path / "log").open("wb") as log:
-        running = subprocess.Popen(command(), cwd=place, stdout=log, stderr=log, start_new_session=True)
-        try:
-            deadline = time.monotonic() + 120
-            while number >= 0 and not (place / f"results/study/base/rounds/{number}.json").exists():
-                assert running.poll() is None, (tmp_path / "log").read_text(encoding="utf-8")
-                assert time.monotonic() < deadline
-                time.sleep(0.02)
-            time.sleep(delay)
-            assert running.poll() is None, "the run ended before it was killed"
-        finally:
-            running.kill()
-            running.wait()
-            if not orphans:
-                _kill_group(running.pid)
-    assert not (place / "results/study/base/figures/pictures.png").exists()
     try:
         for n, number in enumerate(sorted(rng.choices(range(-1, rounds), k=kills))):
             # what follows the last round is the start of two programs, half a second at least

@@ -46,6 +46,8 @@ rule simulate:
     threads: 1
     resources:
         mem_mb=1000,
+        # no param: another limit gives no other answer, and must not solve anything again; 0: the solver's own
+        time_limit=SETTINGS.time_limit or 0,
     shell:
-        "python -P -m fingerfit simulate {input.deck} --solver {input.solver}"
+        "python -P -m fingerfit simulate {input.deck} --solver {input.solver} --time-limit {resources.time_limit}"
         " --out {output.solution} --threads {threads} 2> {log}"

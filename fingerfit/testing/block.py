@@ -1,0 +1,109 @@
+"""The block that the conformance suites press, as a deck, and what it answers in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.fem.elements import ELEMENTS
+from fingerfit.material.ogden import Ogden
+from fingerfit.mesh_io import format_mesh
+from fingerfit.meshing import brick, layered_block
+
+MATERIAL = Ogden((0.03,), (1.4,), (0.7,))
+SIZE, DEPTH = 10.0, 2.0
+"""Side of the block and thickness, mm."""
+
+
+def write_block(
+    folder: Path, control: str, values: list[float], element: str = "CPE8", glued: bool = True, cells: int = 3
+) -> Path:
+    """Write a deck: a block of one layer on a base, pressed by a flat indenter.
+
+    Parameters
+    ----------
+    folder : Path
+        Where deck.inp and its mesh go.
+    control : str
+        ``force`` (N) or ``displacement`` (mm), with a value for each step.
+    element : str
+        In the plane or in space.
+    glued : bool
+        Whether the body sticks to base and indenter; else it slides and its deformation is homogeneous.
+    cells : int
+        Elements along each side.
+    """
+    if ELEMENTS[element].dim == 3:
+        mesh = brick((SIZE, SIZE, SIZE), (cells,) * 3, "ALL_LAYERS", element)
+    else:
+        mesh = layered_block(SIZE, [("ALL_LAYERS", SIZE)], cells, cells, element)
+    dim, indenter = mesh.dim, int(mesh.node_sets["INDENTER"][0]) + 1
+    lines = ["*HEADING", "conformance", "*INCLUDE, INPUT=block.inp", "*MATERIAL, NAME=M", "*HYPERELASTIC, OGDEN, N=1"]
+    lines += [f"{MATERIAL.mu[0]}, {MATERIAL.alpha[0]}, {MATERIAL.d[0]}"]
+    lines += ["*SOLID SECTION, ELSET=ALL_LAYERS, MATERIAL=M"] + ([f"{DEPTH}"] if dim == 2 else [])
+    lines += ["*BOUNDARY", f"BOTTOM, {dim}, {dim}"]
+    if glued:
+        lines += [f"BOTTOM, 1, {dim - 1}", f"TOP, 1, {dim - 1}"]
+    else:
+        lines += ["MIDDLE, 1, 1"] if dim == 2 else ["X0, 1, 1", "Y0, 2, 2"]
+    lines += ["*EQUATION"]
+    for node in mesh.node_sets["TOP"] + 1:
+        if node != indenter:
+            lines += ["2", f"{node}, {dim}, 1., {indenter}, {dim}, -1."]
+    for value in values:
+        lines += ["*STEP, NLGEOM, INC=1000", "*STATIC", "0.5, 1., 1e-5, 1."]
+        lines += ["*CLOAD" if control == "force" else "*BOUNDARY"]
+        lines += [f"INDENTER, {dim}, " + ("" if control == "force" else f"{dim}, ") + repr(-float(value))]
+        lines += ["*NODE PRINT, NSET=ALL, FREQUENCY=1000", "U", "*NODE PRINT, NSET=BOTTOM, FREQUENCY=1000", "RF"]
+        lines += ["*END STEP"]
+    (folder / "block.inp").write_text(format_mesh(mesh))
+    (folder / "deck.inp").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder / "deck.inp"
+
+
+def _amplitude(text: str) -> str:
+    text = text.replace("*STEP", "*AMPLITUDE, NAME=HALF\n0., 0., 1., 0.5\n*STEP", 1)
+    return text.replace("*BOUNDARY\nINDENTER", "*BOUNDARY, AMPLITUDE=HALF\nINDENTER")
+
+
+def _relaxing(text: str) -> str:
+    text = text.replace("*SOLID SECTION", "*VISCOELASTIC, TIME=PRONY\n0.4, 0., 2.\n*SOLID SECTION")
+    text = text.replace("*STEP, NLGEOM", "*STEP, NLGEOM, AMPLITUDE=RAMP")
+    return text.replace("*STATIC\n0.5, 1., 1e-5, 1.", "*VISCO, CETOL=1e-3\n0.25, 5., 1e-5, 0.25")
+
+
+def _stressed(text: str) -> str:
+    rows = "*INITIAL CONDITIONS, TYPE=STRESS\nALL_LAYERS, 0.002, -0.004, 0.001, 0., 0., 0.\n"
+    return text.replace("*STEP", rows + "*STEP", 1)
+
+
+def _loaded(text: str) -> str:
+    return text.replace("*NODE PRINT", "*DLOAD\n1, P2, 0.02\n*NODE PRINT", 1)
+
+
+def _sprung(text: str) -> str:
+    rows = "*ELEMENT, TYPE=SPRING1, ELSET=SPRUNG\n900, 20\n*SPRING, ELSET=SPRUNG\n2\n2.\n"
+    return text.replace("*MATERIAL", rows + "*MATERIAL", 1)
+
+
+CHANGES: dict[str, Callable[[str], str]] = {
+    "*AMPLITUDE": _amplitude,
+    "*DLOAD": _loaded,
+    "*INITIAL CONDITIONS, TYPE=STRESS": _stressed,
+    "*SPRING": _sprung,
+    "*VISCOELASTIC": _relaxing,
+}
+"""Features that a program may leave out without a word, each with what brings it into the deck of the glued block."""
+
+
+def homogeneous_force(stretch: float, dim: int) -> tuple[float, float]:
+    """Force in N on the sliding block and lateral stretch, in closed form by bisection."""
+    low, high = 0.5, 2.0
+    for _ in range(200):
+        wide = (low + high) / 2
+        stretches = np.array([stretch, wide, wide if dim == 3 else 1.0])
+        low, high = (low, wide) if MATERIAL.derivatives(stretches)[0][1] > 0 else (wide, high)
+    area = SIZE * (SIZE if dim == 3 else DEPTH)
+    return float(MATERIAL.derivatives(stretches)[0][0] / stretch * area), wide
