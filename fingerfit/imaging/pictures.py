@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.errors import FingerfitError, InputError
+from fingerfit.errors import FingerfitError, InputError, LimitError
+from fingerfit.imaging.limits import check_files, check_memory
 
 
 @dataclass(frozen=True)
@@ -85,8 +86,17 @@ def read_picture(path: Path) -> Picture:
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     if not path.exists():
         raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
+    check_files(path)
     try:
-        image = sitk.ReadImage(_series(path) if path.is_dir() else str(path))
+        files = _series(path) if path.is_dir() else [str(path)]
+        reader = sitk.ImageFileReader()
+        reader.SetFileName(files[0])
+        reader.ReadImageInformation()
+        check_memory(path, reader, len(files))
+        image = sitk.ReadImage(files if path.is_dir() else files[0])
+    except MemoryError as error:
+        expected = "a picture that fits into the memory"
+        raise LimitError(path, "picture", "more than the memory holds", expected) from error
     except RuntimeError as error:
         reason = [line for line in str(error).splitlines() if line.strip()][-1]
         raise InputError(path, "picture", reason, "a picture that SimpleITK reads") from error
