@@ -2,36 +2,75 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fingerfit.choices import CONFIG
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.observe import Observation
 from fingerfit.effects.sense import unmet
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.imaging.pictures import Picture, read_picture
+from fingerfit.keys import read_yaml
 from fingerfit.mesh import Mesh
 from fingerfit.plausible import refuse_magnitudes
 from fingerfit.prepare import make_mesh, prepare
-from fingerfit.settings import Settings, load_settings
+from fingerfit.settings import FitSettings, MeshSettings, Settings, load_settings
 from fingerfit.settings_check import changes_the_deck, check_against_study, check_effects
 from fingerfit.study import Study
 from fingerfit.study_file import load_study, study_path
 
+if TYPE_CHECKING:
+    from fingerfit.data import Data
 
-def check_study(path: Path, config: Path, picture: Path | None) -> str:
-    """Read everything a fit would read, and describe it.
+
+@dataclass(frozen=True)
+class Checked:
+    """What a check has read.
+
+    Parameters
+    ----------
+    path : Path
+        Study, as it was named.
+    study : Study
+    settings : Settings or None
+        None where no settings are for this study.
+    source : str
+        Where they are from, in words.
+    mesh : Mesh
+        Of the search; without settings a coarse one of the same shape.
+    data : Data
+        All that was measured, prepared.
+    """
+
+    path: Path
+    study: Study
+    settings: Settings | None
+    source: str
+    mesh: Mesh
+    data: Data
+
+
+def check_study(path: Path, config: Path | None = None, picture: Path | None = None, solve: bool = True) -> str:
+    """Do everything that comes before the second simulation of a fit, and describe it.
 
     Parameters
     ----------
     path : Path
         Study.
-    config : Path
-        Settings: they give the mesh and the constants.
+    config : Path or None
+        Settings: they give mesh, constants, template and solver. None for those in the study's folder, or else for
+        config.yaml in the working directory where it names this study; where neither does, the study is checked alone.
     picture : Path or None
-        Where to draw the mesh over the picture before compression.
+        Where to draw mesh, sets and points.
+    solve : bool
+        Whether the start of the search is simulated.
 
     Raises
     ------
@@ -39,44 +78,137 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
         Listing every problem.
     """
     study = load_study(path)
-    settings = load_settings(config)
-    check_against_study(settings, study, config)
-    mesh = make_mesh(study, settings.model.mesh)
-    check_effects(settings, study, mesh, config)
-    data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
-    refuse_magnitudes(settings, study, mesh, config)
-    lines = [
-        f"{study_path(path)}: {study.title}",
-        f"control: {study.control}; base {study.base}, indenter {study.indenter}",
-        f"body: layers {', '.join(study.layer_names)} (from the indenter down)"
-        + (f", thickness {study.thickness:g} mm" if mesh.dim == 2 else ""),
-        f"mesh: {len(mesh.points)} nodes, {mesh.element_count} {mesh.blocks[0].element}",
-        "",
-        _table(study),
-        "",
-        f"noise: force {np.max(data.force_noise):.3g} N, displacement {data.displacement_noise:.3g} mm,"
-        f" points {data.points_noise:.3g} mm",
-    ]
-    if study.before is not None and len(data.measured):
-        frame = read_picture(study.before)
-        size = " x ".join(map(str, frame.values.shape[::-1]))
-        spacing = " x ".join(f"{s:.4g}" for s in frame.spacing)
-        lines.append(
-            f"pictures: {size} pixels of {spacing} mm{_turn(frame)},"
-            f" noise {100 * data.picture_noise:.2g} % of the brightest"
-        )
-        lines += ["prepared, in this order:", *(f"  {line}" for line in data.history.splitlines())]
-    lines += [f"remark: {line}" for line in data.remarks.splitlines()]
-    lines += own_effects(settings, study, mesh)
-    lines.append(_identifiable(study, bool(len(data.measured)), settings.fit.score))
-    if picture is not None and len(data.measured):
-        from fingerfit.plots import extent, figure_overlay, save
-        from fingerfit.volumes import figure_place, frame_of
+    settings, where, source = settings_for(path, config)
+    if settings is None:
+        mesh = make_mesh(study, _coarse(study))
+        steps, smooth, crop = None, *(FitSettings.model_fields[name].default for name in ("smooth", "crop"))
+    else:
+        check_against_study(settings, study, where)
+        mesh = make_mesh(study, settings.model.mesh)
+        check_effects(settings, study, mesh, where)
+        steps, smooth, crop = settings.fit.steps, settings.fit.smooth, settings.fit.crop
+    data = prepare(study, mesh, steps, smooth, crop)
+    if settings is not None:
+        refuse_magnitudes(settings, study, mesh, where)
+    checked = Checked(path, study, settings, source, mesh, data)
+    lines = [line for remark in REMARKS for line in remark(checked)]
+    if settings is not None:
+        from fingerfit.trial import try_out
 
-        plane = mesh.dim == 2
-        save(figure_overlay(mesh, data.before, extent(data)) if plane else figure_place(mesh, frame_of(data)), picture)
-        lines.append(f"mesh over picture: {picture}")
+        lines += ["", *try_out(settings, study, mesh, data, solve)]
+    if picture is not None:
+        from fingerfit.overview import figure_study
+        from fingerfit.plots import save
+
+        save(figure_study(study, mesh, data), picture)
+        lines.append(f"drawn: {picture}")
     return "\n".join(lines)
+
+
+def settings_for(path: Path, config: Path | None) -> tuple[Settings | None, Path, str]:
+    """Settings for a study, their file, and where they are from in words.
+
+    Parameters
+    ----------
+    path : Path
+        Study.
+    config : Path or None
+        As for `check_study`.
+
+    Raises
+    ------
+    InputError
+        For settings of another study that were asked for, or that lie in this one's folder.
+    """
+    folder, own, here = study_path(path).parent, study_path(path).parent / CONFIG, Path(CONFIG)
+    if config is None and not os.path.lexists(own):
+        there = read_yaml(here) if os.path.lexists(here) else None
+        other = there.get("study") if isinstance(there, dict) else None
+        if there is None or (isinstance(other, str) and not _same(Path(other), folder)):
+            found = "there is no config.yaml" if there is None else f"config.yaml is for {other}"
+            return None, here, f"none: {found}, so mesh, constants, template and solver are not checked"
+        config = here
+    config = config or own
+    settings = load_settings(config)
+    if not _same(Path(settings.study), folder):
+        raise InputError(config, "study", settings.study, f"{path}, the study that is checked, or other settings")
+    return settings, config, str(config)
+
+
+def _same(study: Path, folder: Path) -> bool:
+    """Whether a study is the one in a folder."""
+    return os.path.realpath(study_path(study).parent) == os.path.realpath(folder)
+
+
+def _coarse(study: Study) -> MeshSettings | None:
+    """A mesh that says where the body is, no more."""
+    if study.body.mesh is not None:
+        return None
+    return MeshSettings(element="C3D8" if study.body.brick else "CPE4", across=4, per_layer=2)
+
+
+def _study(checked: Checked) -> list[str]:
+    study = checked.study
+    return [
+        f"{study_path(checked.path)}: {study.title}",
+        f"settings: {checked.source}",
+        f"control: {study.control}; base {study.base}, indenter {study.indenter}",
+    ]
+
+
+def _body(checked: Checked) -> list[str]:
+    study, mesh = checked.study, checked.mesh
+    thick = f", thickness {study.thickness:g} mm" if mesh.dim == 2 else ""
+    lines = [f"body: layers {', '.join(study.layer_names)} (from the indenter down){thick}"]
+    if checked.settings is not None or study.body.mesh is not None:
+        lines.append(f"mesh: {len(mesh.points)} nodes, {mesh.element_count} {mesh.blocks[0].element}")
+    return lines
+
+
+def _steps(checked: Checked) -> list[str]:
+    return ["", _table(checked.study), ""]
+
+
+def _noise(checked: Checked) -> list[str]:
+    data = checked.data
+    return [
+        f"noise: force {np.max(data.force_noise):.3g} N, displacement {data.displacement_noise:.3g} mm,"
+        f" points {data.points_noise:.3g} mm"
+    ]
+
+
+def _pictures(checked: Checked) -> list[str]:
+    study, data = checked.study, checked.data
+    if study.before is None or not len(data.measured):
+        return []
+    frame = read_picture(study.before)
+    size = " x ".join(map(str, frame.values.shape[::-1]))
+    spacing = " x ".join(f"{s:.4g}" for s in frame.spacing)
+    return [
+        f"pictures: {size} pixels of {spacing} mm{_turn(frame)},"
+        f" noise {100 * data.picture_noise:.2g} % of the brightest",
+        "prepared, in this order:",
+        *(f"  {line}" for line in data.history.splitlines()),
+    ]
+
+
+def _told(checked: Checked) -> list[str]:
+    return [f"remark: {line}" for line in checked.data.remarks.splitlines()]
+
+
+def _effects(checked: Checked) -> list[str]:
+    if checked.settings is None:
+        return []
+    return own_effects(checked.settings, checked.study, checked.mesh)
+
+
+def _identifiable(checked: Checked) -> list[str]:
+    if checked.settings is None:
+        return []
+    pictures, kind = bool(len(checked.data.measured)), checked.settings.fit.score
+    if checked.study.control == "displacement" and pictures and kind != "likelihood":
+        return ["identifiable: only ratios of stiffness, since the force is prescribed nowhere and not in the score"]
+    return ["identifiable: stiffness itself, since the force is prescribed or in the score"]
 
 
 def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
@@ -146,7 +278,14 @@ def _table(study: Study) -> str:
     return "\n".join(rows)
 
 
-def _identifiable(study: Study, pictures: bool, kind: str) -> str:
-    if study.control == "displacement" and pictures and kind != "likelihood":
-        return "identifiable: only ratios of stiffness, since the force is prescribed nowhere and not in the score"
-    return "identifiable: stiffness itself, since the force is prescribed or in the score"
+REMARKS: tuple[Callable[[Checked], list[str]], ...] = (
+    _study,
+    _body,
+    _steps,
+    _noise,
+    _pictures,
+    _told,
+    _effects,
+    _identifiable,
+)
+"""What is told, in this order; each may raise what makes a fit impossible."""

@@ -20,10 +20,13 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(run=getattr(commands, name))
         return sub
 
-    sub = command("check", "say what was understood of a study, and list every problem")
+    sub = command("check", "say what was understood of a study, try its first simulation, and list every problem")
     sub.add_argument("study", type=Path, help="folder of the study, or its study.yaml")
-    sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
-    sub.add_argument("--picture", type=Path, help="write a picture of the mesh over the image here (.png)")
+    sub.add_argument(
+        "--config", type=Path, help="settings (config.yaml in the study's folder, or here where it names the study)"
+    )
+    sub.add_argument("--picture", type=Path, help="draw mesh, sets and points over the picture here (.png)")
+    sub.add_argument("--no-solve", dest="solve", action="store_false", help="do not simulate the start of the search")
 
     sub = command("experiment", "make a study by a virtual experiment")
     sub.add_argument("description", type=Path, help="experiment.yaml")

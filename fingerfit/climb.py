@@ -15,7 +15,7 @@ from fingerfit.decks import make_deck, refusal, with_effect
 from fingerfit.effects.catalogue import catalogue, chosen
 from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.errors import FingerfitError, InputError, SolverError
-from fingerfit.files import read_json, write_text
+from fingerfit.files import DOCUMENT, read_json, read_text, write_text
 from fingerfit.layout import PACKAGE, model_folder, study_folder
 from fingerfit.mesh_io import format_mesh
 from fingerfit.prepare import make_mesh
@@ -164,7 +164,7 @@ def _found(settings: Settings, name: str) -> tuple[dict[str, float], int]:
 
 def _rewrite(config: Path, effects: dict[str, dict[str, float]]) -> None:
     """Replace `model.effects`; every other line, comments and other effects included, stays as it is."""
-    text = config.read_text(encoding="utf-8")
+    text = read_text(config, "file", DOCUMENT, "a readable YAML file")
     model = re.search(r"(?m)^model:[ \t]*(#.*)?\n", text)
     if model is None:
         raise InputError(config, "model", "no line `model:` of its own", "one, so that effects can be written below it")

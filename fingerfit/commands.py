@@ -212,7 +212,7 @@ def check(args: argparse.Namespace) -> None:
     """Say what was understood of a study."""
     from fingerfit.check import check_study
 
-    print(check_study(args.study, args.config, args.picture))
+    print(check_study(args.study, args.config, args.picture, args.solve))
 
 
 def experiment(args: argparse.Namespace) -> None:

@@ -34,6 +34,10 @@ class InputError(FingerfitError):
         return type(self), (self.where, self.field, _one_line(self.found), self.expected)
 
 
+class LimitError(InputError):
+    """Something the user wrote is too large, too long or no regular file: it is not read further."""
+
+
 class Problems(FingerfitError):
     """Several input errors at once, one line each."""
 

@@ -1,10 +1,13 @@
-"""Writing that is never half done: a temporary file beside the target, then a rename."""
+"""Reading regular files up to a size; writing that is never half done, beside the target and then renamed."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import json
+import os
+import stat
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,7 +15,129 @@ from typing import IO, Any
 
 import numpy as np
 
-from fingerfit.errors import FingerfitError, StateError
+from fingerfit.errors import FingerfitError, InputError, LimitError, StateError
+
+DOCUMENT = 2**20
+"""Bytes of what a person writes: YAML, templates, tables of steps. The largest of ours has 5 kB. The densest YAML of
+1 MiB takes 7 s and 200 MB to read, and a table of 1 MiB has more steps than can be solved."""
+TABLE = 64 * 2**20
+"""Bytes of measured tables: a million points of six numbers with nine characters each. As Python's numbers they take
+ten times as much memory."""
+MESH = 256 * 2**20
+"""Bytes of meshes and decks: a million nodes of 50 characters and two million elements of 100. The factor of such a
+system takes more than 100 GB, so that none of our solvers gets through a larger one."""
+_STRANGE = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+def megabytes(size: float) -> str:
+    """A size in words, in MB of 2^20 bytes or GB of 2^30.
+
+    >>> megabytes(64 * 2**20), megabytes(3.5 * 2**30)
+    ('64 MB', '3.5 GB')
+    """
+    count, unit = (size / 2**20, "MB") if size < 2**30 else (size / 2**30, "GB")
+    return f"{count:.3g} {unit}" if count < 1000 else f"{count:.0f} {unit}"
+
+
+def check_regular(path: Path, field: str = "file", limit: float | None = None, expected: str = "a file") -> None:
+    """Refuse what cannot be read in a bounded time: pipes, devices, sockets, folders, and files above a size in bytes.
+
+    Nothing is opened: to open a pipe waits for its other end, to open a device may do anything.
+
+    Raises
+    ------
+    InputError
+        When it is missing or cannot be looked at, and a `LimitError` for what is no regular file or too large.
+    """
+    try:
+        found = Path(path).stat()
+    except (OSError, ValueError) as error:  # ValueError: a name with a zero in it
+        raise InputError(path, field, getattr(error, "strerror", None) or error, expected) from error
+    for is_it, name in _STRANGE:
+        if is_it(found.st_mode):
+            raise LimitError(path, field, name, expected)
+    if limit is not None and found.st_size > limit:
+        raise LimitError(path, field, megabytes(found.st_size), f"at most {megabytes(limit)}")
+
+
+def read_bytes(path: Path, field: str = "file", limit: int = TABLE, expected: str = "a readable file") -> bytes:
+    """Content of a regular file of at most `limit` bytes; every file that a user names is read by this.
+
+    Parameters
+    ----------
+    path : Path
+    field : str
+        Named in errors: the key or what the file is for.
+    limit : int
+        Bytes.
+    expected : str
+        What would be right, for errors.
+
+    Raises
+    ------
+    InputError
+        When it is missing or cannot be read, and a `LimitError` for what is no regular file or too large.
+    """
+    check_regular(path, field, limit, expected)
+    try:
+        # it may have become a pipe by now: without blocking
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+        with os.fdopen(handle, "rb") as stream:
+            # files of /proc and growing ones have more than their size says
+            content = stream.read(limit + 1)
+    except OSError as error:
+        raise InputError(path, field, error.strerror or error, expected) from error
+    if len(content) > limit:
+        raise LimitError(path, field, f"more than {megabytes(limit)}", f"at most {megabytes(limit)}")
+    return content
+
+
+def read_text(path: Path, field: str = "file", limit: int = TABLE, expected: str = "a readable text file") -> str:
+    """The same as text in UTF-8, with or without a byte order mark; line ends become plain ones.
+
+    Raises
+    ------
+    InputError
+        As `read_bytes`, and for what is not UTF-8, with its line.
+    """
+    content = read_bytes(path, field, limit, expected)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        found = f"byte {content[error.start]:#04x} in line {line}, which is not UTF-8"
+        raise InputError(path, field, found, f"{expected} in UTF-8") from error
+    return io.IncrementalNewlineDecoder(None, translate=True).decode(text, final=True)
+
+
+def free_memory() -> int:
+    """Bytes of memory that this process can still take: what the machine has free, within the limit of the process."""
+    import resource
+
+    pages = os.sysconf("SC_PHYS_PAGES")
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        free = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:"))
+    except (OSError, StopIteration, ValueError):
+        free = pages * os.sysconf("SC_PAGE_SIZE")
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return free
+    return max(0, min(free, limit - address_space()))
+
+
+def address_space() -> int:
+    """Bytes of addresses that this process has taken; 0 where the system does not tell."""
+    try:
+        return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError):
+        return 0
 
 
 def write_atomic(path: Path, write: Callable[[IO[bytes]], object]) -> None:
@@ -65,8 +190,11 @@ def read_json(path: Path) -> Any:
         When it is missing or damaged.
     """
     try:
+        check_regular(path)
         return json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except InputError as error:
+        raise StateError(f"{path}: cannot be read: {error.found}") from error
+    except (OSError, ValueError, RecursionError) as error:
         raise StateError(f"{path}: cannot be read: {error}") from error
 
 
@@ -81,9 +209,12 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     import zipfile
 
     try:
+        check_regular(path)
         with np.load(path, allow_pickle=False) as data:
             return {name: data[name] for name in data.files}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except InputError as error:
+        raise StateError(f"{path}: cannot be read: {error.found}") from error
+    except (OSError, ValueError, KeyError, EOFError, MemoryError, zipfile.BadZipFile) as error:
         raise StateError(f"{path}: cannot be read: {error}") from error
 
 

@@ -10,9 +10,27 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fingerfit.errors import FingerfitError, InputError
+from fingerfit.errors import FingerfitError, InputError, LimitError
+from fingerfit.files import DOCUMENT, read_text
 
 _NEEDED = object()
+_DEEP = 50
+"""Collections within collections. The deepest value of ours is in five; PyYAML takes eight frames for each, of which
+Python has 1000, and libyaml's loader overflows the stack instead of stopping."""
+_VALUES = DOCUMENT // 2
+"""Values of a document with those that aliases repeat: as many as fit into the largest one without aliases, in which
+each takes two characters or more."""
+_DIGITS = 400
+"""Characters of a number; the largest of double precision has 309 digits. In base 60, which YAML has, the time to read
+more would grow with their square."""
+
+
+class _Excess(Exception):
+    """What a document has too much of: its line, what was found and what is expected."""
+
+    def __init__(self, mark: Any, found: str, expected: str) -> None:
+        self.line, self.found, self.expected = f"line {mark.line + 1}" if mark else "file", found, expected
+        super().__init__(found)
 
 
 @functools.cache
@@ -34,9 +52,52 @@ def _loader(quick: bool) -> Any:
                 seen.add(key.value)
             return super().construct_mapping(node, deep)  # type: ignore[no-any-return]
 
+        def get_single_node(self) -> Any:
+            node = super().get_single_node()
+            if node is not None:
+                _count(node, {}, ())
+            return node
+
     number = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
     Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
     return Loader
+
+
+def _check_depth(text: str) -> None:
+    """Refuse collections within collections before anything that calls itself reads them."""
+    import yaml
+
+    depth = 0
+    for event in yaml.parse(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEP:
+            raise _Excess(event.start_mark, "lists and mappings too deep", f"at most {_DEEP} within each other")
+
+
+def _count(node: Any, known: dict[int, tuple[int, int]], above: tuple[int, ...]) -> tuple[int, int]:
+    """Values in a node with those that aliases repeat, and how deep they are; what is repeated is counted once."""
+    import yaml
+
+    if isinstance(node, yaml.ScalarNode):
+        if node.tag.rpartition(":")[2] in ("int", "float") and len(node.value) > _DIGITS:
+            found = f"a number of {len(node.value)} characters"
+            raise _Excess(node.start_mark, found, f"at most {_DIGITS} characters")
+        return 1, 0
+    if id(node) in above:
+        raise _Excess(node.start_mark, "an alias of what it is in", "aliases of other values")
+    if id(node) not in known:
+        count, depth = 1, 0
+        for entry in node.value:
+            for inner in entry if isinstance(entry, tuple) else (entry,):
+                values, levels = _count(inner, known, (*above, id(node)))
+                count, depth = count + values, max(depth, levels)
+        known[id(node)] = (count, depth + 1)
+    count, depth = known[id(node)]
+    if count > _VALUES:
+        raise _Excess(node.start_mark, f"aliases that repeat {count:.3g} values", f"at most {_VALUES} values")
+    if len(above) + depth > _DEEP:
+        raise _Excess(node.start_mark, "lists and mappings too deep", f"at most {_DEEP} within each other")
+    return count, depth
 
 
 def read_yaml(path: Path) -> Any:
@@ -45,20 +106,20 @@ def read_yaml(path: Path) -> Any:
     Raises
     ------
     InputError
-        When it is missing or not valid, with the line.
+        When it is missing or not valid, with the line; a `LimitError` for what is too large or too deep, or becomes so
+        by aliases.
     """
     import yaml
 
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path, limit=DOCUMENT, expected="a readable YAML file")
         try:
+            _check_depth(text)
             return yaml.load(text, _loader(quick=True))
         except yaml.YAMLError:
             return yaml.load(text, _loader(quick=False))
-    except OSError as error:
-        raise InputError(path, "file", error.strerror, "a readable YAML file") from error
-    except UnicodeDecodeError as error:
-        raise InputError(path, "file", "bytes that are no text", "a YAML file in UTF-8") from error
+    except _Excess as error:
+        raise LimitError(path, error.line, error.found, error.expected) from error
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}" if mark else "file"

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerfit.errors import InputError
+from fingerfit.errors import InputError, LimitError
 from fingerfit.fem.elements import ELEMENTS
+from fingerfit.files import MESH, check_regular
 from fingerfit.mesh import Block, Mesh
 
 
@@ -51,10 +52,13 @@ def read_mesh(path: Path) -> Mesh:
         from fingerfit.deck.reader import read_deck_mesh
 
         return read_deck_mesh(path)
+    check_regular(path, "mesh", MESH, "a mesh")
     import meshio
 
     try:
         found = meshio.read(path)
+    except MemoryError as error:
+        raise LimitError(path, "mesh", "more than the memory holds", "a mesh that fits into the memory") from error
     except (OSError, ValueError, KeyError, meshio.ReadError, SystemExit) as error:
         raise InputError(path, "mesh", error or "an unreadable file", "a mesh that meshio reads") from error
     blocks = [Block(_FROM_MESHIO[c.type], c.data) for c in found.cells if c.type in _FROM_MESHIO]

@@ -156,19 +156,6 @@ def figure_search(last: Round, kind: str) -> Figure:
     return figure
 
 
-def figure_overlay(mesh: Mesh, values: np.ndarray, frame: tuple[float, float, float, float]) -> Figure:
-    """The mesh over the picture before compression."""
-    figure = Figure(figsize=(6, 5.4), layout="constrained")
-    axes = figure.subplots()
-    axes.imshow(values, cmap="gray", origin="lower", extent=frame)
-    draw_mesh(axes, mesh, mesh.points, fill=False, line=0.7)
-    axes.set_xlabel("x in mm")
-    axes.set_ylabel("y in mm")
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9, frameon=False)
-    return figure
-
-
 def plot_fit(fit: Fit, last: Round, folder: Path) -> None:
     """All figures of a finished fit, into a folder."""
     shown = finest(fit, last)

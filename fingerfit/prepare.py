@@ -9,6 +9,7 @@ import numpy as np
 
 from fingerfit.data import Data
 from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.files import TABLE, read_text
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.points import estimate_covariance
 from fingerfit.mesh import Mesh
@@ -220,7 +221,7 @@ def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tu
         if step.points is None:
             continue
         try:
-            text = step.points.read_text(encoding="utf-8").splitlines()
+            text = read_text(step.points, "points", TABLE, "a table of points").splitlines()
             head = [cell.strip() for cell in text[0].split(",")] if text else []
             if head != columns:
                 raise InputError(step.points, "columns", ",".join(head) or "nothing", ",".join(columns))
@@ -230,7 +231,7 @@ def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tu
         except InputError as error:
             problems.append(error)
             continue
-        except (OSError, ValueError) as error:
+        except ValueError as error:
             problems.append(InputError(step.points, "rows", error, f"{len(columns)} finite numbers"))
             continue
         tables.append(table * study.length)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.files import DOCUMENT, read_text
 from fingerfit.keys import Keys, read_yaml
 from fingerfit.study import ESTIMATED, Body, Chain, Layer, Noise, Step, Study
 from fingerfit.units import factor
@@ -233,10 +235,13 @@ def _steps(keys: Keys, sizes: Mapping[str, float], problems: list[FingerfitError
         return ()
     file = keys.where.parent / name
     try:
-        with file.open(newline="", encoding="utf-8-sig") as handle:
-            rows = [row for row in csv.reader(handle) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError) as error:
-        problems.append(InputError(file, "steps", getattr(error, "strerror", None) or error, "a readable CSV table"))
+        text = read_text(file, "steps", DOCUMENT, "a readable CSV table")
+        rows = [row for row in csv.reader(io.StringIO(text, newline="")) if any(cell.strip() for cell in row)]
+    except InputError as error:
+        problems.append(error)
+        return ()
+    except csv.Error as error:
+        problems.append(InputError(file, "steps", error, "a readable CSV table"))
         return ()
     head = [cell.strip() for cell in rows[0]] if rows else []
     wrong = [column for n, column in enumerate(head) if column not in COLUMNS or column in head[:n]]

@@ -76,18 +76,6 @@ def figure_sections(data: Data, mesh: Mesh, outcome: Outcome, steps: list[tuple[
     return figure
 
 
-def figure_place(mesh: Mesh, frame: Picture) -> Figure:
-    """The mesh in the volume before compression: three slices through the middle of the body."""
-    middle = (mesh.body.min(axis=0) + mesh.body.max(axis=0)) / 2
-    cuts = slices_through(frame, middle, (0, 1, 2))
-    figure = Figure(figsize=(12.5, 4.6), layout="constrained")
-    for axes, cut in zip(figure.subplots(1, 3), cuts, strict=True):
-        draw_section(axes, mesh, mesh.points, frame, cut, frame.values)
-        axes.set(xlabel=cut.labels[0], ylabel=cut.labels[1], title=cut.title)
-    _legend(figure, figure.axes[0], mesh)
-    return figure
-
-
 def draw_section(axes: Any, mesh: Mesh, points: np.ndarray, frame: Picture, cut: Slice, volume: np.ndarray) -> None:
     """A slice of a volume and the lines of the mesh in it, parts in colours."""
     values = cut.of(volume)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -9,10 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerfit.errors import InputError
+from fingerfit.errors import InputError, LimitError
+from fingerfit.files import MESH, check_regular, megabytes, read_bytes
 
+_BLOCK = 4096
+"""Bytes that each file counts for at least, as on a disk: else a file could include empty ones without end."""
 _WIDTH = 110
 """Characters of a keyword line that all programs read."""
+_DEEP = 8
+"""Files within files; the manuals' examples have two."""
 _NAMES = frozenset(
     {"NAME", "NSET", "ELSET", "MATERIAL", "ORIENTATION", "INTERACTION", "PART", "INSTANCE", "AMPLITUDE", "INPUT"}
     | {"REF NODE", "ROT NODE", "PIN NSET", "TIE NSET", "ANALYTICAL SURFACE"}
@@ -99,20 +105,54 @@ class Card:
             raise self.error(text, "a whole number", line) from None
 
 
-def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
-    """Keyword cards of a file and, in place, of the files it includes."""
+def read_cards(path: Path) -> Iterator[Card]:
+    """Keyword cards of a file and, in place, of the files it includes.
+
+    Raises
+    ------
+    InputError
+        For files that cannot be read, include themselves, or are more than `fingerfit.files.MESH` bytes in all.
+    """
+    return _cards(path, (), _Budget(path))
+
+
+class _Budget:
+    """What a deck may still read, in bytes: a file that is included often counts as often."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.left = path, MESH
+
+    def text(self, path: Path) -> str:
+        content = read_bytes(path, "deck", MESH, "a readable text file")
+        self.left -= max(len(content), _BLOCK)
+        if self.left < 0:
+            found = f"more than {megabytes(MESH)} with what it includes"
+            raise LimitError(self.path, "deck", found, f"at most {megabytes(MESH)}")
+        return _decode(content)
+
+
+def _cards(path: Path, above: tuple[str, ...], budget: _Budget) -> Iterator[Card]:
+    """Cards of a file that is included by those `above` it."""
     card: Card | None = None
-    for number, text in _keyword_lines(path):
+    content = budget.text(path)
+    above = (*above, os.path.realpath(path))
+    for number, text in _keyword_lines(content):
         if text.startswith("*"):
             if card:
                 yield card
             card = _keyword(path, number, text)
             if card.name == "INCLUDE":
-                if depth > 8:
-                    raise card.error(card.options.get("INPUT"), "includes less than 8 deep")
                 if not card.options.get("INPUT"):
                     raise card.error("no INPUT", "INPUT=file")
-                yield from read_cards(path.parent / card.options["INPUT"], depth + 1)
+                included = path.parent / card.options["INPUT"]
+                check_regular(included, "deck", MESH, "a readable text file")
+                if os.path.realpath(included) in above:
+                    raise card.error(
+                        f"{card.options['INPUT']}, which is being read", "a file that does not include this"
+                    )
+                if len(above) > _DEEP:
+                    raise card.error(card.options["INPUT"], f"files that include each other at most {_DEEP} deep")
+                yield from _cards(included, above, budget)
                 card = None
         elif card is None:
             raise InputError(path, f"line {number}", text, "a keyword before data")
@@ -122,10 +162,10 @@ def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
         yield card
 
 
-def _keyword_lines(path: Path) -> Iterator[tuple[int, str]]:
+def _keyword_lines(content: str) -> Iterator[tuple[int, str]]:
     """Lines without comments, by number; a keyword line that ends with a comma has the next data line behind it."""
     pending: tuple[int, str] | None = None
-    for number, raw in enumerate(read_text(path).splitlines(), 1):
+    for number, raw in enumerate(content.splitlines(), 1):
         text = raw.strip()
         if not text or text.startswith("**"):
             continue
@@ -140,12 +180,8 @@ def _keyword_lines(path: Path) -> Iterator[tuple[int, str]]:
         yield pending
 
 
-def read_text(path: Path) -> str:
-    """Text of a file in UTF-8 or, where it is none, in Latin-1, as comments of old decks are."""
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(path, "deck", error, "a readable text file") from error
+def _decode(content: bytes) -> str:
+    """Text in UTF-8 or, where it is none, in Latin-1, as comments of old decks are."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -3,14 +3,29 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fingerfit.errors import InputError
+from fingerfit.beside import apart
+from fingerfit.errors import FingerfitError, InputError, LimitError
+from fingerfit.files import DOCUMENT, TABLE, check_regular, megabytes, read_text
+from fingerfit.templates import OURS
 
 if TYPE_CHECKING:
     from jinja2.sandbox import SandboxedEnvironment
+
+SECONDS = 20
+"""Of processor time for one deck of a study's own templates. The fingertip's 38 500 tetrahedra with a gradient take
+0.5 s for 3 MB, so that a deck of `TABLE` bytes takes half of it."""
+MEMORY = 2**31
+"""Bytes that such a deck may take while it is made: thirty times `TABLE`, the longest text of it, which as Python's
+numbers and pieces of text takes up to ten times as much."""
+
+
+class _Foreign(Exception):
+    """A template that is not ours: its author may have written anything."""
 
 
 def render_deck(template: str, context: Mapping[str, Any], folders: Sequence[Path]) -> str:
@@ -28,19 +43,55 @@ def render_deck(template: str, context: Mapping[str, Any], folders: Sequence[Pat
     Raises
     ------
     InputError
-        Naming the template and its line: missing name, syntax, missing part, forbidden access.
+        Naming the template and its line: missing name, syntax, missing part, forbidden access. A `LimitError` for a
+        template that is too large or that makes too much, or for too long: templates that are not ours are rendered in
+        a process of their own, which is ended then.
     """
+    places = tuple(map(str, folders))
+    try:
+        return _rendered(template, context, places, ours=True)
+    except _Foreign:
+        pass
+    try:
+        return apart(lambda: _rendered(template, context, places, ours=False), SECONDS, MEMORY)
+    except MemoryError:
+        found, expected = "no end", f"a deck that takes less than {megabytes(MEMORY)} to make"
+    except TimeoutError:
+        found, expected = f"no end after {SECONDS} s", "a deck that is made in less"
+    except InputError:
+        raise
+    except FingerfitError as error:
+        found, expected = str(error), "a template that can be rendered"
+    raise LimitError(template, "template", found, expected)
+
+
+def _rendered(template: str, context: Mapping[str, Any], folders: tuple[str, ...], ours: bool) -> str:
     import jinja2
 
-    environment = _environment(tuple(map(str, folders)))
+    environment = _environment(folders, ours)
     try:
-        text = environment.get_template(template).render(context)
+        pieces, size = [], 0
+        for piece in environment.get_template(template).generate(context):
+            pieces.append(piece)
+            size += len(piece)
+            if size > TABLE:
+                found = f"a deck of more than {megabytes(TABLE)}"
+                raise LimitError(template, "template", found, f"at most {megabytes(TABLE)}")
+        text = "".join(pieces)
+    except (_Foreign, LimitError, MemoryError):
+        raise
     except jinja2.TemplateSyntaxError as error:
         raise InputError(error.filename or template, f"line {error.lineno}", error.message, "valid Jinja") from error
     except jinja2.TemplateNotFound as error:
         expected = "a template in " + " or ".join(map(str, folders))
         raise InputError(template, "template", f"no file {error.name}", expected) from error
+    except RecursionError as error:
+        where, line = _place(error, template)
+        found = "parts, macros or expressions within each other without end"
+        raise InputError(where, f"line {line}", found, "fewer of them") from error
     except Exception as error:  # whatever a user's template does wrong
+        if isinstance(error, InputError) and error.field == "template":
+            raise  # the file itself
         where, line = _place(error, template)
         raise InputError(where, f"line {line}", error, "names that a deck's context has") from error
     return "\n".join(line for line in text.splitlines() if line.strip()) + "\n"
@@ -59,13 +110,31 @@ def _place(error: Exception, template: str) -> tuple[str, int]:
 
 
 @functools.cache
-def _environment(folders: tuple[str, ...]) -> SandboxedEnvironment:
+def _environment(folders: tuple[str, ...], ours: bool) -> SandboxedEnvironment:
+    """Where templates are found and rendered; with `ours` those of other folders are refused by `_Foreign`."""
     import jinja2
+    from jinja2.loaders import split_template_path
     from jinja2.sandbox import SandboxedEnvironment
 
-    environment = SandboxedEnvironment(
-        loader=jinja2.FileSystemLoader(folders), undefined=jinja2.StrictUndefined, autoescape=False
-    )
+    class Loader(jinja2.BaseLoader):
+        """Templates in folders, in order; as jinja2's own, but it reads regular files up to a size only."""
+
+        def get_source(self, environment: jinja2.Environment, name: str) -> tuple[str, str, Any]:
+            parts = split_template_path(name)
+            for folder in map(Path, folders):
+                path = folder.joinpath(*parts)
+                if os.path.lexists(path):
+                    break
+            else:
+                raise jinja2.TemplateNotFound(name)
+            if ours and folder != OURS:
+                raise _Foreign
+            check_regular(path, "template", DOCUMENT, "a template")
+            stamp = path.stat().st_mtime_ns
+            text = read_text(path, "template", DOCUMENT, "a template")
+            return text, str(path), lambda: path.exists() and path.stat().st_mtime_ns == stamp
+
+    environment = SandboxedEnvironment(loader=Loader(), undefined=jinja2.StrictUndefined, autoescape=False)
     environment.filters["number"] = _number
     return environment
 

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import ast
 import functools
+import operator
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from jinja2.sandbox import SandboxedEnvironment
+LENGTH = 2000
+"""Characters of a formula; the longest of ours has 120. Python's parser crashes on much longer nested ones."""
+DEEP = 100
+"""Operations within operations; the deepest of ours has 9. Python takes four frames for each, of which it has 1000."""
+
+_SHOWN = 100
+"""Characters of a formula that errors repeat: their lines are cut after 200."""
 
 
 def _plain(name: str) -> Callable[..., Any]:
@@ -29,60 +36,140 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: _plain(name) for name in ("exp", "log", "sqrt", "tanh", "sin", "cos", "abs", "minimum", "maximum", "where")
 }
 """What a formula may call."""
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+}
+_UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+    ast.Not: operator.not_,
+}
+_COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}
 
 
 def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
-    """Value of a formula.
+    """Value of a formula, in double precision.
 
     Parameters
     ----------
     formula : str
-        Arithmetic, comparisons, ``a if b else c`` and the `FUNCTIONS`, as in a template.
+        Arithmetic, comparisons, ``and``, ``or``, ``not``, ``a if b else c`` and the `FUNCTIONS`.
     values : mapping
         Names and their numbers or arrays.
 
     Raises
     ------
     ValueError
-        For what is no formula, names something unknown, or reaches for more than numbers.
+        For what is no formula or too long a one, names something unknown, reaches for more than numbers, or comes to
+        what is no finite number. Arrays may have numbers that are not finite, as for forces that were not measured.
 
     >>> float(evaluate("exp(0 * x) + shift", {"x": 2.0, "shift": 0.5}))
     1.5
     """
-    import jinja2
-
     try:
-        found = _compiled(formula)(**FUNCTIONS, **values)
-    except (jinja2.TemplateError, TypeError, ArithmeticError) as error:
-        raise ValueError(f"{formula!r}: {error}") from error
-    if found is None or isinstance(found, jinja2.Undefined):
-        raise ValueError(f"{formula!r} has no value; it may name {', '.join(sorted(values))}")
-    if not isinstance(found, int | float | np.generic | np.ndarray):
-        raise ValueError(f"{formula!r} is no number")
+        # whole numbers have any number of digits in Python
+        found = _value(_parsed(formula), {name: _double(value) for name, value in values.items()})
+        if not np.ndim(found) and (isinstance(found, complex) or not np.isfinite(found)):
+            raise ValueError(f"comes to {found:.3g}")
+    except (ValueError, TypeError, ArithmeticError) as error:
+        shown = formula if len(formula) <= _SHOWN else f"{formula[: _SHOWN - 3]}..."
+        reason = "a number beyond double precision" if isinstance(error, OverflowError) else error
+        raise ValueError(f"{shown!r}: {reason}") from error
     return found
 
 
-@functools.cache
-def _compiled(formula: str) -> Any:
-    return _environment().compile_expression(formula, undefined_to_none=False)
+def _double(value: Any) -> Any:
+    return np.asarray(value, dtype=float) if np.ndim(value) else float(value)
 
 
 @functools.cache
-def _environment() -> SandboxedEnvironment:
-    import jinja2
-    from jinja2.sandbox import SandboxedEnvironment
+def _parsed(formula: str) -> ast.expr:
+    """Tree of a formula that has nothing in it but what `_value` knows."""
+    if len(formula) > LENGTH:
+        raise ValueError(f"{len(formula)} characters; at most {LENGTH}")
+    try:
+        tree = ast.parse(formula.strip(), mode="eval").body
+    except (SyntaxError, RecursionError, MemoryError) as error:
+        raise ValueError("not a formula") from error
+    level = [tree]
+    for _ in range(DEEP):
+        level = [inner for node in level for inner in _operands(node)]
+        if not level:
+            return tree
+    raise ValueError(f"operations more than {DEEP} deep")
 
-    class Environment(SandboxedEnvironment):
-        """Numbers only: no attribute of anything, no call but of the listed functions."""
 
-        def is_safe_attribute(self, obj: Any, attr: str, value: Any) -> bool:
-            return False
+def _operands(node: ast.expr) -> list[ast.expr]:
+    """What an operation is done to.
 
-        def is_safe_callable(self, obj: Any) -> bool:
-            return any(obj is function for function in FUNCTIONS.values())
+    Raises
+    ------
+    ValueError
+        For what formulas do not have.
+    """
+    match node:
+        case ast.Constant(value=bool() | str() | bytes() | complex() | None):
+            pass
+        case ast.Constant(value=int() | float()) | ast.Name():
+            return []
+        case ast.BinOp() if type(node.op) in _BINARY:
+            return [node.left, node.right]
+        case ast.UnaryOp() if type(node.op) in _UNARY:
+            return [node.operand]
+        case ast.BoolOp():
+            return node.values
+        case ast.Compare() if all(type(op) in _COMPARE for op in node.ops):
+            return [node.left, *node.comparators]
+        case ast.IfExp():
+            return [node.test, node.body, node.orelse]
+        case ast.Call(func=ast.Name(id=name)) if name in FUNCTIONS and not node.keywords:
+            return node.args
+    raise ValueError(f"{ast.unparse(node)[:40]} is no number, operation or one of {', '.join(FUNCTIONS)}")
 
-    environment = Environment(undefined=jinja2.StrictUndefined)
-    environment.filters.clear()
-    environment.tests.clear()
-    environment.globals.clear()
-    return environment
+
+def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    match node:
+        case ast.Constant():
+            return float(node.value)  # type: ignore[arg-type]
+        case ast.Name():
+            if node.id not in values:
+                raise ValueError(f"{node.id} has no value; it may name {', '.join(sorted(values))}")
+            return values[node.id]
+        case ast.BinOp():
+            return _BINARY[type(node.op)](_value(node.left, values), _value(node.right, values))
+        case ast.UnaryOp():
+            return _UNARY[type(node.op)](_value(node.operand, values))
+        case ast.BoolOp():
+            found = None
+            for inner in node.values:
+                found = _value(inner, values)
+                if bool(found) == isinstance(node.op, ast.Or):
+                    break
+            return found
+        case ast.Compare():
+            left, found = _value(node.left, values), True
+            for op, inner in zip(node.ops, node.comparators, strict=True):
+                right = _value(inner, values)
+                found = _COMPARE[type(op)](left, right)
+                if len(node.ops) > 1 and not found:
+                    break
+                left = right
+            return found
+        case ast.IfExp():
+            return _value(node.body if _value(node.test, values) else node.orelse, values)
+        case ast.Call(func=ast.Name(id=name)):
+            return FUNCTIONS[name](*[_value(inner, values) for inner in node.args])
+    raise AssertionError(node)  # `_operands` has refused it

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.errors import FingerfitError, InputError
+from fingerfit.errors import FingerfitError, InputError, LimitError
+from fingerfit.imaging.limits import check_files, check_memory
 from fingerfit.imaging.whole import refuse_damaged
 
 
@@ -87,10 +89,20 @@ def read_picture(path: Path) -> Picture:
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     if not path.exists():
         raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
-    if not path.is_dir():
-        refuse_damaged(path)
+    check_files(path)
     try:
-        image = sitk.ReadImage(_series(path) if path.is_dir() else str(path))
+        files = _series(path) if path.is_dir() else [str(path)]
+        reader = sitk.ImageFileReader()
+        reader.SetFileName(files[0])
+        with contextlib.suppress(RuntimeError):  # a header that ITK cannot read is told better below
+            reader.ReadImageInformation()
+            check_memory(path, reader, len(files))
+        if not path.is_dir():
+            refuse_damaged(path)
+        image = sitk.ReadImage(files if path.is_dir() else files[0])
+    except MemoryError as error:
+        expected = "a picture that fits into the memory"
+        raise LimitError(path, "picture", "more than the memory holds", expected) from error
     except RuntimeError as error:
         reason = [line for line in str(error).splitlines() if line.strip()][-1]
         raise InputError(path, "picture", reason, "a picture that SimpleITK reads") from error

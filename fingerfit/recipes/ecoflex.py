@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.errors import InputError
-from fingerfit.files import write_text
+from fingerfit.files import read_text, write_text
 
 DIAMETER, HEIGHT = 50.0, 30.0
 """Of the cylinders, mm."""
@@ -34,10 +34,7 @@ def read_test(path: Path) -> tuple[np.ndarray, np.ndarray]:
     InputError
         When its columns or numbers are not those of the authors.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, "file", getattr(error, "strerror", None) or error, "a readable CSV file") from error
+    lines = read_text(path, expected="a readable CSV file").splitlines()
     head = next((n for n, line in enumerate(lines) if line.startswith("Time")), None)
     names = [name.strip() for name in lines[head].split(",")] if head is not None else []
     if head is None or "Compression (mm)" not in names or "Load (N)" not in names:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.errors import InputError
-from fingerfit.files import write_text
+from fingerfit.files import read_text, write_text
 from fingerfit.mesh import Block, Mesh
 from fingerfit.mesh_io import format_mesh
 
@@ -37,7 +37,7 @@ def read_numbers(path: Path) -> dict[str, float]:
     InputError
         When one of them is missing.
     """
-    text = _text(path)
+    text = read_text(path)
     found = {m[1]: float(m[2]) for m in re.finditer(r"^\s*(\w+)\s*=\s*([\d.]+)\s*;", text, re.MULTILINE)}
     missing = [name for name in NAMES if name not in found]
     if missing:
@@ -54,19 +54,14 @@ def read_table(path: Path, columns: int) -> np.ndarray:
         When they are no such table.
     """
     try:
-        table = np.array([[float(cell) for cell in line.split()] for line in _text(path).splitlines() if line.strip()])
+        table = np.array(
+            [[float(cell) for cell in line.split()] for line in read_text(path).splitlines() if line.strip()]
+        )
     except ValueError as error:
         raise InputError(path, "rows", error, f"{columns} numbers each") from error
     if table.ndim != 2 or table.shape[1] != columns or not np.isfinite(table).all():
         raise InputError(path, "rows", "shape " + " x ".join(map(str, table.shape)), f"{columns} finite numbers each")
     return table
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, "file", getattr(error, "strerror", None) or error, "a readable text file") from error
 
 
 def lines(edges: list[float], fine: float, coarse: float) -> np.ndarray:

@@ -83,6 +83,11 @@ class AbaqusSolver:
         program = self._arguments(1)[0]
         return {"name": self.name, "version": _version(program), "command": self.command, "adapter": ADAPTER}
 
+    @property
+    def executable(self) -> str:
+        """Where it is; SolverError when it is missing."""
+        return self._arguments(1)[0]
+
     def check(self, deck: Path) -> None:
         """Read the deck; SolverError without an executable, InputError for a deck without what is read back."""
         self._arguments(1)

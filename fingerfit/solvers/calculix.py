@@ -83,6 +83,11 @@ class CalculixSolver:
         version = _version(_executable())
         return {"name": self.name, "version": version, "residual": self.residual, "adapter": ADAPTER}
 
+    @property
+    def executable(self) -> str:
+        """Where it is; SolverError when it is missing."""
+        return _executable()
+
     def check(self, deck: Path) -> None:
         """Read the deck; SolverError without an executable, InputError for what CalculiX lacks."""
         _executable()

@@ -161,7 +161,6 @@ CASES = {
     "log of zero": (config(lambda d: d["model"]["parameters"]["mu"].update(lower=0.0)), "expected above 0"),
     "no mesh": (config(lambda d: d["model"].pop("mesh")), "model.mesh: found nothing"),
     "no such step": (config(lambda d: d["fit"].update(steps=[1, 8])), "fit.steps: found step 8"),
-    "no config": (lambda p: (p / "config.yaml").unlink(), "config.yaml: file: found No such file"),
 }  # fmt: skip
 
 

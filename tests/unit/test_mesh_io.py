@@ -1,7 +1,6 @@
 """Meshes as ABAQUS keywords and from other formats."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import meshio
 import numpy as np
@@ -59,13 +58,14 @@ def test_lines_are_short_enough_for_every_program():
     assert max(line.count(",") for line in lines[at:] if not line.startswith("*")) < 16
 
 
-def test_other_formats_with_their_sets(monkeypatch):
+def test_other_formats_with_their_sets(monkeypatch, tmp_path):
     points = np.array([[0, 0], [2, 0], [2, 1], [0, 1], [4, 0], [4, 1]], dtype=float)
     cells = [("quad", np.array([[0, 1, 2, 3], [1, 4, 5, 2]]))]
     sets = {"left": [np.array([0])], "right": [np.array([1])]}
     made = meshio.Mesh(points, cells, point_sets={"Bottom": np.array([0, 1, 4])}, cell_sets=sets)
     monkeypatch.setattr(meshio, "read", lambda path: made)
-    read = read_mesh(Path("m.other"))
+    (tmp_path / "m.other").touch()
+    read = read_mesh(tmp_path / "m.other")
     assert read.points == pytest.approx(points)
     assert np.array_equal(read.node_sets["BOTTOM"], [0, 1, 4])
     assert np.array_equal(read.element_sets["RIGHT"], [1])
