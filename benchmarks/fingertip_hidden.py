@@ -146,7 +146,7 @@ def run_case(case: Case, threads: int, keep: Path | None) -> dict[str, Any]:
                 "score": "likelihood",
                 "steps": [2],
                 "replicates": 20,
-                "stages": [{"name": "independent", "kind": "independent", "step": 0.4, "tolx": 5e-2, "tolf": 50.0}],
+                "stages": [{"name": "independent", "kind": "independent", "step": 0.4, "tolx": 0.3, "tolf": 50.0}],
             },
         }
         fit, everything = begin(load_settings(settings), folder / "model")

@@ -19,8 +19,19 @@ from fingerfit.keys import unknown_key
 from fingerfit.search import Plan, Stage
 
 CONFIG = "config.yaml"
+MATERIAL = ("mu", "alpha", "poisson")
+"""Constants of a material; ``mu_top`` is that of one layer."""
 WIDE = 100.0
 """Ratio of bounds from which a number that an effect scans is searched in the logarithm: times."""
+
+
+def quantity_of(name: str) -> str:
+    """Constant of a material that a parameter is.
+
+    >>> quantity_of("mu_top")
+    'mu'
+    """
+    return name.partition("_")[0]
 
 
 class Model:
@@ -95,9 +106,20 @@ class Choices:
             if name not in effect.refine
         }
 
+    def tied(self: Any, stage: Any) -> list[str]:
+        """Names of the parameters that are alike in a stage, in the order of the file."""
+        if isinstance(stage.tied, list):
+            return list(dict.fromkeys(stage.tied))
+        quantities = [quantity_of(name) for name in self.model.parameters]
+        wanted = stage.tied or min(quantities, key=MATERIAL.index)
+        return [name for name, own in zip(self.model.parameters, quantities, strict=True) if own == wanted]
+
     def plan(self: Any) -> Plan:
         """How to search."""
-        stages = tuple(Stage(s.name, s.kind, s.tolx, s.tolf, s.points, s.step, s.restarts) for s in self.fit.stages)
+        stages = tuple(
+            Stage(s.name, s.kind, s.tolx, s.tolf, s.points, s.step, s.restarts, tuple(self.tied(s)), s.tolx_in)
+            for s in self.fit.stages
+        )
         return Plan(stages, self.fit.batch, self.fit.max_evaluations)
 
 

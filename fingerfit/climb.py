@@ -109,9 +109,14 @@ def _told(rung: dict[str, Any]) -> str:
     fitted, held_out = rung["error"]["fitted"], rung["error"]["held_out"]
     held = "" if held_out is None else f", {held_out:.3g} on held-out steps"
     counted = rung["simulations"]
+    ends = "".join(
+        f"; {name} ends at its {entry['at_bound']} bound"
+        for name, entry in (rung.get("parameters") or {}).items()
+        if entry.get("at_bound")
+    )
     return (
         f"{rung['model']}: error {fitted:.3g} times the noise{held};"
-        f" {counted['run']} simulations run, {counted['reused']} of the models below reused; {rung['sentence']}"
+        f" {counted['run']} simulations run, {counted['reused']} of the models below reused; {rung['sentence']}{ends}"
     )
 
 

@@ -15,11 +15,13 @@ from fingerfit.effects.catalogue import as_text
 from fingerfit.effects.contract import LOADING, Effect
 from fingerfit.examine import Examined, are_fitted, errors, fitted_steps
 from fingerfit.files import digest, read_json, write_json, write_npz
+from fingerfit.guess import Parameter
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
 from fingerfit.plots import outline
 from fingerfit.residual import BRIGHTNESS, CONJUGATE, MOVES
 from fingerfit.slices import border_triangles, parts_of
+from fingerfit.uncertainty import bound_of
 from fingerfit.verdict import confusions, unseen
 
 SHOWN = 6
@@ -172,6 +174,7 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
                     "fall": refit.fall,
                     "error": {"fitted": refit.fitted, "held_out": refit.held_out},
                     "parameters": {name: float(value) for name, value in refit.values.items()},
+                    "at_bound": at_bounds(effect, refit.values),
                     "start": dict(refit.start),
                     "simulations": refit.simulations,
                 },
@@ -204,6 +207,18 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
     write_npz(path.with_suffix(".npz"), arrays)
     write_json(path, data)
     return data
+
+
+def at_bounds(effect: Effect, values: Mapping[str, float]) -> dict[str, str]:
+    """Which numbers of a refitted effect ended at a bound: ``lower`` or ``upper`` by their short names."""
+    found = {
+        p.name: bound_of(
+            Parameter(p.name, p.unit, p.lower, p.upper, p.null, False, p.scale), values[effect.key(p.name)]
+        )
+        for p in effect.parameters
+        if effect.key(p.name) in values
+    }
+    return {name: which for name, which in found.items() if which}
 
 
 def count_simulations(study: Path, models: list[str], fit: set[str], diagnosis: set[str]) -> dict[str, int]:

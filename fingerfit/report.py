@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from fingerfit.estimate import Replicates
 from fingerfit.fit import REFINED, Fit
 from fingerfit.refine import mesh_error, minimum, on_search_mesh
 from fingerfit.rounds import Round
-from fingerfit.uncertainty import SURE, as_json, repeat, summarise
+from fingerfit.uncertainty import SURE, as_json, bound_of, repeat, summarise
 
 
 def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | None = None) -> dict[str, Any]:
@@ -60,6 +60,7 @@ def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | 
         },
         "remarks": [
             *found.remarks,
+            *_bound_remarks(fit, values),
             *_mesh_remarks(fit, mesh),
             *_thickness_remarks(fit),
             *(f"measurements: {line}" for line in fit.data.remarks.splitlines()),
@@ -82,6 +83,24 @@ def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | 
         "sim": best.base.sim,
         "sim_mesh": mesh,
     }
+
+
+def _bound_remarks(fit: Fit, values: Mapping[str, float]) -> list[str]:
+    """A sentence on each constant or number of an effect that ends at its bound."""
+    absent = {e.key(p.name): p.null for e in fit.settings.effects() for p in e.parameters}
+    found = []
+    for p in fit.settings.parameters():
+        which = bound_of(p, values[p.name])
+        if which is None:
+            continue
+        bound = p.lower if which == "lower" else p.upper
+        text = f"{p.name} ends at its {which} bound, {bound:g}{'' if p.unit == '1' else f' {p.unit}'}"
+        if p.name in fit.settings.model.parameters:
+            text += f": the data may want it {'smaller' if which == 'lower' else 'larger'} (model.parameters.{p.name})"
+        elif absent.get(p.name) == bound:
+            text += ", where the effect is absent"
+        found.append(f"{text}; standard error and interval are those of a constant without bounds")
+    return found
 
 
 def _mesh_remarks(fit: Fit, mesh: str) -> list[str]:
@@ -109,8 +128,10 @@ def table_of(found: dict[str, Any]) -> str:
         unit = entry["unit"] if entry["unit"] != "1" else "-"
         mesh = f"{entry['mesh_error']:.2g}" if found["search_mesh"] else "-"
         interval = f"{low:.4g} to {high:.4g}"
+        bound = f"  at its {entry['at_bound']} bound" if entry["at_bound"] else ""
         lines.append(
             f"{name:<{width}}{unit:<6}{entry['value']:>12.4g}{entry['standard_error']:>12.2g}{mesh:>12}{interval:>26}"
+            + bound
         )
     search, sims = found["search"], found["simulations"]
     lines += [
@@ -119,9 +140,16 @@ def table_of(found: dict[str, Any]) -> str:
         f" {sims['asked']} simulations asked for, {sims['run']} different ones; stop: {search['stop']}",
     ]
     if found["search_mesh"]:
-        moves = [(name, entry["value"] / found["search_mesh"][name] - 1) for name, entry in found["parameters"].items()]
-        shift = ", ".join(f"{name} {100 * move:+.1f} %" for name, move in moves)
-        lines.append(f"moved by the finer mesh: {shift}")
+        moves = [_move(name, entry, found["search_mesh"][name]) for name, entry in found["parameters"].items()]
+        lines.append(f"moved by the finer mesh: {', '.join(moves)}")
     if search["diverged"]:
         lines.append(f"{search['diverged']} guesses had no solution")
     return "\n".join([*lines, *found["remarks"], *search["faults"]]) + "\n"
+
+
+def _move(name: str, entry: Mapping[str, Any], searched: float) -> str:
+    """What the finer mesh changed: a share, or where the value may be 0 a difference in its unit."""
+    if entry["log"]:
+        return f"{name} {100 * (entry['value'] / searched - 1):+.1f} %"
+    unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
+    return f"{name} {entry['value'] - searched:+.2g}{unit}"

@@ -10,11 +10,11 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
-from fingerfit.choices import CONFIG, Choices, Model
+from fingerfit.choices import CONFIG, MATERIAL, Choices, Model, quantity_of
 from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.guess import round_value
 from fingerfit.keys import read_yaml, unknown_key
 
-MATERIAL = ("mu", "alpha", "poisson")
 PLAIN = r"^[\w./+@~:,=-]+$"
 """Paths and names that need no quotes in a shell and are no patterns to Snakemake."""
 UNITS = {"mu": "MPa", "alpha": "1", "poisson": "1"}
@@ -104,17 +104,38 @@ class StageSettings(_Strict):
 
     name: str = Field(pattern=r"^[\w +-]+$", description="For reports.")
     kind: Literal["grid", "equal", "independent"] = Field(
-        description="grid: forward analyses, all mu alike; equal: simplex, all mu alike; independent: simplex."
+        description="grid: forward analyses, tied parameters alike; equal: simplex, tied parameters alike; independent:"
+        " simplex over all parameters."
+    )
+    tied: str | list[str] | None = Field(
+        default=None,
+        description="Parameters that are alike in grid and equal, within the bounds that they share: mu, alpha, poisson"
+        " or a list of names. When left out: all mu; where none is identified all alpha, or else all poisson.",
     )
     tolx: float = Field(
-        default=1e-5,
+        default=1e-3,
         gt=0,
-        description="Stop when all vertices are as near to the best, in the parameter's unit ...",
+        description="Stop when no parameter differs by more between the best guess and the other vertices, as a share"
+        " of its value (with log: false, of the distance of its bounds) ...",
     )
-    tolf: float = Field(default=1e-5, gt=0, description="... and their scores too.")
+    tolx_in: Literal["share", "unit"] = Field(
+        default="share",
+        description="share, or unit: tolx is a difference in the unit of the parameters, as in the paper (MPa).",
+    )
+    tolf: float = Field(default=1e-5, gt=0, description="... and no score by more than this.")
     points: int = Field(default=6, ge=2, description="Points of a grid.")
-    step: float = Field(default=0.4, gt=0, description="Size of the first simplex, in the logarithm.")
-    restarts: int = Field(default=0, ge=0, description="New simplexes at the best point.")
+    step: float = Field(
+        default=0.4,
+        gt=0,
+        description="Size of the first simplex: in the logarithm, or with log: false as a share of the distance of the"
+        " bounds.",
+    )
+    restarts: int = Field(
+        default=0,
+        ge=0,
+        description="New simplexes at the best point, in any case. More of them follow where a bound was met and"
+        " a point at either side of the best one is better.",
+    )
 
 
 class FitSettings(_Strict):
@@ -240,7 +261,7 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
             problems.append(unknown_key(where, "model.parameters.", name, MATERIAL))
         elif p.unit != UNITS[quantity]:
             problems.append(InputError(where, f"{field}.unit", p.unit, UNITS[quantity]))
-        elif not p.lower <= p.start <= p.upper or p.lower == p.upper:
+        elif not p.lower <= p.start <= p.upper or round_value(p.lower) == round_value(p.upper):
             problems.append(InputError(where, field, f"start {p.start:g}", f"{p.lower:g} to {p.upper:g}, the bounds"))
         elif p.log and p.lower <= 0:
             problems.append(InputError(where, f"{field}.lower", p.lower, "above 0, for a search in the logarithm"))
@@ -254,9 +275,39 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
             problems.append(unknown_key(where, "model.material.", name, MATERIAL))
         else:
             problems += _impossible(where, f"model.material.{name}", name.partition("_")[0], value)
+    if not problems:
+        problems += _wrong_stages(settings, where)
     names = [stage.name for stage in settings.fit.stages]
     for name in sorted({name for name in names if names.count(name) > 1}):
         problems.append(InputError(where, "fit.stages", f"{name} twice", "a name of its own for each stage"))
+    return problems
+
+
+def _wrong_stages(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    """Tied parameters that are not there or cannot be alike, and units that cannot be compared."""
+    known, problems = settings.model.parameters, list[FingerfitError]()
+    for n, stage in enumerate(settings.fit.stages):
+        field, names = f"fit.stages.{n}.tied", settings.tied(stage)
+        missing = [name for name in names if name not in known]
+        if missing or not names:
+            found = ", ".join(missing) or str(stage.tied)
+            expected = f"{', '.join(dict.fromkeys(map(quantity_of, known)))} or a list of {', '.join(known)}"
+            problems.append(InputError(where, field, found, expected))
+            continue
+        tied = [known[name] for name in names]
+        lower, upper = max(p.lower for p in tied), min(p.upper for p in tied)
+        text = ", ".join(names)
+        if stage.kind != "independent" and len({(p.unit, p.log) for p in tied}) > 1:
+            expected = f"one unit and one log for all of them, or fewer of them, for a stage {stage.kind}"
+            problems.append(InputError(where, field, f"{text} with several", expected))
+        elif stage.kind != "independent" and not round_value(lower) < round_value(upper):
+            expected = f"bounds that overlap, or fewer of them, for a stage {stage.kind}"
+            problems.append(InputError(where, field, f"{text} with bounds that do not overlap", expected))
+        moved = tied if stage.kind == "equal" else list(known.values())
+        if stage.kind != "grid" and stage.tolx_in == "unit" and len({p.unit for p in moved}) > 1:
+            units = ", ".join(sorted({p.unit for p in moved}))
+            expected = "share, since the parameters have several units"
+            problems.append(InputError(where, f"fit.stages.{n}.tolx_in", f"unit, for {units}", expected))
     return problems
 
 

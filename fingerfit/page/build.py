@@ -178,6 +178,7 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
         "visible": not entry.get("imitated"),
         "error": (refit or {}).get("error") or {},
         "refit": refit is not None,
+        "ends": [f"{name} at its {which} bound" for name, which in ((refit or {}).get("at_bound") or {}).items()],
         "drawn": entry.get("effect") in model.patterns,
     }
 

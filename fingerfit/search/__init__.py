@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerfit.guess import Parameter
-from fingerfit.search.stages import Point, Space, Stage, run_stage
+from fingerfit.search.stages import MET, Point, Space, Stage, run_stage
 
 __all__ = ["Evaluation", "Plan", "Proposal", "Stage", "propose"]
 
@@ -82,7 +82,7 @@ def propose(history: Sequence[Evaluation], parameters: tuple[Parameter, ...], pl
     """
     space = Space(parameters)
     known = {e.point: np.inf if e.value is None or not np.isfinite(e.value) else e.value for e in history}
-    best, used = space.coordinates([p.start for p in parameters]), set[Point]()
+    best, used, reason = space.coordinates([p.start for p in parameters]), set[Point](), MET
     for stage in plan.stages:
         running = run_stage(stage, space, best)
         request, iteration = next(running)
@@ -100,6 +100,6 @@ def propose(history: Sequence[Evaluation], parameters: tuple[Parameter, ...], pl
             try:
                 request, iteration = running.send([known[point] for point in needed])
             except StopIteration as finished:
-                best = finished.value
+                best, reason = finished.value
                 break
-    return Proposal((), plan.stages[-1].name, iteration, space.point(best), "tolerances met", len(used))
+    return Proposal((), plan.stages[-1].name, iteration, space.point(best), reason, len(used))

@@ -46,6 +46,7 @@ def downhill(
     vertices: np.ndarray,
     finished: Callable[[Simplex], bool],
     clip: Callable[[np.ndarray], np.ndarray] = lambda point: point,
+    flat: Callable[[np.ndarray], bool] = lambda points: False,
 ) -> Asking:
     """Minimise, with the coefficients of Nelder and Mead: 1, 2, 1/2, 1/2.
 
@@ -57,6 +58,9 @@ def downhill(
         Asked before each iteration.
     clip : callable
         Moves a point into the bounds.
+    flat : callable
+        Whether vertices, shape (dim + 1, dim), span fewer than `dim` directions. A point that would make them do so,
+        as one that was moved onto a bound may, is not asked for: it counts as the worst.
 
     Yields
     ------
@@ -66,7 +70,7 @@ def downhill(
     Returns
     -------
     Simplex
-        The last one, best vertex first.
+        The last one, best vertex first: a finished one, or one that cannot become smaller.
     """
     points = np.array([clip(vertex) for vertex in vertices], dtype=float)
     values = np.array((yield Request(tuple(points))))
@@ -84,23 +88,31 @@ def downhill(
             name: clip(centre + factor * away)
             for name, factor in (("reflect", 1.0), ("expand", 2.0), ("outside", 0.5), ("inside", -0.5))
         }
-        reflected = trial["reflect"]
-        likely = tuple(trial[name] for name in _COMPANIONS[last])
-        (value,) = yield Request((reflected,), likely)
+        lost = {name for name, point in trial.items() if flat(np.array([*points[:-1], point]))}
+        likely = tuple(trial[name] for name in _COMPANIONS[last] if name not in lost)
+        value = further = nearer = np.inf
+        if "reflect" not in lost:
+            (value,) = yield Request((trial["reflect"],), likely)
         if value < values[0]:
-            (further,) = yield Request((trial["expand"],))
+            if "expand" not in lost:
+                (further,) = yield Request((trial["expand"],))
             last = "expand" if further < value else "reflect"
-            points[-1], values[-1] = (trial["expand"], further) if further < value else (reflected, value)
+            points[-1], values[-1] = trial[last], min(further, value)
             continue
         if value < values[-2]:
-            points[-1], values[-1], last = reflected, value, "reflect"
+            last = "reflect"
+            points[-1], values[-1] = trial[last], value
             continue
         last = "outside" if value < values[-1] else "inside"
-        (nearer,) = yield Request((trial[last],))
+        if last not in lost:
+            (nearer,) = yield Request((trial[last],))
         if nearer <= value if last == "outside" else nearer < values[-1]:
             points[-1], values[-1] = trial[last], nearer
             continue
-        points[1:] = [clip(points[0] + 0.5 * (point - points[0])) for point in points[1:]]
+        shrunk = np.array([clip(points[0] + 0.5 * (point - points[0])) for point in points[1:]])
+        if np.array_equal(shrunk, points[1:]):
+            return simplex  # `clip` rounds, and no smaller one can be told from it
+        points[1:] = shrunk
         values[1:] = yield Request(tuple(points[1:]))
         last = "inside"
 

@@ -252,3 +252,17 @@ def test_models_that_are_not_on_the_ladder_are_not_shown(tmp_path):
     others = [{"model": "base+tilt", "why": "not on the way to this model"}]
     path.write_text(json.dumps({**ladder, "rungs": ladder["rungs"][:1], "others": others}), encoding="utf-8")
     assert [model.name for model in read_inputs(tmp_path).models] == ["base"]
+
+
+def test_what_ended_at_its_bound_is_told(tmp_path):
+    sample.write(tmp_path)
+    rungs, diagnosis = (json.loads((tmp_path / f).read_text()) for f in ("ladder.json", "base/diagnosis.json"))
+    rungs["rungs"][1]["parameters"]["tilt"]["at_bound"] = "upper"
+    refit = next(entry["refit"] for entry in diagnosis["ranking"] if entry["effect"] == "tilt")
+    refit["at_bound"] = {"slope": "lower"}
+    (tmp_path / "ladder.json").write_text(json.dumps(rungs))
+    (tmp_path / "base/diagnosis.json").write_text(json.dumps(diagnosis))
+    write_page(tmp_path, tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert text.count("<br><small>at its upper bound</small>") == 1
+    assert text.count("<br><small>slope at its lower bound</small>") == 1

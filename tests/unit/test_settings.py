@@ -80,6 +80,10 @@ def test_parameters_keep_the_order_of_the_file():
         ("model.material.mu", True, "model.material: found {"),
         ("fit.smooth", float("nan"), "fit.smooth: found nan; expected a finite number"),
         ("fit.stages.1.name", "grid", "fit.stages: found grid twice; expected a name of its own for each stage"),
+        ("fit.stages.0.tied", "alpha", "fit.stages.0.tied: found alpha; expected mu or a list of mu_top, mu_middle"),
+        ("fit.stages.1.tied", ["mu_top", "mu_tip"], "fit.stages.1.tied: found mu_tip; expected mu or a list of mu_top"),
+        ("fit.stages.1.tied", [], "fit.stages.1.tied: found []; expected mu or a list of mu_top"),
+        ("fit.stages.1.tolx_in", "MPa", "fit.stages.1.tolx_in: found MPa; expected 'share' or 'unit'"),
         ("study", "my study", "study: found 'my study'; expected letters, digits and . / _ + - only"),
         ("solver", "calculx", "did you mean calculix?"),
     ],
@@ -90,6 +94,61 @@ def test_a_mistake_is_one_line(path, value, says):
     assert len(raised.value.problems) == 1
     assert str(raised.value).startswith("mine.yaml: ")
     assert says in str(raised.value)
+
+
+def of_layers(top, bottom, **stage):
+    """Settings with two constants, one stage."""
+    config = copy.deepcopy(CONFIG)
+    config["model"]["parameters"] = {"mu_top": top, "mu_bottom": bottom}
+    config["model"]["material"]["mu_middle"] = 0.03
+    config["fit"]["stages"] = [{"name": "s", **stage}]
+    return config
+
+
+MU = {"unit": "MPa", "start": 0.1, "lower": 0.01, "upper": 1.0}
+
+
+@pytest.mark.parametrize("kind", ["grid", "equal"])
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        ({"lower": 2.0, "upper": 5.0, "start": 3.0}, "found mu_top, mu_bottom with bounds that do not overlap"),
+        ({"lower": 1.0, "upper": 5.0, "start": 3.0}, "found mu_top, mu_bottom with bounds that do not overlap"),
+        ({"log": False}, "found mu_top, mu_bottom with several; expected one unit and one log for all of them"),
+    ],
+)
+def test_parameters_that_cannot_be_alike_are_refused(kind, other, says):
+    config = of_layers(MU, {**MU, **other}, kind=kind)
+    with pytest.raises(Problems) as raised:
+        load_settings(config)
+    assert len(raised.value.problems) == 1
+    assert f"fit.stages.0.tied: {says}" in str(raised.value)
+    load_settings(of_layers(MU, {**MU, **other}, kind=kind, tied=["mu_top"]))
+    load_settings(of_layers(MU, {**MU, **other}, kind="independent"))
+
+
+def test_bounds_that_no_guess_can_tell_apart_are_refused():
+    with pytest.raises(Problems, match=r"model.parameters.mu_top: found start 0.1; expected 0.1 to 0.1, the bounds"):
+        load_settings(of_layers({**MU, "lower": 0.1, "upper": 0.1 + 1e-13}, MU, kind="independent"))
+
+
+def test_mu_is_tied_whatever_the_order_of_the_parameters():
+    alpha = {"unit": "1", "start": 3.0, "lower": 0.5, "upper": 12.0}
+    config = of_layers(alpha, MU, kind="grid")
+    config["model"]["parameters"] = {"alpha": alpha, "mu_top": MU, "mu_bottom": MU}
+    assert load_settings(config).plan().stages[0].tied == ("mu_top", "mu_bottom")
+    config["model"]["parameters"] = {"alpha": alpha}
+    config["model"]["material"] = {"mu": 0.1, "poisson": 0.45}
+    assert load_settings(config).plan().stages[0].tied == ("alpha",)
+
+
+def test_a_tolerance_in_units_needs_one_unit():
+    alpha = {"unit": "1", "start": 3.0, "lower": 0.5, "upper": 12.0}
+    config = of_layers(MU, MU, kind="independent", tolx_in="unit")
+    assert load_settings(config).plan().stages[0].tolx_in == "unit"
+    config["model"]["parameters"]["alpha"] = alpha
+    with pytest.raises(Problems, match=r"fit.stages.0.tolx_in: found unit, for 1, MPa; expected share"):
+        load_settings(config)
 
 
 def test_all_mistakes_are_told_at_once(tmp_path):

@@ -56,7 +56,7 @@ def world(tmp_path_factory):
     mu = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
     model = {"material": DESCRIPTION["material"], **MESHES, "parameters": {"mu_top": mu, "mu_bottom": mu}}
     stages = [{"name": "grid", "kind": "grid", "points": 3}]
-    stages += [{"name": "independent", "kind": "independent", "tolx": 2e-2, "tolf": 2e-2}]
+    stages += [{"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2}]
     fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
     settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting})
     fit, everything = begin(settings, folder / "model")

@@ -66,7 +66,7 @@ CONFIG = {
         "steps": [2, 4],
         "stages": [
             {"name": "grid", "kind": "grid", "points": 3},
-            {"name": "independent", "kind": "independent", "tolx": 2e-2, "tolf": 2e-2},
+            {"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2},
         ],
     },
 }

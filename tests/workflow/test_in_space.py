@@ -69,7 +69,7 @@ CONFIG = {
         "max_evaluations": 14,
         "stages": [
             {"name": "grid", "kind": "grid", "points": 5},
-            {"name": "independent", "kind": "independent", "tolx": 3e-3, "tolf": 1e-5},
+            {"name": "independent", "kind": "independent", "tolx": 0.05, "tolf": 1e-5},
         ],
     },
 }

@@ -1,0 +1,98 @@
+"""The table and the remarks of an estimate, also at bounds and where a number is 0."""
+
+import copy
+
+import pytest
+import yaml
+from blocks import FIT, MODEL, STEPS, STUDY
+
+from fingerfit.effects.catalogue import catalogue
+from fingerfit.findings import at_bounds
+from fingerfit.report import estimate_of, table_of
+from fingerfit.settings import load_settings
+from fingerfit.simulate import begin, run_fit
+
+ENTRY = {
+    "value": 0.01, "unit": "1/mm", "standard_error": 0.0, "mesh_error": 0.0, "interval95": [0.01, 0.01],
+    "bounds": [-0.05, 0.05], "at_bound": None, "log": False,
+}  # fmt: skip
+FOUND = {
+    "study": "s", "model": "base+tilt", "solver": {"name": "builtin"}, "parameters": {"tilt.slope": ENTRY},
+    "remarks": [], "score": {"kind": "nmi", "final": -1.4}, "search_mesh": {"tilt.slope": 0.0},
+    "search": {"rounds": 3, "stop": "effects added", "diverged": 0, "faults": []},
+    "simulations": {"asked": 3, "run": 3},
+}  # fmt: skip
+
+
+def test_an_effect_that_is_absent_on_the_search_mesh_moved_by_a_difference():
+    assert "moved by the finer mesh: tilt.slope +0.01 1/mm\n" in table_of(FOUND)
+
+
+def test_a_constant_moved_by_a_share():
+    entry = {**ENTRY, "unit": "MPa", "value": 0.021, "log": True}
+    found = {**FOUND, "parameters": {"mu": entry}, "search_mesh": {"mu": 0.02}}
+    assert "moved by the finer mesh: mu +5.0 %\n" in table_of(found)
+
+
+def test_the_table_says_what_is_at_its_bound():
+    lines = {entry["at_bound"]: table_of({**FOUND, "parameters": {"tilt.slope": entry}}).splitlines()[3]
+             for entry in (ENTRY, {**ENTRY, "at_bound": "upper"})}  # fmt: skip
+    assert lines["upper"] == lines[None] + "  at its upper bound"
+
+
+def fitted(folder, monkeypatch, changes=None, steps=STEPS):
+    """Estimate of a block whose forces say a modulus of about 0.02 MPa."""
+    monkeypatch.chdir(folder)
+    (folder / "study").mkdir()
+    (folder / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
+    (folder / "study/steps.csv").write_text(steps)
+    model = copy.deepcopy({**MODEL, **(changes or {})})
+    fit, _ = begin(load_settings({"study": "study", "model": model, "fit": {**FIT, "replicates": 20}}), folder / "m")
+    return estimate_of(fit, run_fit(fit, 1)[0])
+
+
+MU = MODEL["parameters"]["mu"]
+
+
+def test_a_constant_within_its_bounds_has_no_remark(tmp_path, monkeypatch):
+    found = fitted(tmp_path, monkeypatch)
+    entry = found["parameters"]["mu"]
+    assert entry["at_bound"] is None
+    assert entry["bounds"] == [0.005, 0.5]
+    assert not any("bound" in remark for remark in found["remarks"])
+
+
+@pytest.mark.parametrize(("which", "share"), [("lower", 1.5), ("upper", 0.7)])
+def test_a_constant_that_ends_at_its_bound_is_told(tmp_path, monkeypatch, which, share):
+    (tmp_path / "free").mkdir()
+    best = fitted(tmp_path / "free", monkeypatch)["parameters"]["mu"]["value"]
+    bound = float(f"{share * best:.4g}")
+    mu = {**MU, which: bound, "start": bound * (1.2 if which == "lower" else 0.8)}
+    (tmp_path / "bounded").mkdir()
+    found = fitted(tmp_path / "bounded", monkeypatch, {"parameters": {"mu": mu}})
+    assert found["parameters"]["mu"]["value"] == bound
+    assert found["parameters"]["mu"]["at_bound"] == which
+    wanted = {"lower": "smaller", "upper": "larger"}[which]
+    remark = f"mu ends at its {which} bound, {bound:g} MPa: the data may want it {wanted} (model.parameters.mu)"
+    assert any(one.startswith(remark) for one in found["remarks"])
+    assert remark in table_of(found)
+    assert f"  at its {which} bound\n" in table_of(found)
+
+
+def test_a_number_of_an_effect_that_ends_where_it_is_absent_is_told(tmp_path, monkeypatch):
+    # the second force falls behind the first, as that of no block that slips on its base does
+    steps = "step,displacement,force\n1,0.4,10.0\n2,0.8,30.0\n"
+    found = fitted(tmp_path, monkeypatch, {"effects": {"base_slip": {}}}, steps)
+    (name,) = [name for name in found["parameters"] if name.startswith("base_slip.")]
+    assert found["parameters"][name]["at_bound"] == "lower"
+    assert any(
+        f"{name} ends at its lower bound, 0" in r and "where the effect is absent" in r for r in found["remarks"]
+    )
+
+
+def test_a_refitted_effect_at_its_bound_is_told():
+    slip = catalogue()["base_slip"]
+    (p,) = slip.parameters
+    assert at_bounds(slip, {slip.key(p.name): p.lower}) == {p.name: "lower"}
+    assert at_bounds(slip, {slip.key(p.name): p.upper, "mu": 1.0}) == {p.name: "upper"}
+    assert at_bounds(slip, {slip.key(p.name): (p.lower + p.upper) / 2}) == {}
