@@ -15,7 +15,7 @@ import numpy as np
 
 from fingerfit.refine import AGAIN, SOLUTIONS
 from fingerfit.search import Evaluation, propose
-from fingerfit.search.stages import Point, Space
+from fingerfit.search.stages import Point, Space, Tie
 
 if TYPE_CHECKING:
     from fingerfit.settings import Settings
@@ -76,7 +76,8 @@ def bowls(settings: Settings) -> Iterator[Callable[[Point], float]]:
 
     parameters = settings.parameters()
     space = Space(parameters)
-    low, high = (space.coordinates([getattr(p, side) for p in parameters]) for side in ("lower", "upper"))
+    tie = Tie(space, settings.plan().stages[-1].tied)
+    low, high = space.low, space.high
     spread = qmc.Halton(len(parameters), scramble=False)
     spread.fast_forward(1)  # the first one is a corner
     for share in spread.random(_PLACES):
@@ -84,13 +85,13 @@ def bowls(settings: Settings) -> Iterator[Callable[[Point], float]]:
         lowest = low + (0.25 + 0.5 * share) * (high - low)
         for curvature in _CURVATURE[settings.fit.score]:
             for shape in _SHAPES:
-                yield _bowl(space, lowest, curvature, shape)
+                yield _bowl(tie, lowest, curvature, shape)
 
 
-def _bowl(space: Space, lowest: np.ndarray, curvature: float, shape: float) -> Callable[[Point], float]:
+def _bowl(tie: Tie, lowest: np.ndarray, curvature: float, shape: float) -> Callable[[Point], float]:
     def score(point: Point) -> float:
-        away = space.coordinates(point) - lowest
-        along = np.where(space.tied, away[space.tied].mean(), away)
+        away = tie.space.coordinates(point) - lowest
+        along = np.where(tie.tied, away[tie.tied].mean(), away)
         between = away - along
         return float(curvature / 2 * (along @ along + between @ between / shape))
 
