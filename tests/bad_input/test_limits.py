@@ -53,7 +53,7 @@ def place(tmp_path, monkeypatch):
         "steps": "steps.csv",
         "pictures": {"before": "before.mha", "noise": 10},
         "noise": {"force": 0.1, "points": 0.01},
-        "body": {"mesh": "mesh.inp", "thickness": 70, "layers": [{"name": "all"}]},
+        "body": {"mesh": "mesh.inp", "thickness": 70, "layers": [{"name": "block"}]},
         "boundary": {"base": "held", "indenter": "glued"},
     }
     (study / "study.yaml").write_text(yaml.safe_dump(data))
@@ -71,7 +71,7 @@ def place(tmp_path, monkeypatch):
 
 
 NODES = "*NODE\n" + "".join(f"{1 + 3 * j + i}, {6.0 * i}, {6.0 * j}\n" for j in range(3) for i in range(3))
-MESH = """*ELEMENT, TYPE=CPE4, ELSET=ALL
+MESH = """*ELEMENT, TYPE=CPE4, ELSET=BLOCK
 1, 1, 2, 5, 4
 2, 2, 3, 6, 5
 3, 4, 5, 8, 7
