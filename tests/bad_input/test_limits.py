@@ -291,3 +291,14 @@ def test_files_that_include_each_other_many_times(place):
     (place / "study/6.inp").write_text("** nothing\n")
     (place / "study/nodes.inp").write_text("*INCLUDE, INPUT=1.inp\n" + NODES)
     assert "mesh.inp: deck: found more than 256 MB with what it includes" in told("check", "study")
+
+
+def test_files_within_files_within_files(place):
+    """A chain of ten: none includes itself, and each is short."""
+    for number in range(1, 10):
+        (place / f"study/{number}.inp").write_text(f"*INCLUDE, INPUT={number + 1}.inp\n")
+    (place / "study/10.inp").write_text(NODES)
+    (place / "study/nodes.inp").write_text("*INCLUDE, INPUT=1.inp\n")
+    assert "7.inp: line 1, *INCLUDE: found 8.inp; expected files that include each other at most 8" in told(
+        "check", "study"
+    )
