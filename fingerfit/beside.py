@@ -83,12 +83,15 @@ def apart(function: Callable[[], Result], seconds: int, memory: int) -> Result:
     """
 
     def limited(_: None) -> Result:
-        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-        wanted = address_space() + memory
-        allowed = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
-        resource.setrlimit(resource.RLIMIT_AS, (allowed, hard))
         signal.signal(signal.SIGXCPU, signal.SIG_DFL)
-        resource.setrlimit(resource.RLIMIT_CPU, (seconds, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+        limits = (
+            (resource.RLIMIT_AS, address_space() + memory),
+            (resource.RLIMIT_CPU, seconds),
+            (resource.RLIMIT_CORE, 0),
+        )
+        for kind, wanted in limits:
+            hard = resource.getrlimit(kind)[1]
+            resource.setrlimit(kind, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard))
         return function()
 
     child, pipe = _fork(limited, [None])

@@ -27,7 +27,7 @@ def check_files(path: Path) -> None:
     """
     if path.is_dir():
         for entry in sorted(path.iterdir()):
-            if not entry.is_dir():
+            if entry.exists() and not entry.is_dir():
                 check_regular(entry, "picture", expected="a file of a DICOM series")
         return
     check_regular(path, "picture", expected="a picture file or a folder with a DICOM series")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.errors import StateError
-from fingerfit.files import digest, read_json, read_npz
+from fingerfit.files import digest, free_memory, read_bytes, read_json, read_npz
 from fingerfit.residual import CONJUGATE
 
 LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
@@ -312,7 +312,7 @@ def read_inputs(study: Path) -> Inputs:
         *(f"{name}/{part}" for name in names for part in (SETTINGS, ESTIMATE, COMPARE, DIAGNOSIS, PATTERNS)),
     ]
     files = [(part, digest((study / part).read_bytes())) for part in parts if (study / part).exists()]
-    files += [(name, digest(path.read_bytes())) for name, path in _study_files(models).items()]
+    files += [(name, digest(read_bytes(path, limit=free_memory()))) for name, path in _study_files(models).items()]
     return Inputs(str(ladder.get("study") or study.name), ladder, models, files)
 
 

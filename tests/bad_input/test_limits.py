@@ -53,7 +53,7 @@ def place(tmp_path, monkeypatch):
         "steps": "steps.csv",
         "pictures": {"before": "before.mha", "noise": 10},
         "noise": {"force": 0.1, "points": 0.01},
-        "body": {"mesh": "mesh.inp", "thickness": 70, "layers": [{"name": "all"}]},
+        "body": {"mesh": "mesh.inp", "thickness": 70, "layers": [{"name": "block"}]},
         "boundary": {"base": "held", "indenter": "glued"},
     }
     (study / "study.yaml").write_text(yaml.safe_dump(data))
@@ -71,7 +71,7 @@ def place(tmp_path, monkeypatch):
 
 
 NODES = "*NODE\n" + "".join(f"{1 + 3 * j + i}, {6.0 * i}, {6.0 * j}\n" for j in range(3) for i in range(3))
-MESH = """*ELEMENT, TYPE=CPE4, ELSET=ALL
+MESH = """*ELEMENT, TYPE=CPE4, ELSET=BLOCK
 1, 1, 2, 5, 4
 2, 2, 3, 6, 5
 3, 4, 5, 8, 7
@@ -291,3 +291,14 @@ def test_files_that_include_each_other_many_times(place):
     (place / "study/6.inp").write_text("** nothing\n")
     (place / "study/nodes.inp").write_text("*INCLUDE, INPUT=1.inp\n" + NODES)
     assert "mesh.inp: deck: found more than 256 MB with what it includes" in told("check", "study")
+
+
+def test_files_within_files_within_files(place):
+    """A chain of ten: none includes itself, and each is short."""
+    for number in range(1, 10):
+        (place / f"study/{number}.inp").write_text(f"*INCLUDE, INPUT={number + 1}.inp\n")
+    (place / "study/10.inp").write_text(NODES)
+    (place / "study/nodes.inp").write_text("*INCLUDE, INPUT=1.inp\n")
+    assert "7.inp: line 1, *INCLUDE: found 8.inp; expected files that include each other at most 8" in told(
+        "check", "study"
+    )

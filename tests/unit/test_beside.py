@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from fingerfit.beside import side_by_side
+from fingerfit.beside import apart, side_by_side
 from fingerfit.errors import FingerfitError, InputError, Problems
 
 
@@ -38,3 +38,34 @@ def test_a_child_that_is_killed_is_told():
     own = os.getpid()
     with pytest.raises(FingerfitError, match="ended from outside"):
         side_by_side(lambda n: os.getpid() == own or os.kill(os.getpid(), signal.SIGKILL), [0, 1], 2)
+
+
+# --- a call with limits
+
+ROOM = 2**28
+
+
+def test_a_call_apart_answers_and_raises_as_any_other():
+    assert apart(lambda: (os.getpid() != os.getppid(), "text"), 10, ROOM) == (True, "text")
+    with pytest.raises(InputError, match="here: this: found that"):
+        apart(lambda: _raise(InputError("here", "this", "that", "something else")), 10, ROOM)
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+def _raise(error):
+    raise error
+
+
+def test_a_call_apart_ends_at_its_limits():
+    with pytest.raises(MemoryError):
+        apart(lambda: len(bytearray(2 * ROOM)), 10, ROOM)
+    assert apart(lambda: len(bytearray(ROOM // 2)), 10, ROOM) == ROOM // 2
+    # what Python cannot interrupt by itself: one power of whole numbers
+    with pytest.raises(TimeoutError):
+        apart(lambda: 7 ** (10**8) > 0, 1, ROOM)
+
+
+def test_a_call_apart_that_is_killed_is_told():
+    with pytest.raises(FingerfitError, match="ended from outside"):
+        apart(lambda: os.kill(os.getpid(), signal.SIGKILL), 10, ROOM)
