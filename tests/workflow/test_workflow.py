@@ -149,6 +149,16 @@ def test_nothing_to_do_afterwards(place):
     assert "Nothing to be done" in done.stderr + done.stdout
 
 
+def test_another_time_limit_runs_nothing_again(place):
+    configure(place, time_limit=7)
+    done = subprocess.run(command("-n", "--quiet", "host"), cwd=place, capture_output=True, text=True)
+    assert "Nothing to be done" in done.stderr + done.stdout
+    sim = next((place / "results/study/sims").iterdir())
+    (sim / "solution.npz").unlink()
+    said = subprocess.run(command("-p"), cwd=place, capture_output=True, text=True)
+    assert f"--solver {sim.relative_to(place)}/solver.json --time-limit 7 " in said.stderr + said.stdout
+
+
 def test_the_sealed_truth_is_not_read(place):
     before = estimate(place)
     shutil.rmtree(place / "study/sealed")
