@@ -112,7 +112,9 @@ class _Ccx:
         run(["ccx", "-i", deck.stem], workdir, self.limit, environment)
         ends = [step + 1.0 for step in range(deck.read_text(encoding="utf-8").count("*END STEP"))]
         wanted = ("U ALL", "U INDENTER", "RF BOTTOM")
-        tables, _ = read_dat((workdir / f"{deck.stem}.dat").read_text(encoding="utf-8"), ends, wanted)
+        text = (workdir / f"{deck.stem}.dat").read_text(encoding="utf-8")
+        # the first step may only find the contact, and print nothing
+        tables = [table for table in read_dat(text, ends, wanted, f"ccx: {deck}") if table.keys() >= set(wanted)]
         moved = np.array([table["U ALL"][:, 1:] for table in tables])
         force = np.array([-table["RF BOTTOM"][:, 1:].sum(axis=0) for table in tables])
         indenter = np.array([table["U INDENTER"][0, 1:] for table in tables])

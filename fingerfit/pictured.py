@@ -93,6 +93,7 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     before, pictures = found
     _check_place(study, mesh, before)
     part = trimmed(before)
+    said.append(_words_of_trim(study, before, part, crop))
     _check_content(study, used, part, pictures)
     sigma = sigma if chain.gaussian is None else chain.gaussian
     low, size = scale_of(before.values) if chain.scale else (0.0, 1.0)
@@ -108,7 +109,6 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
         values = ((picture.values - low) / size).astype(np.float32 if picture.dim == 3 else np.float64)
         return Picture(values, picture.spacing, picture.origin, picture.direction)
 
-    said.append(_words_of_trim(study, before, part, crop))
     if chain.resize is not None:
         noise *= noise_after_resizing(part, chain.resize)
     raw = prepared(part)

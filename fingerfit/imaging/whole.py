@@ -49,7 +49,7 @@ def refuse_damaged(path: Path) -> None:
         _CHECKS[kind](path)
     except OSError as error:
         raise InputError(path, "picture", error.strerror or error, "a readable file") from error
-    except (struct.error, ValueError, IndexError, OverflowError) as error:
+    except (struct.error, ValueError, IndexError, KeyError, OverflowError) as error:
         raise InputError(path, "picture", f"a header that cannot be read ({error})", WHOLE) from error
 
 

@@ -353,6 +353,29 @@ def test_noise_alone_is_no_remark():
     assert found <= 3 * 400 * FALSE_REMARKS
 
 
+@pytest.mark.parametrize("ending", [".nii", ".nii.gz", ".hdr", ".mha", ".nrrd", ".tif", ".bmp"])
+def test_whatever_bytes_there_are_it_is_one_line(place, ending):
+    """Bytes of the header changed and ends cut at random: told as an error of the file, or not at all."""
+    from fingerfit.errors import InputError
+    from fingerfit.imaging.whole import refuse_damaged
+
+    make(place, ending, np.uint8 if ending == ".bmp" else np.float32)
+    path = place / f"study/step_1{ending}"
+    raw, rng = path.read_bytes(), np.random.default_rng(3)
+    told = 0
+    for trial in range(300):
+        data = bytearray(raw)
+        for _ in range(rng.integers(1, 6)):
+            data[rng.integers(-300, min(len(data), 600))] = rng.integers(0, 256)  # headers, and TIFF's at the end
+        path.write_bytes(bytes(data[: rng.integers(0, len(data))] if trial % 3 == 0 else data))
+        try:
+            refuse_damaged(path)
+        except InputError as error:
+            assert "\n" not in str(error)
+            told += 1
+    assert told > 0
+
+
 def test_a_zlib_stream_of_two_blocks_is_whole(place):
     """The checksum is looked at in blocks that end anywhere."""
     make(place, ".mha", shape=(40, 60, 70))

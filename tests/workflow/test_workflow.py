@@ -179,6 +179,15 @@ def nothing_to_do(place):
     return "Nothing to be done" in done.stderr + done.stdout
 
 
+def test_another_time_limit_runs_nothing_again(place):
+    configure(place, time_limit=7)
+    assert nothing_to_do(place)
+    sim = next((place / "results/study/sims").iterdir())
+    (sim / "solution.npz").unlink()
+    said = subprocess.run(command("-p"), cwd=place, capture_output=True, text=True)
+    assert f"--solver {sim.relative_to(place)}/solver.json --time-limit 7 " in said.stderr + said.stdout
+
+
 def test_nothing_to_do_afterwards(place):
     assert nothing_to_do(place)
     # the fit has not read the truth; that it is the same without it: those that are killed do not have it
