@@ -37,7 +37,8 @@ def test_smooth_histogram_follows_the_intensities(rng):
     a, b = rng.uniform(size=(30, 30)), rng.uniform(size=(30, 30))
     assert joint_histogram(a, b, 16).sum() == pytest.approx(1.0, rel=1e-12)
     slopes = [(nmi(a, b + h, 16, limits=(0, 2)) - nmi(a, b, 16, limits=(0, 2))) / h for h in (1e-6, 1e-7)]
-    assert slopes[0] == pytest.approx(slopes[1], rel=1e-2)
+    # a tenth of a slope's root mean square, 0.0065 (40 seeds: 1.3e-4 at most); of a histogram with steps it is 0 or 1000
+    assert slopes[0] == pytest.approx(slopes[1], abs=6.5e-4)
 
 
 @pytest.mark.parametrize("shape", [(20, 31), (9, 12, 15)])

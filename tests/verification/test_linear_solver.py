@@ -23,6 +23,14 @@ def cube(n):
     return kron(matrix, np.eye(3) + 0.1).tocsc(), np.repeat(grid.astype(float), 3, axis=0)
 
 
+def rounding(matrix, solution):
+    """Residual by rounding: eps of the largest sum of terms, a thousand times as much for pivots of 0.001 of their column.
+
+    Found, of 40 right sides: 0.20 of it with a standard deviation of 0.09 where the matrix is not symmetric, else 0.001.
+    """
+    return 1000 * np.finfo(float).eps * float((abs(matrix) @ np.abs(solution)).max())
+
+
 def test_nested_dissection_is_an_order_with_less_fill():
     from scipy.sparse.linalg import splu
 
@@ -64,7 +72,8 @@ def test_solutions(rng, symmetric, n):
     solver = LinearSolver(positions, symmetric)
     for _ in range(2):
         right = rng.normal(size=matrix.shape[0])
-        assert matrix @ solver.solve(matrix, right) == pytest.approx(right, abs=1e-10)
+        found = solver.solve(matrix, right)
+        assert matrix @ found == pytest.approx(right, abs=rounding(matrix, found))
         matrix = 1.5 * matrix
 
 
@@ -105,7 +114,8 @@ def test_pardiso_is_taken_where_it_is_installed(rng, taken, symmetric):
         matrix, positions = cube(n)
         assert (matrix.shape[0] >= factor.LARGE) == (n == 11)
         right = rng.normal(size=matrix.shape[0])
-        assert matrix @ LinearSolver(positions, symmetric).solve(matrix, right) == pytest.approx(right, abs=1e-10)
+        found = LinearSolver(positions, symmetric).solve(matrix, right)
+        assert matrix @ found == pytest.approx(right, abs=rounding(matrix, found))
         assert taken == expected
         taken.clear()
 
@@ -131,7 +141,8 @@ def test_superlu_is_taken_where_pardiso_is_missing(rng, taken, monkeypatch, miss
         (small, positions[: small.shape[0]], ["superlu"]),
     ]:
         right = rng.normal(size=matrix.shape[0])
-        assert matrix @ LinearSolver(where, True).solve(matrix, right) == pytest.approx(right, abs=1e-10)
+        found = LinearSolver(where, True).solve(matrix, right)
+        assert matrix @ found == pytest.approx(right, abs=rounding(matrix, found))
         assert taken == expected
         taken.clear()
 
@@ -169,12 +180,17 @@ def test_an_old_factorisation_serves_as_long_as_it_is_near(rng):
         return old(residual)
 
     contact = np.zeros(matrix.shape[0])
-    contact[[10, 401]] = 100.0
+    contact[[10, 160, 310, 460]] = [0.3, 0.7, 1.4, 3.0]
     near = (1.1 * matrix + diags_array(contact)).tocsc()
     found = conjugate_gradients(near, right, precondition, 1e-8)
-    assert near @ found == pytest.approx(right, abs=1e-6)
-    assert len(used) <= 6
-    assert conjugate_gradients(near, right, precondition, 0.5) != pytest.approx(found, abs=1e-6)
+    # four changed unknowns and a scale are five eigenvalues: five steps are exact but for rounding, 1e-15 (40 seeds: 1e-14)
+    assert near @ found == pytest.approx(right, abs=1e-10)
+    assert len(used) == 1 + 5
+    used.clear()
+    rest = near @ conjugate_gradients(near, right, precondition, 0.3) - right
+    # one or two steps are enough for 0.3, in the norm of the preconditioner, and far from exact (40 seeds: 0.035 to 0.29)
+    assert 1e-3 < np.sqrt(rest @ old(rest) / (right @ old(right))) <= 0.3
+    assert len(used) <= 3
     far = (matrix + diags_array(np.linspace(0, 1e4, matrix.shape[0]))).tocsc()
     assert conjugate_gradients(far, right, old) is None
     assert conjugate_gradients(-matrix, right, old) is None

@@ -119,19 +119,25 @@ def test_the_first_rung_misses_the_tilt(place):
     assert found["sentence"].startswith("missing: tilt of the indenter; it explains ")
     first, second = found["ranking"][:2]
     assert first["effect"] == "tilt"
-    assert first["size"]["slope"] == pytest.approx(SLOPE, rel=0.3)
-    assert first["predicted_fall"] > 1.5 * second["predicted_fall"]
+    # five standard errors, the size over the root of the fall; 9 seeds: low by 1.3 of them, with 0.8 as their spread
+    size = first["size"]["slope"]
+    assert size == pytest.approx(SLOPE, abs=5 * size / first["predicted_fall"] ** 0.5)
+    # 9 seeds: 2.5 times as much, with a standard deviation of 18 %
+    assert first["predicted_fall"] > second["predicted_fall"]
 
 
 def test_the_second_rung_explains_what_was_held_out(place):
     before, after = rung(place, "base"), rung(place, "base+tilt")
-    assert before["error"]["fitted"] > 1.5
+    # 9 seeds: 1.82 on average, with a standard deviation of 0.08
+    assert before["error"]["fitted"] > 1.44
     # noise alone leaves 1; what is beyond it falls by more than half
     assert after["error"]["held_out"] - 1 < 0.5 * (before["error"]["held_out"] - 1)
-    assert after["error"]["held_out"] < 1.15
+    assert after["error"]["held_out"] < 1.16  # 9 seeds: 1.05, 0.023
     assert after["verdict"] == "adequate"
     found = read_json(place / "results/study/base+tilt/estimate.json")["parameters"]
-    assert found["tilt.slope"]["value"] == pytest.approx(SLOPE, rel=0.15)
+    # 9 seeds: too small by 2.0 % on average with a standard deviation of 1.9 %; five of them
+    assert found["tilt.slope"]["value"] == pytest.approx(SLOPE, rel=0.12)
+    # top 1.7 % too small, 0.3 %; bottom 3.2 %, 0.3 %, by the mesh
     for name, truth in (("mu_top", 0.03), ("mu_bottom", 0.06)):
         assert found[name]["value"] == pytest.approx(truth, rel=0.05)
 
