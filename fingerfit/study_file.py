@@ -235,7 +235,7 @@ def _steps(keys: Keys, sizes: Mapping[str, float], problems: list[FingerfitError
     try:
         with file.open(newline="", encoding="utf-8-sig") as handle:
             rows = [row for row in csv.reader(handle) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         problems.append(InputError(file, "steps", getattr(error, "strerror", None) or error, "a readable CSV table"))
         return ()
     head = [cell.strip() for cell in rows[0]] if rows else []
@@ -274,7 +274,7 @@ def _step(
             value = float(text)
         except ValueError:
             value = math.nan
-        value = math.nan if "_" in text else value  # Python reads 1_0 as 10
+        value = math.nan if "_" in text else value * sizes[kind]  # Python reads 1_0 as 10
         if not math.isfinite(value):
             problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
         elif column != "time" and value < 0:
@@ -282,7 +282,7 @@ def _step(
         elif column == "force_noise" and value == 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "a standard deviation above 0"))
         else:
-            values[column] = value * sizes[kind]
+            values[column] = value
     if not cells["step"].isdecimal() or len(cells["step"]) > 9:
         problems.append(InputError(file, f"row {row}, step", cells["step"] or "nothing", "a whole number"))
         return None

@@ -31,6 +31,10 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 """What a formula may call."""
 
 
+SHOWN = 60
+"""Characters of a formula in a message, which is one line."""
+
+
 def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
     """Value of a formula.
 
@@ -44,22 +48,36 @@ def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
     Raises
     ------
     ValueError
-        For what is no formula, names something unknown, or reaches for more than numbers.
+        For what is no formula, names something unknown, reaches for more than numbers, or has a value that is not
+        finite where all that it was given is.
 
     >>> float(evaluate("exp(0 * x) + shift", {"x": 2.0, "shift": 0.5}))
     1.5
     """
     import jinja2
 
+    shown = repr(formula if len(formula) <= SHOWN else formula[: SHOWN - 3] + "...")
     try:
-        found = _compiled(formula)(**FUNCTIONS, **values)
-    except (jinja2.TemplateError, TypeError, ArithmeticError) as error:
-        raise ValueError(f"{formula!r}: {error}") from error
+        with np.errstate(all="ignore"):
+            found = _compiled(formula)(**FUNCTIONS, **values)
+    except RecursionError as error:
+        raise ValueError(f"{shown} is nested too deeply") from error
+    except Exception as error:  # whatever a formula raises, it is the formula's
+        raise ValueError(f"{shown}: {error}") from error
     if found is None or isinstance(found, jinja2.Undefined):
-        raise ValueError(f"{formula!r} has no value; it may name {', '.join(sorted(values))}")
+        raise ValueError(f"{shown} has no value; it may name {', '.join(sorted(values))}")
     if not isinstance(found, int | float | np.generic | np.ndarray):
-        raise ValueError(f"{formula!r} is no number")
+        raise ValueError(f"{shown} is no number")
+    if not _finite(found) and all(map(_finite, values.values())):
+        raise ValueError(f"{shown} is not finite")
     return found
+
+
+def _finite(value: Any) -> bool:
+    try:
+        return bool(np.isfinite(np.asarray(value, dtype=float)).all())
+    except OverflowError:  # whole numbers of hundreds of digits
+        return False
 
 
 @functools.cache
@@ -74,6 +92,14 @@ def _environment() -> SandboxedEnvironment:
 
     class Environment(SandboxedEnvironment):
         """Numbers only: no attribute of anything, no call but of the listed functions."""
+
+        intercepted_binops = frozenset({"*", "**"})
+
+        def call_binop(self, context: Any, operator: str, left: Any, right: Any) -> Any:
+            if isinstance(left, str | list | tuple) or isinstance(right, str | list | tuple):
+                raise TypeError("only numbers can be multiplied")
+            # whole numbers to the power of others would grow without an end
+            return left * right if operator == "*" else np.asarray(left, dtype=float)[()] ** right
 
         def is_safe_attribute(self, obj: Any, attr: str, value: Any) -> bool:
             return False

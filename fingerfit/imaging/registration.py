@@ -93,8 +93,9 @@ def _register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, 
     pixels = np.maximum(np.bincount(owner, minlength=count), 1)
     coefficients = spline_coefficients(synthesized)
     index = np.indices(synthesized.shape)[::-1].reshape(dim, -1).T.astype(float)
-    fit = None
-    for extra in COARSE:
+
+    def closer(moves: np.ndarray, extra: float) -> tuple[np.ndarray, Fit]:
+        """Moves after one more look, at pictures that are smoothed further, and its equations."""
         moved = synthesized
         if np.any(moves):
             # the field is smoother than the moves of the patches: what it really moved them by counts
@@ -104,8 +105,12 @@ def _register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, 
             moves = np.stack(sums, axis=1) / pixels[:, None]
         fit = _equations(smooth(moved, extra), smooth(measured, extra), patch, count)
         step = np.clip(np.nan_to_num(fit.values[:, :dim]), -FARTHEST, FARTHEST)
-        moves = moves + step
-    assert fit is not None
+        return moves + step, fit
+
+    *coarse, last = COARSE
+    for extra in coarse:
+        moves, _ = closer(moves, extra)
+    moves, fit = closer(moves, last)
     values = fit.values.copy()
     values[:, :dim] = np.where(np.isnan(values[:, :dim]), np.nan, moves)
     return Fit(values, fit.patch, fit.pixel, fit.design, fit.normal)
