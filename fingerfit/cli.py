@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
+import traceback
 from pathlib import Path
 
 from fingerfit import __version__, commands
@@ -149,7 +151,24 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         return 130
+    except Exception as error:  # the last resort: everything that is foreseen is one of the errors above
+        what = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        print(f"fingerfit: error: unexpected {what}; please report it{_kept_traceback()}", file=sys.stderr)
+        return 1
     return 0
+
+
+def _kept_traceback() -> str:
+    """Write the traceback of what is being handled to a file; says which one, nothing where there is no place."""
+    lines = f"fingerfit {__version__}, Python {sys.version}\n{sys.argv}\n{traceback.format_exc()}"
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="fingerfit-", suffix=".txt", delete=False, encoding="utf-8"
+        ) as handle:
+            handle.write(lines)
+    except OSError:
+        return ""
+    return f" with {handle.name}"
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from fingerfit.decks import make_deck, refusal, with_effect
 from fingerfit.effects.catalogue import catalogue, chosen
 from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.errors import FingerfitError, InputError, SolverError
-from fingerfit.files import DOCUMENT, read_json, read_text, write_text
+from fingerfit.files import DOCUMENT, read_record, read_text, write_text
 from fingerfit.layout import PACKAGE, model_folder, study_folder
 from fingerfit.mesh_io import format_mesh
 from fingerfit.prepare import make_mesh
@@ -84,8 +84,8 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         if subprocess.run(_workflow(config, cores), check=False).returncode:
             raise FingerfitError(f"{config}: the workflow failed; its messages are above")
         settings = load_settings(config)
-        say(_told(read_json(model_folder(settings) / "rung.json")))
-        diagnosis, results = read_json(model_folder(settings) / "diagnosis.json"), study_folder(settings)
+        say(_told(read_record(model_folder(settings) / "rung.json", "model", "error", "simulations", "sentence")))
+        diagnosis, results = read_record(model_folder(settings) / "diagnosis.json", "effects"), study_folder(settings)
         if not diagnosis["effects"]:
             return say(f"ladder: {results}/ladder.json; page: {results}/report.html")
         first, *others = diagnosis["effects"]
@@ -159,7 +159,7 @@ def _found(settings: Settings, name: str) -> tuple[dict[str, float], int]:
     were predicted; nothing where there is no diagnosis.
     """
     path = model_folder(settings) / "diagnosis.json"
-    for entry in read_json(path)["ranking"] if path.exists() else []:
+    for entry in read_record(path, "ranking")["ranking"] if path.exists() else []:
         if entry["effect"] == name:
             refit = entry.get("refit") or {}
             predicted = {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"]}.items()}

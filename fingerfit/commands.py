@@ -30,10 +30,10 @@ def show_deck(args: argparse.Namespace) -> None:
 def simulate(args: argparse.Namespace) -> None:
     """Solve one deck."""
     from fingerfit.errors import StateError
-    from fingerfit.files import read_json
+    from fingerfit.files import read_record
     from fingerfit.solvers.registry import get_solver
 
-    wanted = read_json(args.solver)
+    wanted = read_record(args.solver, "name")
     solver = get_solver(wanted["name"], args.time_limit or None)
     found = solver.identity()
     if {key: wanted.get(key) for key in found} != found:
@@ -126,7 +126,7 @@ def plot(args: argparse.Namespace) -> None:
 def diagnose(args: argparse.Namespace) -> None:
     """Say where a fitted model fails and which effect is missing."""
     from fingerfit.examine import examine
-    from fingerfit.files import read_json, write_json
+    from fingerfit.files import read_record, write_json
     from fingerfit.findings import count_simulations, rung_of, write_compare, write_diagnosis
     from fingerfit.prepare import prepare
     from fingerfit.rounds import Round, asked_for
@@ -136,7 +136,7 @@ def diagnose(args: argparse.Namespace) -> None:
     smooth, crop = fit.settings.fit.smooth, fit.settings.fit.crop
     everything = prepare(fit.study, fit.meshes["search"], None, smooth, crop)
     found = examine(fit, last, everything, args.threads)
-    estimate = read_json(args.estimate)
+    estimate = read_record(args.estimate, "parameters")
     write_compare(found.examination, args.out.parent / "compare.npz")
     study, model = args.out.parents[1], fit.settings.model
     counted = count_simulations(study, model.path, set(asked_for(args.last)), fit.asked)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -94,7 +95,10 @@ def _evaluate(fit: Fit, asked: Asked, predictor: Predictor) -> dict[str, Any]:
     entry: dict[str, Any] = {"values": asked.values, "sim": asked.sim, "score": None}
     if made is None:
         return {**entry, "message": outcome.message}
-    entry = {**entry, "score": fit.score(made.prediction), "message": ""}
+    score = fit.score(made.prediction)
+    if not math.isfinite(score):  # of huge displacements or tiny noise: worse than all others
+        return {**entry, "message": f"a score of {score}"}
+    entry = {**entry, "score": score, "message": ""}
     if made.inverted or made.overlaps:
         entry["message"] = f"{made.inverted} inverted elements, {made.overlaps} pixels claimed twice"
     return entry

@@ -131,15 +131,16 @@ class _Shown:
         covariance = residual.covariance * np.outer(scale, scale) + examination.mesh_covariance() * design.error**2
         slope = self._slope if design.study else examination.slope
         own, unknown = examination.own(slope), examination.nuisance(slope)
-        one, other = (self._columns(look) for look in (first, second))
+        one, other = self._columns(first), self._columns(second)
+        if one is None or other is None:
+            return None
         # columns of the prescribed quantity and of the mesh take turns
         unknown = unknown * np.tile([design.forces, design.error], unknown.shape[1] // 2)
         judge = Judge(residual.vector, covariance, np.concatenate([own, other], axis=1), unknown)
         return float((judge.signature(one @ first.finding.size[:, None]) ** 2).sum())
 
     def _ask(self, values: Mapping[str, float], role: str, gain: float = 1.0) -> Asked:
-        study = self.design.study
-        assert study is not None
+        study = self.design.study or self.fit.study
         return self.fit.ask(values, role, study=with_gain(study, gain), mesh=self.design.mesh)
 
     @cached_property
@@ -160,18 +161,16 @@ class _Shown:
         roles = {asked.role: asked.values for asked in look.suspect.asked}
         return replace(look.suspect, asked=tuple(self._ask(values, role) for role, values in roles.items()))
 
-    def _columns(self, look: Look) -> np.ndarray:
+    def _columns(self, look: Look) -> np.ndarray | None:
         if self.design.study is None or not look.suspect.asked:
             return look.columns
-        found = self.examination.columns(self._suspect(look), self._null)
-        assert found is not None
-        return found
+        return self.examination.columns(self._suspect(look), self._null)
 
     def _slope(self, name: str) -> np.ndarray:
-        if name not in self._sides:
+        sides = self._sides.get(name)
+        ahead, behind = (None, None) if sides is None else map(self.examination.read, sides)
+        if ahead is None or behind is None:
             return np.zeros(len(self.examination.residual.kept))
-        ahead, behind = (self.examination.read(asked) for asked in self._sides[name])
-        assert ahead is not None and behind is not None
         return (ahead - behind) / (2 * STEP)
 
 

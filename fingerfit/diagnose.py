@@ -13,13 +13,14 @@ from fingerfit.data import Data
 from fingerfit.deck.context import comes_down
 from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.effects.observe import Observation
+from fingerfit.errors import StateError
 from fingerfit.estimate import STEP
 from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.imaging.pictures import Picture
 from fingerfit.judge import Finding, Judge, likeness
 from fingerfit.mesh import Mesh
 from fingerfit.predict import Predictor, positions
-from fingerfit.refine import ANCHOR, finest, left_over
+from fingerfit.refine import ANCHOR, best_values, finest, left_over
 from fingerfit.residual import Patches, Reader, Residual, common_modes, flat, residual_of
 from fingerfit.rounds import Asked, Round
 from fingerfit.solvers.contract import CONVERGED
@@ -78,7 +79,8 @@ class Examination:
         self.mesh = fit.mesh_of(self.base)
         predictor = Predictor(everything, fit.meshes[self.mesh])
         made = predictor.predict(fit.outcome(self.base), fit.seen(self.base.values))
-        assert made is not None
+        if made is None:
+            raise StateError(f"{fit.sims / self.base.sim}: no solution for all steps at the estimate")
         self.prediction = made.prediction
         self.residual: Residual = residual_of(everything, made.prediction, made.maps, self.patches)
         self._readers = {
@@ -110,8 +112,7 @@ class Examination:
         by_role = {asked.role: asked for asked in self.last.batch}
         sides = [self.read(by_role[sign + name]) if sign + name in by_role else None for sign in "+-"]
         width = STEP * sum(side is not None for side in sides)
-        assert self.last.best is not None
-        middle = self.read(self.fit.ask(self.last.best["values"]))
+        middle = self.read(self.fit.ask(best_values(self.last)))
         ahead, behind = (middle if side is None else side for side in sides)
         if ahead is None or behind is None or width == 0:
             return np.zeros(len(self.residual.kept))

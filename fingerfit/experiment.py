@@ -143,7 +143,12 @@ def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
     for effect in _present(truth):
         if "force" in effect.changes:
             own = effect.own(truth.values)
-            zero, one = (float(evaluate(effect.changes["force"], {"force": f, **own})) for f in (0.0, 1.0))
+            try:
+                zero, one = (float(evaluate(effect.changes["force"], {"force": f, **own})) for f in (0.0, 1.0))
+                if one == zero:
+                    raise ValueError("no force moves what the sensor shows")
+            except (ValueError, TypeError) as error:
+                raise InputError(f"effect {effect.name}", "changes.force", error, "a straight line in force") from error
             force = (force - zero) / (one - zero)
     return force
 
@@ -151,7 +156,7 @@ def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
 def add_noise(truth: Truth, solved: Solved, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measured forces (N), displacements (mm) and pictures (stored intensity) with noise of a seed."""
     rng = np.random.default_rng([seed, 2])
-    force = solved.force + rng.normal(0.0, truth.force_noise * solved.force.max(), solved.force.shape)
+    force = solved.force + rng.normal(0.0, truth.force_noise * np.abs(solved.force).max(), solved.force.shape)
     moved = solved.displacement
     moved = moved + rng.normal(0.0, truth.displacement_noise, moved.shape)
     pictures = np.empty(solved.pictures.shape, np.uint16)

@@ -14,7 +14,7 @@ import numpy as np
 from fingerfit.data import Data
 from fingerfit.errors import StateError
 from fingerfit.fields import Fields, fields
-from fingerfit.files import read_json, read_npz, write_text
+from fingerfit.files import read_npz, read_record, write_text
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
@@ -75,12 +75,12 @@ def read_results(model: Path) -> Results:
     for name, made in (("estimate.json", "snakemake"), *diagnosed):
         if not (model / name).exists():
             raise StateError(f"{model / name}: is not there; `{made}` makes it")
-    estimate = read_json(model / "estimate.json")
+    estimate = read_record(model / "estimate.json", "sim", "sim_mesh", "parameters")
     mesh = read_mesh(model / ("refined.inp" if estimate["sim_mesh"] == "refined" else "mesh.inp"))
     folder = model.parent / "sims" / estimate["sim"]
     outcome = Outcome.load(folder / "solution.npz")
     compare, diagnosis = read_npz(model / "compare.npz"), read_npz(model / "diagnosis.npz")
-    ranking = read_json(model / "diagnosis.json")["ranking"]
+    ranking = read_record(model / "diagnosis.json", "ranking")["ranking"]
     data = Data.load(model / "prepared.npz")
     return Results(mesh, outcome, folder / "deck.inp", data, compare, diagnosis["stiffness"], ranking)
 

@@ -171,8 +171,18 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, data: object) -> None:
-    """Write indented JSON atomically; NaN is refused."""
-    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+    """Write indented JSON atomically.
+
+    Raises
+    ------
+    StateError
+        For numbers that are not finite: JSON has none.
+    """
+    try:
+        text = json.dumps(data, indent=1, allow_nan=False)
+    except ValueError as error:
+        raise StateError(f"{path}: a number in it is not finite: look at the measurements and their noise") from error
+    write_text(path, text + "\n")
 
 
 def write_npz(path: Path, arrays: Mapping[str, np.ndarray], compressed: bool = True) -> None:
@@ -198,6 +208,23 @@ def read_json(path: Path) -> Any:
         raise StateError(f"{path}: cannot be read: {error}") from error
 
 
+def read_record(path: Path, *keys: str) -> dict[str, Any]:
+    """Read a JSON object that fingerfit wrote.
+
+    Raises
+    ------
+    StateError
+        When it is missing or damaged, no object, or lacks one of the keys.
+    """
+    found = read_json(path)
+    if not isinstance(found, dict):
+        raise StateError(f"{path}: cannot be read: it is no JSON object")
+    lacking = [key for key in keys if key not in found]
+    if lacking:
+        raise StateError(f"{path}: cannot be read: {', '.join(lacking)} is missing")
+    return found
+
+
 def read_npz(path: Path) -> dict[str, np.ndarray]:
     """Read a .npz that fingerfit wrote, pickles refused.
 
@@ -206,16 +233,17 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     StateError
         When it is missing or damaged.
     """
-    import zipfile
-
     try:
         check_regular(path)
         with np.load(path, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
-    except InputError as error:
-        raise StateError(f"{path}: cannot be read: {error.found}") from error
-    except (OSError, ValueError, KeyError, EOFError, MemoryError, zipfile.BadZipFile) as error:
+            found = {name: data[name] for name in data.files}
+    except MemoryError:
+        raise
+    except Exception as error:  # zipfile, zlib, struct and NumPy each raise their own for damaged bytes
         raise StateError(f"{path}: cannot be read: {error}") from error
+    if not all(isinstance(value, np.ndarray) for value in found.values()):
+        raise StateError(f"{path}: cannot be read: it holds something else than arrays")
+    return found
 
 
 def digest(*parts: str | bytes) -> str:

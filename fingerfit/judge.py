@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fingerfit.errors import StateError
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -64,7 +66,11 @@ class Judge:
         nuisance: np.ndarray,
         common: np.ndarray | None = None,
     ) -> None:
-        self._root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
+        try:
+            self._root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
+        except np.linalg.LinAlgError as error:
+            text = "some measurements have no noise of their own, so that nothing can be weighed against it"
+            raise StateError(f"{text}: give noise in study.yaml (noise, pictures.noise)") from error
         self.spread = np.sqrt((self._root**2).sum(axis=1))
         basis, sizes, turn = np.linalg.svd(self.whiten(own), full_matrices=False)
         seen = sizes > 1e-6 * sizes.max(initial=0.0)

@@ -215,7 +215,7 @@ class Keys:
         value = self._get(key, default, expected)
         if value is None:
             return None
-        if not _is_number(value) or (above is not None and value <= above):
+        if not is_number(value) or (above is not None and value <= above):
             self.wrong(key, value, expected)
             return None
         return float(value)
@@ -225,13 +225,14 @@ class Keys:
         value = self._get(key, default, f"{count} numbers")
         if value is None:
             return None
-        if not isinstance(value, list | tuple) or len(value) != count or not all(map(_is_number, value)):
+        if not isinstance(value, list | tuple) or len(value) != count or not all(map(is_number, value)):
             self.wrong(key, value, f"{count} numbers")
             return None
         return tuple(float(v) for v in value)
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
+    """Whether a value that was read is a finite number."""
     if not isinstance(value, int | float) or isinstance(value, bool):
         return False
     try:

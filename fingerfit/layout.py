@@ -10,7 +10,7 @@ from typing import Any
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.errors import InputError
 from fingerfit.extend import extended
-from fingerfit.files import digest, read_json, write_text
+from fingerfit.files import digest, read_record, write_text
 from fingerfit.prepare import make_mesh
 from fingerfit.settings import CONFIG, Settings
 from fingerfit.settings_check import check_against_study, check_effects
@@ -142,7 +142,7 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     )
     path, effect = model_folder(parent) / "estimate.json", catalogue(Path(settings.study))[last]
     if path.exists():
-        values = {name: entry["value"] for name, entry in read_json(path)["parameters"].items()}
+        values = {name: entry["value"] for name, entry in read_record(path, "parameters")["parameters"].items()}
     elif all(parameter.name in effects[last] for parameter in effect.parameters):
         values = warm(parent, where).starts()
     else:

@@ -83,9 +83,10 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     chain, said = study.chain, []
 
     def trimmed(picture: Picture) -> Picture:
-        if chain.trim == "off":
-            return picture
-        return picture.crop(mesh.body, crop) if chain.trim == "body" else picture.crop(_corners(study), 0.0)
+        box = chain.trim
+        if isinstance(box, str):
+            return picture if box == "off" else picture.crop(mesh.body, crop)
+        return picture.crop(_corners(box), 0.0)
 
     found = _read(study, mesh, used, trimmed)
     if found is None:
@@ -248,9 +249,7 @@ def _check_place(study: Study, mesh: Mesh, before: Picture) -> None:
     raise InputError(study.before or "", "picture", found, "a picture that overlaps the body")
 
 
-def _corners(study: Study) -> np.ndarray:
-    box = study.chain.trim
-    assert not isinstance(box, str)
+def _corners(box: tuple[tuple[float, ...], tuple[float, ...]]) -> np.ndarray:
     low, high = np.array(box)
     index = np.indices((2,) * len(low)).reshape(len(low), -1).T
     return np.where(index, high, low)

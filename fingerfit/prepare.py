@@ -186,9 +186,15 @@ def _noise(study: Study, name: str, values: np.ndarray, against: np.ndarray) -> 
     known = np.isfinite(values) & np.isfinite(against)
     if known.sum() < 6:
         raise InputError(study.path, f"noise.{name}", f"estimated, from {known.sum()} steps", "a number, or 6 steps")
+    other = "displacement" if name == "force" else "force"
+    if not against[known].any():
+        raise InputError(study.path, f"noise.{name}", f"estimated, from steps without a {other}", "a number")
     x = against[known] / np.abs(against[known]).max()
     basis = np.stack([x, x**2, x**3], axis=1)
     residual = values[known] - basis @ np.linalg.lstsq(basis, values[known], rcond=None)[0]
+    # sums of as many numbers are no better known than this
+    if np.abs(residual).max() <= known.sum() * np.finfo(float).eps * np.abs(values[known]).max():
+        raise InputError(study.path, f"noise.{name}", "estimated, from values on a smooth curve", "a number")
     return float(np.sqrt((residual**2).sum() / (known.sum() - 3)))
 
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.errors import StateError
+from fingerfit.choices import CONFIG
+from fingerfit.errors import InputError, StateError
 from fingerfit.estimate import STEP, LinearModel, coordinates, moved, sensitivity_values
 from fingerfit.fit import FINAL, REFINED, SEARCH, SENSITIVITY, Fit
 from fingerfit.rounds import Asked, Round
@@ -109,7 +110,7 @@ def refine_round(fit: Fit, last: Round) -> Round:
     asked = fit.ask(found.values, FINAL)
     known = list(last.batch)
     if all(asked.role != "+control" for asked in known):
-        known += _by_control(fit, _best(last))
+        known += _by_control(fit, best_values(last))
     solutions = sum(a.role == FINAL for a in last.batch)
     lost = solutions > 1 and _diverged(fit, last.batch[-1])
     close = NEARER if last.reason == ADDED else CLOSE
@@ -177,12 +178,12 @@ def minimum(fit: Fit, last: Round) -> Minimum:
 def finest(fit: Fit, last: Round) -> Asked:
     """The last simulation on the finest mesh that has a solution, or the best guess of the search."""
     solved = [asked for asked in last.batch if asked.role == FINAL and not _diverged(fit, asked)]
-    return solved[-1] if solved else fit.ask(_best(last))
+    return solved[-1] if solved else fit.ask(best_values(last))
 
 
 def on_search_mesh(fit: Fit, last: Round) -> Minimum:
     """Minimum of the score on the mesh of the search."""
-    return _minimum(fit, last, fit.ask(_best(last)))
+    return _minimum(fit, last, fit.ask(best_values(last)))
 
 
 def mesh_error(fit: Fit, found: Minimum, searched: Minimum) -> np.ndarray | None:
@@ -294,12 +295,15 @@ def _linear_model(fit: Fit, last: Round, base: Asked) -> LinearModel:
 
     def slope(name: str) -> Prediction:
         # a side beyond a bound was not asked for
-        sides = [by_role.get(sign + name, fit.ask(_best(last))) for sign in "+-"]
+        sides = [by_role.get(sign + name, fit.ask(best_values(last))) for sign in "+-"]
         lost = [sign + name not in by_role or _diverged(fit, side) for sign, side in zip("+-", sides, strict=True)]
+        if not {"+" + name, "-" + name} & by_role.keys():
+            expected = f"bounds farther apart than two steps of a slope, {2 * STEP:g} in the logarithm"
+            raise InputError(CONFIG, f"model.parameters.{name}", "bounds next to each other", expected)
         if all(lost):
             raise StateError(f"no solution on either side of the best guess in {name}")
         # one-sided where one side has no solution
-        middle = fit.ask(_best(last))
+        middle = fit.ask(best_values(last))
         ahead, behind = [fit.prediction(middle if gone else side) for side, gone in zip(sides, lost, strict=True)]
         return (ahead - behind) * (1 / (STEP * (2 - sum(lost))))
 
@@ -308,7 +312,14 @@ def _linear_model(fit: Fit, last: Round, base: Asked) -> LinearModel:
     return LinearModel(fit.prediction(base), slopes, control, base.values)
 
 
-def _best(last: Round) -> dict[str, float]:
+def best_values(last: Round) -> dict[str, float]:
+    """Where the search ended.
+
+    Raises
+    ------
+    StateError
+        When no guess had a solution.
+    """
     if last.best is None:
         raise StateError("the search found no guess with a solution")
     return dict(last.best["values"])

@@ -33,7 +33,10 @@ def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | 
         When no guess had a solution.
     """
     if last.best is None:
-        raise StateError("no guess had a solution: widen or move the bounds, or look at the mesh and the forces")
+        why = "; ".join(sorted({e["message"] for e in last.history if e["message"]}))
+        raise StateError(
+            f"no guess had a solution ({why}): widen or move the bounds, or look at mesh, forces and their noise"
+        )
     settings, parameters = fit.settings, fit.settings.parameters()
     best = minimum(fit, last)
     mesh = fit.mesh_of(best.base)

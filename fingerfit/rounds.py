@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerfit.errors import StateError
-from fingerfit.files import digest, read_json, write_json, write_text
+from fingerfit.files import digest, read_json, read_record, write_json, write_text
 
 
 def simulation_name(deck: str, solver: dict[str, Any]) -> str:
@@ -197,7 +197,7 @@ class Walk:
     def sim_inputs(self, sim: str) -> list[str]:
         """Deck, identity of the solver and mesh of a simulation."""
         folder = self.study / "sims" / sim
-        includes = read_json(folder / "solver.json")["includes"]
+        includes = read_record(folder / "solver.json", "includes")["includes"]
         return [
             str(folder / "deck.inp"),
             str(folder / "solver.json"),

@@ -145,7 +145,9 @@ class FitSettings(_Strict):
         description="nmi: normalized mutual information; ssd: squared difference; likelihood: all data with noise."
     )
     steps: list[int] | None = Field(
-        default=None, description="Steps whose pictures are compared; all with a picture when left out."
+        default=None,
+        min_length=1,
+        description="Steps whose pictures are compared; all with a picture when left out.",
     )
     smooth: float = Field(default=1.0, ge=0, description="Gaussian on all pictures, standard deviation in pixels.")
     crop: float = Field(
@@ -277,6 +279,12 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
             problems += _impossible(where, f"model.material.{name}", name.partition("_")[0], value)
     if not problems:
         problems += _wrong_stages(settings, where)
+    most = settings.fit.max_evaluations
+    problems += [
+        InputError(where, f"fit.stages.{n}.points", stage.points, f"at most {most}, the max_evaluations of the search")
+        for n, stage in enumerate(settings.fit.stages)
+        if stage.kind == "grid" and stage.points > most
+    ]
     names = [stage.name for stage in settings.fit.stages]
     for name in sorted({name for name in names if names.count(name) > 1}):
         problems.append(InputError(where, "fit.stages", f"{name} twice", "a name of its own for each stage"))

@@ -116,15 +116,24 @@ def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[F
     ]
     if problems:
         return problems
+    chosen = [step for step in study.steps if fit.steps is None or step.number in fit.steps]
+    beside = study.steps if pictured else chosen  # as `prepare` leaves forces out
     pictured = fit.steps if pictured and fit.steps is not None else pictured
     conjugate = "displacement" if study.control == "force" else "force"
-    measured = any(getattr(step, conjugate) is not None for step in study.steps)
+    measured = [step for step in beside if getattr(step, conjugate) is not None]
     if fit.score != "likelihood" and not pictured:
         return [InputError(where, "fit.score", fit.score, "likelihood, since no pictures are compared")]
-    pointed = study.noise.points is not None and any(step.points for step in study.steps)
-    noisy = getattr(study.noise, conjugate) or (
-        conjugate == "force" and any(step.force_noise is not None for step in study.steps)
-    )
-    if fit.score == "likelihood" and not (pictured or pointed or (measured and noisy)):
-        return [InputError(study.path, f"noise.{conjugate}", "nothing", "a number, which the likelihood needs")]
-    return []
+    points = [step for step in chosen if step.points]
+    noisy = [
+        step
+        for step in measured
+        if getattr(study.noise, conjugate) or (conjugate == "force" and step.force_noise is not None)
+    ]
+    if fit.score != "likelihood" or pictured or noisy or (points and study.noise.points is not None):
+        return []
+    if not measured and not points:
+        what = f"steps {fit.steps} without {conjugate} and points"
+        return [InputError(where, "fit.steps", what, "a step with something measured beside the control")]
+    if not measured:
+        return [InputError(study.path, "noise.points", "nothing", "a number or estimated, which the likelihood needs")]
+    return [InputError(study.path, f"noise.{conjugate}", "nothing", "a number, which the likelihood needs")]

@@ -279,7 +279,7 @@ def _step(
             value = float(text)
         except ValueError:
             value = math.nan
-        value = math.nan if "_" in text else value  # Python reads 1_0 as 10
+        value = math.nan if "_" in text else value * sizes[kind]  # Python reads 1_0 as 10
         if not math.isfinite(value):
             problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
         elif column != "time" and value < 0:
@@ -289,7 +289,7 @@ def _step(
         elif column == "force_noise" and value == 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "a standard deviation above 0"))
         else:
-            values[column] = value * sizes[kind]
+            values[column] = value
     if not cells["step"].isdecimal() or len(cells["step"]) > 9:
         problems.append(InputError(file, f"row {row}, step", cells["step"] or "nothing", "a whole number"))
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from fingerfit.effects.contract import ACTS, NEEDS, Effect, EffectParameter
 from fingerfit.effects.sense import IN_WORDS
 from fingerfit.errors import FingerfitError, InputError, Problems
-from fingerfit.keys import Keys, read_yaml, unknown_key
+from fingerfit.keys import Keys, is_number, read_yaml, unknown_key
 from fingerfit.templates import template_folders
 
 CHANGES = ("alpha", "poisson", "field", "force", "displacement", "before", "increment")
@@ -53,6 +54,8 @@ def chosen(names: Sequence[str], known: Mapping[str, Effect], where: Path | str)
 @functools.cache
 def _read(path: Path, stamp: int) -> Effect:
     problems: list[FingerfitError] = []
+    if not re.fullmatch(r"[\w-]+", path.stem):
+        raise InputError(path, "name", path.stem, "letters, digits, _ and -: the file's name is the effect's")
     keys = Keys(path, read_yaml(path), "", problems)
     words = ("title", "words", "look", "confirm")
     keys.known(*words, "acts", "parameters", "scan", "refine", "changes", "observes", "needs", "control")
@@ -66,13 +69,16 @@ def _read(path: Path, stamp: int) -> Effect:
     scan = keys.mapping("scan", {})
     places: dict[str, tuple[float, ...]] = {}
     for name, values in scan.data.items():
-        if not isinstance(values, list) or not values or not all(isinstance(v, int | float) for v in values):
-            scan.wrong(name, values, "a list of numbers")
-        else:
-            places[str(name)] = tuple(float(v) for v in values)
+        if not isinstance(values, list) or not values or not all(is_number(v) for v in values):
+            scan.wrong(name, values, "a list of finite numbers")
+        elif _is_name(scan, name, taken=[p.name for p in parameters]):
+            places[name] = tuple(float(v) for v in values)
     group = keys.mapping("refine", {})
     group.known(*places)
     bounds = {name: group.numbers(name, 2) for name in group.data}
+    for name, pair in bounds.items():
+        if pair and not pair[0] < pair[1]:
+            group.wrong(name, list(pair), "a lower bound and a higher one")
     control, given = keys.text("control", None), keys.data.get("needs", [])
     needs = [given] if isinstance(given, str) else given
     if not isinstance(needs, list) or any(need not in NEEDS for need in needs):
@@ -98,13 +104,21 @@ def _parameters(keys: Keys) -> tuple[EffectParameter, ...]:
         inner.known("unit", "absent", "lower", "upper", "step")
         numbers = [inner.number(key) for key in ("absent", "lower", "upper", "step")]
         unit = inner.text("unit")
-        if unit is None or any(n is None for n in numbers):
+        if unit is None or any(n is None for n in numbers) or not _is_name(group, name):
             continue
         null, lower, upper, step = (float(n or 0.0) for n in numbers)
         if not lower <= null <= upper or not lower <= null + step <= upper or step == 0:
             inner.wrong("step", step, f"a number from null that stays within {lower:g} to {upper:g}")
         found.append(EffectParameter(str(name), unit, null, lower, upper, step))
     return tuple(found)
+
+
+def _is_name(group: Keys, name: object, taken: Sequence[str] = ()) -> bool:
+    """Whether a formula can name a number so; else it is noted."""
+    if isinstance(name, str) and name.isidentifier() and name not in taken:
+        return True
+    group.wrong(str(name), name, "a name of its own of letters, digits and _, as formulas have it")
+    return False
 
 
 def _formulas(keys: Keys, key: str, known: Sequence[str]) -> dict[str, str]:

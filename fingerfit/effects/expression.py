@@ -74,16 +74,21 @@ def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
     ------
     ValueError
         For what is no formula or too long a one, names something unknown, reaches for more than numbers, or comes to
-        what is no finite number. Arrays may have numbers that are not finite, as for forces that were not measured.
+        what is not finite. Where arrays that are given are not finite, as forces that were not measured, what comes of
+        them need not be.
 
     >>> float(evaluate("exp(0 * x) + shift", {"x": 2.0, "shift": 0.5}))
     1.5
     """
     try:
         # whole numbers have any number of digits in Python
-        found = _value(_parsed(formula), {name: _double(value) for name, value in values.items()})
+        given = {name: _double(value) for name, value in values.items()}
+        with np.errstate(all="ignore"):  # what is not finite is told below
+            found = _value(_parsed(formula), given)
         if not np.ndim(found) and (isinstance(found, complex) or not np.isfinite(found)):
             raise ValueError(f"comes to {found:.3g}")
+        if not np.isfinite(found).all() and all(np.isfinite(value).all() for value in given.values()):
+            raise ValueError("is not finite")
     except (ValueError, TypeError, ArithmeticError) as error:
         shown = formula if len(formula) <= _SHOWN else f"{formula[: _SHOWN - 3]}..."
         reason = "a number beyond double precision" if isinstance(error, OverflowError) else error

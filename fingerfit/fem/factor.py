@@ -71,7 +71,7 @@ class LinearSolver:
             return right
         held = np.empty(0, dtype=int) if held is None else held
         large = len(right) >= LARGE
-        in_space = self.positions is not None and self.positions.shape[1] == 3
+        in_space = self.positions if self.positions is not None and self.positions.shape[1] == 3 else None
         if self._last is not None:
             found = conjugate_gradients(matrix, right, _holding(self._last, held, len(right)), close)
             if found is not None:
@@ -81,8 +81,8 @@ class LinearSolver:
             self._asked, self._pardiso = True, _Pardiso.load(self.symmetric)
         if self._pardiso is not None:
             apply = self._pardiso.factor(matrix)
-        elif large and in_space:
-            apply = self._ordered(matrix)
+        elif large and in_space is not None:
+            apply = self._ordered(matrix, in_space)
         else:
             options: dict[str, Any] = {}
             if self.symmetric:
@@ -98,14 +98,13 @@ class LinearSolver:
             residual[held] = 0.0
             if np.abs(residual).max() > _RESIDUAL * np.abs(right).max():
                 return None
-        if large and in_space and self.symmetric:
+        if large and in_space is not None and self.symmetric:
             self._last = apply
         return solution
 
-    def _ordered(self, matrix: csc_matrix) -> Apply | None:
-        assert self.positions is not None
+    def _ordered(self, matrix: csc_matrix, positions: np.ndarray) -> Apply | None:
         if self._order is None:
-            self._order = dissect(self.positions, matrix)
+            self._order = dissect(positions, matrix)
         order = self._order
         inner = _superlu(matrix[order][:, order].tocsc(), {**_SYMMETRIC, "permc_spec": "NATURAL"})
         if inner is None:

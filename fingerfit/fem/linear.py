@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 
+from fingerfit.errors import SolverError
 from fingerfit.fem.assembly import Body
+
+T = TypeVar("T")
+
+
+def _at_rest(found: T | None) -> T:
+    """Forces of the reference state, which a mesh without inverted elements and faces has."""
+    if found is None:
+        raise SolverError("an element or a face is inverted before anything moves: a linear step starts from there")
+    return found
 
 
 class LinearBody:
@@ -20,8 +32,7 @@ class LinearBody:
         still = np.zeros((int(body.connectivity.max()) + 1) * body.dim)
         initial, body.points.initial = body.points.initial, None
         body.begin(0.0)
-        found = body.forces(still)
-        assert found is not None
+        found = _at_rest(body.forces(still))
         self.body, self.dim, self.dofs, self._stiffness, self._start = (
             body,
             body.dim,
@@ -32,9 +43,7 @@ class LinearBody:
         body.points.initial = initial
         body.begin(0.0)
         if initial is not None:
-            stressed = body.forces(still, tangent=False)
-            assert stressed is not None
-            self._start = stressed[0]
+            self._start = _at_rest(body.forces(still, tangent=False))[0]
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
         """Nothing: small strain has no history here."""
@@ -55,8 +64,7 @@ class LinearTerm:
     """A term of `fingerfit.fem.system` in a step without NLGEOM: its forces continued from the reference state."""
 
     def __init__(self, term, size: int) -> None:  # type: ignore[no-untyped-def]
-        found = term.forces(np.zeros(size))
-        assert found is not None
+        found = _at_rest(term.forces(np.zeros(size)))
         self.start, self.dofs, self.symmetric = found, term.dofs, term.symmetric
 
     def begin(self, dt: float, relaxed: bool = False) -> None:

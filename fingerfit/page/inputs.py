@@ -300,6 +300,8 @@ def read_inputs(study: Path) -> Inputs:
     ladder = _json(study / LADDER)
     if not isinstance(ladder, dict):
         raise StateError(f"{study / LADDER}: cannot be read: not a mapping")
+    if not all(isinstance(one, dict) and "model" in one for key in ("rungs", "others") for one in ladder.get(key, [])):
+        raise StateError(f"{study / LADDER}: cannot be read: a rung without a model")
     rungs = {str(rung["model"]): rung for rung in ladder.get("rungs", [])}
     there = {path.parent.name for name in (COMPARE, DIAGNOSIS) for path in study.glob(f"*/{name}")}
     there -= {str(other["model"]) for other in ladder.get("others", [])}  # of side branches and other settings

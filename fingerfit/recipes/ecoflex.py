@@ -43,6 +43,10 @@ def read_test(path: Path) -> tuple[np.ndarray, np.ndarray]:
         rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[head + 1 :] if line.strip()])
     except ValueError as error:
         raise InputError(path, "rows", error, "numbers") from error
+    if rows.ndim != 2 or rows.shape[1] != len(names) or not np.isfinite(rows).all():
+        raise InputError(path, "rows", "missing or infinite numbers", f"{len(names)} finite numbers each")
+    if not rows[:, names.index("Compression (mm)")].max() > 0:
+        raise InputError(path, "Compression (mm)", "none above 0", "a compression")
     return rows[:, names.index("Compression (mm)")], rows[:, names.index("Load (N)")]
 
 
@@ -87,6 +91,8 @@ def make_study(tests: Sequence[Path], out: Path) -> None:
     at = end * np.arange(1, STEPS + 1) / STEPS
     forces = np.array([np.interp(at, compression, load) for compression, load in curves])
     mean = forces.mean(axis=0)
+    if not mean.min() > 0:
+        raise InputError(tests[0], "Load (N)", "a mean load of 0 or less", "loads above 0 from the first step on")
     noise, factor = spread_of(forces)
     side = float(np.sqrt(np.pi / 4) * DIAMETER)
     common = (

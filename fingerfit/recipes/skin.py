@@ -150,6 +150,9 @@ def make_study(folder: Path, out: Path) -> None:
     moved = -read_table(folder / "reactionforce/ux_pad_mov.out", 1)[:, 0]
     force = -read_table(folder / "reactionforce/fx_pad_mov.out", 1)[:, 0]
     first = read_table(folder / "displacement/xt_dic_0000.out", 2)
+    if len(force) != len(moved) or not len(moved):
+        expected = f"{len(moved)}, as ux_pad_mov.out"
+        raise InputError(folder / "reactionforce/fx_pad_mov.out", "rows", len(force), expected)
     if len(pad) <= FRAMES[-1]:
         raise InputError(folder / "displacement/xt_pad_mov.out", "rows", len(pad), f"{FRAMES[-1] + 1} frames")
     rows = []
