@@ -184,7 +184,7 @@ def test_another_time_limit_runs_nothing_again(place):
     assert nothing_to_do(place)
     sim = next((place / "results/study/sims").iterdir())
     (sim / "solution.npz").unlink()
-    said = subprocess.run(command("-p"), cwd=place, capture_output=True, text=True)
+    said = subprocess.run(command("-p", "--quiet", "host"), cwd=place, capture_output=True, text=True)
     assert f"--solver {sim.relative_to(place)}/solver.json --time-limit 7 " in said.stderr + said.stdout
 
 
