@@ -104,7 +104,7 @@ def test_same_volumes_same_registration(reference):
 
 def test_tip_is_found(reference):
     volume = render(reference, frame_around(reference, 0.5, 2.0), INTENSITY)
-    assert np.allclose(tip_of(volume)[:2], [reference.points[:, 0].max(), 0.0], atol=0.5)
+    assert np.allclose(tip_of(volume)[:2], [reference.points[:, 0].max(), 0.0], atol=0.5)  # a voxel
 
 
 def test_bad_registrations_are_one_line(reference):
@@ -198,4 +198,5 @@ def test_layer_of_known_depth_and_thickness(thickness):
         -inward,
         identity(2),
     )
-    assert np.allclose(border, [-0.2, 0.2], atol=0.13)
+    # half a voxel
+    assert np.allclose(border, [-0.2, 0.2], atol=0.125)

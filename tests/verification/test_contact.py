@@ -42,7 +42,9 @@ def test_normals_and_curvatures_are_derivatives(name, rng):
 @pytest.mark.parametrize("law", [Interaction(5.0), Interaction(5.0, glued=True, stick=3.0)], ids=["free", "glued"])
 @pytest.mark.parametrize("name", SURFACES)
 def test_forces_are_derivatives_of_the_energy(name, law, rng):
-    points = np.vstack([rng.normal(size=(6, 3)), [[0.0, 0.0, 0.0]]])
+    # three points within the round surfaces and three far out: some press in any case
+    near, far = np.array([0.1, 0.2, -0.4]) + 0.3 * rng.normal(size=(3, 3)), 2.0 * rng.normal(size=(3, 3))
+    points = np.vstack([near, far, [[0.0, 0.0, 0.0]]])
     sampling = csr_matrix((np.ones(6), (np.arange(6), np.arange(6))), shape=(6, 7))
     contact = RigidContact(sampling, np.full(6, 0.7), points, SURFACES[name], 6, law)
     u, h = 0.1 * rng.normal(size=21), 1e-6
