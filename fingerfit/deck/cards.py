@@ -122,6 +122,16 @@ def read_cards(path: Path, depth: int = 0) -> Iterator[Card]:
         yield card
 
 
+_INCLUDE = re.compile(
+    r'^[ \t]*\*[ \t]*INCLUDE\s*,\s*INPUT[ \t]*=[ \t]*"?([^"\n]+?)"?[ \t]*$', re.IGNORECASE | re.MULTILINE
+)
+
+
+def includes(text: str) -> list[str]:
+    """Names of the files that a text in keywords includes, without looking at anything else in it."""
+    return _INCLUDE.findall(text) if "*" in text else []
+
+
 def _keyword_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Lines without comments, by number; a keyword line that ends with a comma has the next data line behind it."""
     pending: tuple[int, str] | None = None
