@@ -11,7 +11,8 @@ PACKAGE = ROOT / "fingerfit"
 # low to high: a module imports only from its own line and from lines above it
 ORDER = (
     ("errors",),
-    ("beside", "files", "keys", "templates", "units"),
+    ("beside", "failures", "files", "keys", "sources", "templates", "units"),
+    ("contents",),
     ("guess", "mesh", "material", "study"),
     ("effects",),
     ("fem",),
@@ -26,15 +27,15 @@ ORDER = (
     ("choices",),
     ("settings", "pictured"),
     ("decks", "prepare", "fit", "experiment", "settings_check"),
-    ("residual",),
+    ("residual", "inputs"),
     ("refine",),
     ("course", "judge", "extend", "suspects"),
     ("diagnose",),
     ("verdict", "simulate"),
     ("designs",),
     ("examine",),
-    ("report", "plots", "volumes", "fields", "check", "recipes", "layout", "testing", "page"),
-    ("findings", "climb", "export"),
+    ("report", "plots", "volumes", "fields", "check", "recipes", "results", "testing", "page"),
+    ("findings", "climb", "export", "layout"),
     ("commands",),
     ("cli",),
     ("__main__",),
@@ -79,7 +80,7 @@ def test_the_lock_file_names_no_registry():
 
 
 def test_a_fit_depends_on_what_was_measured_only(monkeypatch):
-    from fingerfit.layout import study_files
+    from fingerfit.inputs import study_files
     from fingerfit.settings import load_settings
 
     monkeypatch.chdir(ROOT)
@@ -89,10 +90,10 @@ def test_a_fit_depends_on_what_was_measured_only(monkeypatch):
 
 
 def test_every_part_of_the_workflow_knows_its_settings_and_sources():
-    from fingerfit.layout import SOURCES, fingerprint, settings_of
+    from fingerfit.layout import STAGES, fingerprint, settings_of
     from fingerfit.settings import load_settings
 
     settings = load_settings(ROOT / "config.yaml")
-    for stage in SOURCES:
+    for stage in STAGES:
         assert json.loads(settings_of(settings, stage)) is not None
         assert len(fingerprint(stage)) == 20

@@ -9,7 +9,6 @@ checkpoint propose:
         before=before_round,
         settings=ancient(SETTINGS_FILE),
         data=f"{MODEL}/prepared.npz",
-        templates=layout.template_files(SETTINGS),
     output:
         round=f"{MODEL}/rounds/{{round}}.json",
     log:
@@ -22,11 +21,12 @@ checkpoint propose:
     params:
         settings=PARTS["propose"],
         last=last_option,
-        code=layout.fingerprint("propose"),
+        code=CODE["propose"],
+        made_from=MADE_FROM["propose"],
         meshes=MESH_OPTIONS,
         sims=SIMS,
     shell:
-        "python -P -m fingerfit propose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
+        "exec python -P -m fingerfit propose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
         " {params.last} --out {output.round} --threads {threads} 2> {log}"
 
 
@@ -47,5 +47,5 @@ rule simulate:
     resources:
         mem_mb=1000,
     shell:
-        "python -P -m fingerfit simulate {input.deck} --solver {input.solver}"
+        "exec python -P -m fingerfit simulate {input.deck} --solver {input.solver}"
         " --out {output.solution} --threads {threads} 2> {log}"
