@@ -138,7 +138,8 @@ def test_a_copy_recomputes_nothing_and_an_edit_what_depends_on_it(made, tmp_path
         sorted(place.glob("results/**/*"), key=lambda path: -(made / path.relative_to(place)).stat().st_mtime_ns), 1
     ):
         os.utime(path, (time, time))
-    assert would_run(place) == set()
+    # Snakemake compares the contents of small files; those of a real study are larger
+    assert would_run(place, "--max-checksum-file-size", "0") == set()
     known = {path: path.stat().st_mtime_ns for path in place.glob(f"{RESULTS}/sims/*/solution.npz")}
     proposing = {"propose", "estimate", "plot"}
     table = "subject1/test/steps.csv"
