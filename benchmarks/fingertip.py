@@ -31,9 +31,9 @@ from fingerfit.anatomy.shape import Anatomy
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
 from fingerfit.files import write_text
-from fingerfit.layout import model_folder
 from fingerfit.mesh_io import format_mesh
 from fingerfit.refine import around_best, minimum
+from fingerfit.results import model_folder
 from fingerfit.settings import load_settings
 from fingerfit.simulate import begin, solve_missing
 from fingerfit.solvers.builtin import BuiltinSolver

@@ -40,6 +40,7 @@ def side_by_side(function: Callable[[Item], Result], items: Sequence[Item], proc
     count = max(1, min(processes, len(items)))
     pipes = [_fork(function, items[n::count]) for n in range(1, count)]
     answers: list[Any] = []
+    endings: list[int] = []
     try:
         shares = [[function(item) for item in items[::count]]]
     finally:
@@ -47,10 +48,12 @@ def side_by_side(function: Callable[[Item], Result], items: Sequence[Item], proc
         for child, pipe in pipes:
             with os.fdopen(pipe, "rb") as stream:
                 answers.append(stream.read())
-            os.waitpid(child, 0)
-    for answer in answers:
+            endings.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+    for answer, ending in zip(answers, endings, strict=True):
         if not answer:
-            raise FingerfitError("a process that helped was ended from outside")
+            memory = ", perhaps out of memory" if ending == -signal.SIGKILL else ""
+            how = f"was killed (signal {-ending}){memory}" if ending < 0 else "ended without an answer"
+            raise FingerfitError(f"a process that helped {how}")
         failed, found = pickle.loads(answer)
         if failed:
             raise found

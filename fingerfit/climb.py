@@ -16,9 +16,9 @@ from fingerfit.effects.catalogue import catalogue, chosen
 from fingerfit.effects.contract import OBSERVATION, Effect
 from fingerfit.errors import FingerfitError, InputError, SolverError
 from fingerfit.files import DOCUMENT, read_record, read_text, write_text
-from fingerfit.layout import PACKAGE, model_folder, study_folder
 from fingerfit.mesh_io import format_mesh
 from fingerfit.prepare import make_mesh
+from fingerfit.results import PACKAGE, model_folder, study_folder
 from fingerfit.settings import CONFIG, Settings, load_settings
 from fingerfit.settings_check import check_effects
 from fingerfit.study_file import load_study

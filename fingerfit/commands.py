@@ -31,13 +31,15 @@ def simulate(args: argparse.Namespace) -> None:
     """Solve one deck."""
     from fingerfit.errors import StateError
     from fingerfit.files import read_record
+    from fingerfit.rounds import check_deck
     from fingerfit.solvers.registry import get_solver
 
-    wanted = read_record(args.solver, "name")
+    wanted = read_record(args.solver, "name", kept=False)
     solver = get_solver(wanted["name"], args.time_limit or None)
     found = solver.identity()
     if {key: wanted.get(key) for key in found} != found:
         raise StateError(f"{args.solver}: asks for {wanted}; here is {found}: run the workflow again")
+    check_deck(args.deck, wanted)
     outcome = solver.solve(args.deck, args.out.parent, args.threads)
     outcome.save(args.out)
     print(f"{outcome.status}: {outcome.message}", file=sys.stderr)
@@ -45,15 +47,14 @@ def simulate(args: argparse.Namespace) -> None:
 
 def prepare(args: argparse.Namespace) -> None:
     """Read and check the study, smooth and scale its pictures, make its meshes."""
-    from fingerfit.files import write_text
+    from fingerfit.files import keep_mesh
     from fingerfit.mesh_io import format_mesh
     from fingerfit.plausible import refuse_magnitudes
     from fingerfit.prepare import make_mesh, prepare
-    from fingerfit.settings import load_settings
     from fingerfit.settings_check import check_against_study, check_effects
     from fingerfit.study_file import load_study
 
-    settings = load_settings(args.settings)
+    settings = _checked(args.settings)
     study = load_study(Path(settings.study))
     check_against_study(settings, study)
     mesh = make_mesh(study, settings.model.mesh)
@@ -62,24 +63,33 @@ def prepare(args: argparse.Namespace) -> None:
     refuse_magnitudes(settings, study, mesh)
     for remark in data.remarks.splitlines():
         print(f"{study.path}: remark: {remark}", flush=True)
-    write_text(args.mesh, format_mesh(mesh))
+    keep_mesh(args.mesh, format_mesh(mesh))
     if args.refined:
-        write_text(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))
+        keep_mesh(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))
     data.save(args.out)
+
+
+def _checked(path: Path) -> Settings:
+    """Settings with all checks: from config.yaml, or the JSON that the workflow wrote of it."""
+    from fingerfit.files import read_json
+    from fingerfit.settings import load_settings
+
+    return load_settings(read_json(path), path) if path.suffix == ".json" else load_settings(path)
 
 
 def _fit(args: argparse.Namespace, settings: Settings | None = None) -> Fit:
     from fingerfit.choices import read_checked
     from fingerfit.data import Data
+    from fingerfit.files import check_kept
     from fingerfit.fit import Fit
 
     if settings is None and args.settings.suffix == ".json":
         settings = read_checked(args.settings)  # as the workflow wrote them
     elif settings is None:
-        from fingerfit.settings import load_settings
-
-        settings = load_settings(args.settings)
+        settings = _checked(args.settings)
     files = {"search": args.mesh} | ({"refined": args.refined} if args.refined else {})
+    for path in files.values():
+        check_kept(path)
     return Fit(settings, Data.load(args.data), files, args.sims)
 
 
@@ -104,7 +114,7 @@ def propose(args: argparse.Namespace) -> None:
 
 def estimate(args: argparse.Namespace) -> None:
     """Constants with their standard errors."""
-    from fingerfit.files import write_json, write_text
+    from fingerfit.files import keep_json, write_text
     from fingerfit.report import estimate_of, table_of
     from fingerfit.rounds import Round, asked_for
 
@@ -112,7 +122,7 @@ def estimate(args: argparse.Namespace) -> None:
     fit.predict_all(last.batch, args.threads)
     found = estimate_of(fit, last, args.threads, asked_for(args.last))
     write_text(args.table, table_of(found))
-    write_json(args.out, found)
+    keep_json(args.out, found)
 
 
 def plot(args: argparse.Namespace) -> None:
@@ -126,13 +136,12 @@ def plot(args: argparse.Namespace) -> None:
 def diagnose(args: argparse.Namespace) -> None:
     """Say where a fitted model fails and which effect is missing."""
     from fingerfit.examine import examine
-    from fingerfit.files import read_record, write_json
+    from fingerfit.files import keep_json, read_record
     from fingerfit.findings import count_simulations, rung_of, write_compare, write_diagnosis
     from fingerfit.prepare import prepare
     from fingerfit.rounds import Round, asked_for
-    from fingerfit.settings import load_settings
 
-    fit, last = _fit(args, load_settings(args.settings)), Round.load(args.last)
+    fit, last = _fit(args, _checked(args.settings)), Round.load(args.last)
     smooth, crop = fit.settings.fit.smooth, fit.settings.fit.crop
     everything = prepare(fit.study, fit.meshes["search"], None, smooth, crop)
     found = examine(fit, last, everything, args.threads)
@@ -140,7 +149,7 @@ def diagnose(args: argparse.Namespace) -> None:
     write_compare(found.examination, args.out.parent / "compare.npz")
     study, model = args.out.parents[1], fit.settings.model
     counted = count_simulations(study, model.path, set(asked_for(args.last)), fit.asked)
-    write_json(args.out.parent / "rung.json", rung_of(found, estimate, counted))
+    keep_json(args.out.parent / "rung.json", rung_of(found, estimate, counted))
     write_diagnosis(found, args.out)
     total, reused = counted["run"] + counted["reused"], counted["reused"]
     known = (
@@ -196,7 +205,7 @@ def effects(args: argparse.Namespace) -> None:
 
 def ladder(args: argparse.Namespace) -> None:
     """Put the rungs of a study together, and write the page."""
-    from fingerfit.files import write_json
+    from fingerfit.files import keep_json
     from fingerfit.findings import ladder
     from fingerfit.page import write_page
 
@@ -204,7 +213,7 @@ def ladder(args: argparse.Namespace) -> None:
     found = ladder(study, args.settings)
     for other in found["others"]:
         print(f"{other['model']}: not on the ladder: {other['why']}", file=sys.stderr)
-    write_json(args.out, found)
+    keep_json(args.out, found)
     write_page(study, args.page)
 
 

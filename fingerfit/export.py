@@ -14,7 +14,7 @@ import numpy as np
 from fingerfit.data import Data
 from fingerfit.errors import StateError
 from fingerfit.fields import Fields, fields
-from fingerfit.files import read_npz, read_record, write_text
+from fingerfit.files import check_kept, read_npz, read_record, write_text
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
@@ -76,7 +76,9 @@ def read_results(model: Path) -> Results:
         if not (model / name).exists():
             raise StateError(f"{model / name}: is not there; `{made}` makes it")
     estimate = read_record(model / "estimate.json", "sim", "sim_mesh", "parameters")
-    mesh = read_mesh(model / ("refined.inp" if estimate["sim_mesh"] == "refined" else "mesh.inp"))
+    file = model / ("refined.inp" if estimate["sim_mesh"] == "refined" else "mesh.inp")
+    check_kept(file)
+    mesh = read_mesh(file)
     folder = model.parent / "sims" / estimate["sim"]
     outcome = Outcome.load(folder / "solution.npz")
     compare, diagnosis = read_npz(model / "compare.npz"), read_npz(model / "diagnosis.npz")

@@ -1,4 +1,8 @@
-"""Reading regular files up to a size; writing that is never half done, beside the target and then renamed."""
+"""Reading regular files up to a size; writing that is never half done, beside the target and then renamed; checksums.
+
+What is kept carries the SHA-256 of its own bytes: JSON as a last key, an .npz as the comment of its archive, a mesh as
+a last comment line. So it stays one file, which Snakemake's cache can link, and no reader takes a damaged one.
+"""
 
 from __future__ import annotations
 
@@ -171,28 +175,62 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, data: object) -> None:
-    """Write indented JSON atomically.
+    """Write indented JSON atomically, as people and other programs write it.
 
     Raises
     ------
     StateError
         For numbers that are not finite: JSON has none.
     """
+    write_text(path, _json(path, data) + "\n")
+
+
+def _json(path: Path, data: object) -> str:
     try:
-        text = json.dumps(data, indent=1, allow_nan=False)
+        return json.dumps(data, indent=1, allow_nan=False)
     except ValueError as error:
         raise StateError(f"{path}: a number in it is not finite: look at the measurements and their noise") from error
-    write_text(path, text + "\n")
+
+
+def kept_json(path: Path, data: Mapping[str, Any]) -> str:
+    """JSON of a mapping that is not empty, with the checksum of its text as a last key; errors name `path`."""
+    head = _json(path, data).removesuffix("\n}")
+    return f"{head}{_KEY}{_sha(head)}{_END}"
+
+
+def keep_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write a result as JSON with a checksum, atomically; `read_json` reads it."""
+    write_text(path, kept_json(path, data))
+
+
+def keep_mesh(path: Path, text: str) -> None:
+    """Write a mesh in ABAQUS keywords with a checksum, atomically; `check_kept` looks at it."""
+    write_text(path, f"{text}{_LINE}{_sha(text)}\n")
 
 
 def write_npz(path: Path, arrays: Mapping[str, np.ndarray], compressed: bool = True) -> None:
-    """Write arrays atomically as an .npz without pickles."""
+    """Write arrays atomically as an .npz without pickles, with a checksum; `read_npz` reads it."""
     write = np.savez_compressed if compressed else np.savez
-    write_atomic(path, lambda handle: write(handle, allow_pickle=False, **arrays))
+
+    def save(handle: IO[bytes]) -> None:
+        write(handle, allow_pickle=False, **arrays)
+        seal(handle)
+
+    write_atomic(path, save)
 
 
-def read_json(path: Path) -> Any:
-    """Read JSON that fingerfit wrote.
+def seal(handle: IO[bytes]) -> None:
+    """Put the checksum of an .npz that was just written behind it."""
+    # an archive ends with the length of its comment, two bytes
+    handle.seek(-2, os.SEEK_END)
+    handle.write(_COMMENT.to_bytes(2, "little"))
+    length = handle.tell()
+    handle.seek(0)
+    handle.write(_PREFIX + _sha_of(handle, length).encode())
+
+
+def read_json(path: Path, kept: bool = True) -> Any:
+    """Read a result that `keep_json` wrote; with `kept` false, JSON without a checksum.
 
     Raises
     ------
@@ -201,14 +239,22 @@ def read_json(path: Path) -> Any:
     """
     try:
         check_regular(path)
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        text = Path(path).read_text(encoding="utf-8")
+        if kept and not _intact_json(text):
+            raise _damaged(path)
+        data = json.loads(text)
     except InputError as error:
+        if not Path(path).exists():
+            raise _missing(path) from error
         raise StateError(f"{path}: cannot be read: {error.found}") from error
     except (OSError, ValueError, RecursionError) as error:
-        raise StateError(f"{path}: cannot be read: {error}") from error
+        raise _damaged(path) from error
+    if kept:
+        del data["checksum"]
+    return data
 
 
-def read_record(path: Path, *keys: str) -> dict[str, Any]:
+def read_record(path: Path, *keys: str, kept: bool = True) -> dict[str, Any]:
     """Read a JSON object that fingerfit wrote.
 
     Raises
@@ -216,7 +262,7 @@ def read_record(path: Path, *keys: str) -> dict[str, Any]:
     StateError
         When it is missing or damaged, no object, or lacks one of the keys.
     """
-    found = read_json(path)
+    found = read_json(path, kept)
     if not isinstance(found, dict):
         raise StateError(f"{path}: cannot be read: it is no JSON object")
     lacking = [key for key in keys if key not in found]
@@ -226,13 +272,14 @@ def read_record(path: Path, *keys: str) -> dict[str, Any]:
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:
-    """Read a .npz that fingerfit wrote, pickles refused.
+    """Read a result that `write_npz` wrote, pickles refused.
 
     Raises
     ------
     StateError
         When it is missing or damaged.
     """
+    check_kept(path)
     try:
         check_regular(path)
         with np.load(path, allow_pickle=False) as data:
@@ -240,10 +287,93 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     except MemoryError:
         raise
     except Exception as error:  # zipfile, zlib, struct and NumPy each raise their own for damaged bytes
-        raise StateError(f"{path}: cannot be read: {error}") from error
+        raise StateError(f"{path}: cannot be read: {error}; run snakemake after: rm {path}") from error
     if not all(isinstance(value, np.ndarray) for value in found.values()):
         raise StateError(f"{path}: cannot be read: it holds something else than arrays")
     return found
+
+
+def intact(path: Path) -> bool:
+    """Whether a result has the content that was written: .json, .npz or a mesh (.inp).
+
+    Raises
+    ------
+    FileNotFoundError
+        When it is not there.
+    """
+    try:
+        if path.suffix == ".npz":
+            return _intact_npz(path)
+        text = path.read_bytes().decode()
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError):
+        return False
+    if path.suffix == ".json":
+        return _intact_json(text)
+    head, mark, found = text.rpartition(_LINE)
+    return bool(mark) and found == f"{_sha(head)}\n"
+
+
+def check_kept(path: Path) -> None:
+    """Refuse a result that is not what was written.
+
+    Raises
+    ------
+    StateError
+        When it is missing or damaged; it says what to do.
+    """
+    try:
+        if not intact(Path(path)):
+            raise _damaged(path)
+    except FileNotFoundError as error:
+        raise _missing(path) from error
+
+
+_KEY, _END = ',\n "checksum": "', '"\n}\n'
+_LINE = "** sha256 of the lines above: "
+_PREFIX = b"sha256 of the bytes before: "
+_COMMENT = len(_PREFIX) + 64
+"""Bytes of an archive's comment: 64 hexadecimal digits are a SHA-256."""
+
+
+def _sha(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _intact_json(text: str) -> bool:
+    head, mark, found = text.rpartition(_KEY)
+    return bool(mark) and found == f"{_sha(head)}{_END}"
+
+
+def _sha_of(handle: IO[bytes], left: int) -> str:
+    """SHA-256 of the next bytes of a file."""
+    total = hashlib.sha256()
+    while left and (part := handle.read(min(left, 1 << 20))):  # 1 MiB at a time: data may be as large as the memory
+        total.update(part)
+        left -= len(part)
+    return total.hexdigest()
+
+
+def _intact_npz(path: Path) -> bool:
+    length = path.stat().st_size - _COMMENT
+    if length <= 0:
+        return False
+    with path.open("rb") as handle:
+        found = _sha_of(handle, length)
+        return handle.read() == _PREFIX + found.encode()
+
+
+def _damaged(path: Path) -> StateError:
+    # of a link into Snakemake's cache, what it leads to
+    there = Path(path).resolve() if Path(path).is_symlink() else path
+    return StateError(
+        f"{path}: cannot be read: damaged, its checksum is not that of its content; run snakemake after: rm {there}"
+    )
+
+
+def _missing(path: Path) -> StateError:
+    return StateError(f"{path}: cannot be read: no such file; run snakemake again")
 
 
 def digest(*parts: str | bytes) -> str:

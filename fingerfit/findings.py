@@ -14,7 +14,7 @@ from fingerfit.diagnose import Examination, Look, summary
 from fingerfit.effects.catalogue import as_text
 from fingerfit.effects.contract import LOADING, Effect
 from fingerfit.examine import Examined, are_fitted, errors, fitted_steps
-from fingerfit.files import digest, read_json, write_json, write_npz
+from fingerfit.files import digest, keep_json, read_json, write_npz
 from fingerfit.guess import Parameter
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
@@ -205,7 +205,7 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
     for name, pattern in patterns.items():
         arrays |= {f"{part}_{name}": values for part, values in pattern.items()}
     write_npz(path.with_suffix(".npz"), arrays)
-    write_json(path, data)
+    keep_json(path, data)
     return data
 
 
@@ -236,7 +236,7 @@ def count_simulations(study: Path, models: list[str], fit: set[str], diagnosis: 
         Names of the simulations that its fit and its diagnosis asked for.
     """
     files = [study / name / "simulations.json" for name in models]
-    write_json(files[-1], {"fit": sorted(fit), "diagnosis": sorted(diagnosis)})
+    keep_json(files[-1], {"fit": sorted(fit), "diagnosis": sorted(diagnosis)})
     below = [read_json(file) for file in files[:-1] if file.exists()]
     reused = fit & {name for one in below for part in one.values() for name in part}
     return {"run": len(fit) - len(reused), "reused": len(reused)}

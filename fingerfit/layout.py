@@ -1,91 +1,95 @@
-"""Which files and settings each part of the workflow depends on."""
+"""What each stage of the workflow depends on: settings, sources, and the contents of files."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from fingerfit.contents import Contents
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.errors import InputError
 from fingerfit.extend import extended
-from fingerfit.files import digest, read_record, write_text
+from fingerfit.files import digest, kept_json, read_record, write_text
+from fingerfit.inputs import page_files, study_files, template_files
 from fingerfit.prepare import make_mesh
+from fingerfit.results import PACKAGE, model_folder, refuse, study_folder
 from fingerfit.settings import CONFIG, Settings
 from fingerfit.settings_check import check_against_study, check_effects
 from fingerfit.solvers.registry import get_solver
+from fingerfit.sources import reached
 from fingerfit.study_file import load_study
-from fingerfit.templates import template_folders
 
-PACKAGE = Path(__file__).resolve().parent
+COMMANDS = "fingerfit.commands"
 
-# What a change of which must run a stage again. Solvers are not here: their identity names the simulations.
-_READ = (
-    "beside.py",
-    "data.py",
-    "files.py",
-    "keys.py",
-    "study.py",
-    "study_file.py",
-    "units.py",
-    "imaging",
-    "fem/elements.py",
-    "fem/shapes.py",
-)
-_MESH = ("mesh.py", "mesh_io.py", "meshing.py")
-_FIT = (
-    *_READ,
-    *_MESH,
-    "deck/render.py",
-    "decks.py",
-    "estimate.py",
-    "effects",
-    "fit.py",
-    "refine.py",
-    "choices.py",
-    "course.py",
-    "guess.py",
-    "predict.py",
-    "rounds.py",
-    "score.py",
-    "templates.py",
-)
-SOURCES: dict[str, tuple[str, ...]] = {
-    "prepare": (*_READ, *_MESH, "pictured.py", "plausible.py", "prepare.py"),
-    "propose": (*_FIT, "search", "uncertainty.py"),
-    "estimate": (*_FIT, "report.py", "uncertainty.py"),
-    "plot": (*_FIT, "plots.py", "slices.py", "volumes.py"),
-    "ladder": ("choices.py", "findings.py", "page"),
-    "export": (*_READ, *_MESH, "export.py", "fields.py", "slices.py", "deck", "fem", "solvers/model.py"),
-    "diagnose": (
-        *_FIT,
-        "diagnose.py",
-        "examine.py",
-        "extend.py",
-        "findings.py",
-        "judge.py",
-        "pictured.py",
-        "plausible.py",
-        "prepare.py",
-        "residual.py",
-        "simulate.py",
-        "suspects.py",
-        "verdict.py",
-        "uncertainty.py",
-    ),
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage of the workflow: the command of the same name.
+
+    Parameters
+    ----------
+    after : str
+        The stage whose results it reads.
+    reads : str
+        What it reads beside these: ``study``, ``templates`` of decks, of the ``page``.
+    """
+
+    after: str = ""
+    reads: str = ""
+
+
+STAGES = {
+    "prepare": Stage(reads="study"),
+    "propose": Stage("prepare", "templates"),
+    "estimate": Stage("propose"),
+    "plot": Stage("propose"),
+    "diagnose": Stage("estimate"),
+    "ladder": Stage("diagnose", "page"),
+    "export": Stage("diagnose"),
 }
+"""In the order of their results. Solvers are not here: their identity names the simulations."""
 
 
 @cache
 def fingerprint(stage: str) -> str:
-    """Hash of the sources that a stage runs."""
-    parts: list[str | bytes] = []
-    for name in SOURCES[stage]:
-        path = PACKAGE / name
-        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            parts += [file.relative_to(PACKAGE).as_posix(), file.read_bytes()]
-    return digest(*parts)
+    """Hash of the sources that a stage can reach."""
+    found = reached(COMMANDS, stage)
+    return digest(found.text, *(part for name, path in found.modules.items() for part in (name, path.read_bytes())))
+
+
+def fingerprints(contents: Contents) -> dict[str, str]:
+    """Hashes of the sources of all stages; the imports are followed only where a source has changed since."""
+    key = contents.of(sorted(PACKAGE.rglob("*.py")))
+    return contents.remember("sources", key, lambda: {stage: fingerprint(stage) for stage in STAGES})
+
+
+def made_from(settings: Settings, contents: Contents) -> dict[str, str]:
+    """For each stage a hash of all that it is made from beside its own sources and settings: the contents of the files
+    that it reads, and of the stages before it their sources, their settings and what they are made from.
+
+    So results do not depend on the times of files, and a stage that was stopped knows of what was made anew before it.
+    """
+    code, study = fingerprints(contents), Path(settings.study)
+    read = {
+        "": "",
+        "study": contents.of(map(Path, study_files(study))),
+        "templates": contents.of(template_files(study)),
+        "page": contents.of([*page_files(), *_other_rungs(settings)]),
+    }
+    found: dict[str, str] = {}
+    for name, stage in STAGES.items():
+        before = (settings_of(settings, stage.after), code[stage.after], found[stage.after]) if stage.after else ()
+        found[name] = digest(read[stage.reads], *before)
+    return found
+
+
+def _other_rungs(settings: Settings) -> list[Path]:
+    """Rungs of the other models of a study, which are on its ladder or beside it."""
+    own = model_folder(settings)
+    return [path for path in sorted(study_folder(settings).glob("*/rung.json")) if path.parent != own]
 
 
 def settings_of(settings: Settings, stage: str) -> str:
@@ -110,16 +114,6 @@ def settings_of(settings: Settings, stage: str) -> str:
         "diagnose": {"solver": get_solver(settings.solver).identity(), "model": every["model"], "fit": fit},
     }
     return json.dumps(chosen[stage], sort_keys=True)
-
-
-def study_folder(settings: Settings) -> Path:
-    """``results/{study}``."""
-    return Path(settings.results) / Path(settings.study).name
-
-
-def model_folder(settings: Settings) -> Path:
-    """``results/{study}/{model}``."""
-    return study_folder(settings) / settings.model.full_name
 
 
 def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
@@ -153,40 +147,18 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
 
 
 def check_model(settings: Settings, where: Path | str = CONFIG) -> None:
-    """Refuse settings and effects of a model that make no sense in the study; `where` is named in errors.
+    """Refuse folders of results, settings and effects that make no sense in the study; `where` is named in errors.
 
     Raises
     ------
     FingerfitError
         With one line for each.
     """
-    if not Path(settings.study).exists():
-        raise InputError(where, "study", settings.study, "the folder of a study")
+    refuse(settings, where)
     study = load_study(Path(settings.study))
     check_against_study(settings, study, where)
     if settings.model.effects:
         check_effects(settings, study, make_mesh(study, settings.model.mesh), where)
-
-
-def study_files(folder: Path) -> list[str]:
-    """All files in the folder of a study that a fit may read: never the sealed truth."""
-    return sorted(
-        str(path)
-        for path in folder.rglob("*")
-        if path.is_file()
-        and "sealed" not in path.parts
-        and path.suffix not in {".j2", ".md"}
-        and (path.suffix != ".yaml" or path.name == "study.yaml")
-    )
-
-
-def template_files(settings: Settings) -> list[str]:
-    """All templates of decks and effects, those of the study and of installed packages included."""
-    own, ours, *packages = template_folders(Path(settings.study))
-    found = [path for path in ours.rglob("*.j2") if path.relative_to(ours).parts[0] != "report"]
-    found += [*ours.rglob("*.yaml"), *own.rglob("*.j2"), *own.glob("effects/*.yaml")]
-    found += [path for folder in packages for path in folder.glob("effects/*") if path.suffix in (".j2", ".yaml")]
-    return sorted(map(str, found))
 
 
 def figures(settings: Settings) -> list[str]:
@@ -203,7 +175,7 @@ def has_refined(settings: Settings) -> bool:
 
 def write_settings(settings: Settings, path: Path) -> str:
     """Write the settings where they differ from what is there, and return the path."""
-    text = json.dumps(settings.model_dump(mode="json"), indent=1) + "\n"
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
+    text = kept_json(path, settings.model_dump(mode="json"))
+    if not path.exists() or path.read_bytes() != text.encode():
         write_text(path, text)
     return str(path)

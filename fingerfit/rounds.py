@@ -8,19 +8,68 @@ its deck, the mesh the deck includes and the identity of the solver, and can alw
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from fingerfit.deck.cards import includes, read_text
 from fingerfit.errors import StateError
-from fingerfit.files import digest, read_json, read_record, write_json, write_text
+from fingerfit.files import digest, keep_json, read_json, read_record, write_json, write_text
 
 
-def simulation_name(deck: str, solver: dict[str, Any]) -> str:
-    """Name of a simulation: the deck names its mesh by content, so text and solver identify the answer."""
-    return digest(deck, json.dumps(solver, sort_keys=True))
+def simulation_name(deck: str, solver: Mapping[str, Any]) -> str:
+    """Name of a simulation: the deck names its mesh by content, so text and solver identify the answer.
+
+    So do the contents of other files that a template of one's own includes, by their whole path.
+    """
+    return digest(deck, json.dumps(solver, sort_keys=True), *(text for _, text in included_files(deck)))
+
+
+def included_files(text: str) -> list[tuple[Path, str]]:
+    """Files that the text of a deck includes by their whole path, and what these include, with their texts."""
+    found: list[tuple[Path, str]] = []
+    for path in map(Path, includes(text)):
+        # another path leads nowhere from the folder of a simulation, but to its mesh: the solver's check refuses it
+        if path.is_absolute() and path.is_file() and path not in [known for known, _ in found]:
+            inner = read_text(path)
+            found += [(path, inner), *included_files(inner)]
+    return found
+
+
+def check_deck(deck: Path, solver: Mapping[str, Any]) -> None:
+    """Refuse a deck or a mesh of a simulation whose content is not the one that it is named after.
+
+    Parameters
+    ----------
+    deck : Path
+        ``sims/{name}/deck.inp``.
+    solver : mapping
+        What ``solver.json`` beside it says.
+
+    Raises
+    ------
+    StateError
+        Saying what to remove.
+    """
+    meshes = [deck.parent.parent.parent / "meshes" / mesh for mesh in solver.get("includes", ())]
+    wrong = [mesh for mesh in meshes if mesh.exists() and digest(mesh.read_bytes()) != mesh.stem]
+    if not is_named(deck, deck.read_text(encoding="utf-8"), solver):
+        wrong.append(deck)
+    for path in wrong:
+        raise StateError(f"{path}: cannot be read: damaged, not what its name says; run snakemake after: rm {path}")
+
+
+def is_named(deck: Path, text: str, solver: Mapping[str, Any]) -> bool:
+    """Whether the folder of a deck is named after its text and the solver; or has a name of another kind."""
+    identity = {key: value for key, value in solver.items() if key != "includes"}
+    name = deck.absolute().parent.name
+    return not _NAME.fullmatch(name) or simulation_name(text, identity) == name
+
+
+_NAME = re.compile(r"[0-9a-f]{20}")
 
 
 @dataclass(frozen=True)
@@ -94,7 +143,7 @@ class Round:
     def save(self, path: Path) -> None:
         """Write as JSON, whole or not at all."""
         data = {**self.__dict__, "batch": [asked.__dict__ for asked in self.batch]}
-        write_json(path, data)
+        keep_json(path, data)
 
     @classmethod
     def load(cls, path: Path) -> Round:
@@ -197,7 +246,7 @@ class Walk:
     def sim_inputs(self, sim: str) -> list[str]:
         """Deck, identity of the solver and mesh of a simulation."""
         folder = self.study / "sims" / sim
-        includes = read_record(folder / "solver.json", "includes")["includes"]
+        includes = read_record(folder / "solver.json", "includes", kept=False)["includes"]
         return [
             str(folder / "deck.inp"),
             str(folder / "solver.json"),

@@ -73,7 +73,7 @@ class ParameterSettings(_Strict):
 class ModelSettings(Model, _Strict):
     """The model of the body."""
 
-    name: str = Field(default="base", pattern=r"^[\w+-]+$", description="Folder of its results.")
+    name: str = Field(default="base", pattern=r"^[\w-]+$", description="Folder of its results; not sims or meshes.")
     template: str = Field(
         default="block.inp.j2",
         description="Deck template, looked up in the study's folder, then in templates/.",
@@ -171,7 +171,11 @@ class Settings(Choices, _Strict):
     """config.yaml."""
 
     study: str = Field(pattern=PLAIN, description="Folder of the study.")
-    results: str = Field(default="results", pattern=PLAIN, description="Folder of all results.")
+    results: str = Field(
+        default="results",
+        pattern=PLAIN,
+        description="Folder of all results: in it those of each study, under its path without studies/.",
+    )
     solver: str = Field(default="builtin", description="builtin, calculix, abaqus, or another one that is installed.")
     time_limit: int | None = Field(
         default=None,
@@ -220,7 +224,8 @@ def _explain(where: Path | str, details: Any) -> FingerfitError:
     if details["type"] == "missing":
         return InputError(where, field, "nothing", "a value: " + _describe(details["loc"]))
     if details["type"] == "string_pattern_mismatch":
-        return InputError(where, field, repr(details["input"]), "letters, digits and . / _ + - only, no spaces")
+        signs = "_ -" if field == "model.name" else ". / _ + -"
+        return InputError(where, field, repr(details["input"]), f"letters, digits and {signs} only, no spaces")
     return InputError(where, field, details["input"], details["msg"].replace("Input should be ", ""))
 
 

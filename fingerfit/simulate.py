@@ -5,10 +5,13 @@ from __future__ import annotations
 import functools
 import multiprocessing
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from fingerfit.course import next_round
 from fingerfit.data import Data
+from fingerfit.errors import FingerfitError
 from fingerfit.files import write_text
 from fingerfit.fit import REFINED, SEARCH, Fit
 from fingerfit.mesh_io import format_mesh
@@ -52,8 +55,12 @@ def solve_missing(fit: Fit, asked: Sequence[Asked], threads: int) -> int:
         for sim in missing:
             solve(sim)
     else:
-        with multiprocessing.get_context("fork").Pool(min(threads, len(missing))) as pool:
-            list(pool.imap_unordered(solve, missing))
+        context = multiprocessing.get_context("fork")
+        with ProcessPoolExecutor(min(threads, len(missing)), context) as pool:
+            try:
+                list(pool.map(solve, missing))
+            except BrokenProcessPool as error:
+                raise FingerfitError("a process that solved was killed, perhaps out of memory") from error
     return len(missing)
 
 

@@ -139,6 +139,8 @@ class Study:
         Preparation of the pictures.
     length : float
         Size of the study's unit of length, for tables of points.
+    table : Path or None
+        Table of the steps.
     """
 
     path: Path
@@ -154,6 +156,7 @@ class Study:
     base_nodes: str = "BOTTOM"
     indenter_nodes: str = "TOP"
     chain: Chain = Chain()
+    table: Path | None = None
 
     @property
     def layer_names(self) -> list[str]:

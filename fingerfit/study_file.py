@@ -69,6 +69,7 @@ def load_study(path: Path) -> Study:
         base_nodes=base_nodes,
         indenter_nodes=indenter_nodes,
         chain=_chain(pictures, sizes["length"]),
+        table=file.parent / str(keys.data.get("steps")),
     )
     if not problems:
         _cross_check(study, problems)

@@ -116,6 +116,11 @@ def read_cards(path: Path) -> Iterator[Card]:
     return _cards(path, (), _Budget(path))
 
 
+def read_text(path: Path) -> str:
+    """Text of one file of keywords or of a template, UTF-8 or Latin-1; errors as of `read_cards`."""
+    return _Budget(path).text(path)
+
+
 class _Budget:
     """What a deck may still read, in bytes: a file that is included often counts as often."""
 
@@ -160,6 +165,16 @@ def _cards(path: Path, above: tuple[str, ...], budget: _Budget) -> Iterator[Card
             card.data.append((number, text))
     if card:
         yield card
+
+
+_INCLUDE = re.compile(
+    r'^[ \t]*\*[ \t]*INCLUDE\s*,\s*INPUT[ \t]*=[ \t]*"?([^"\n]+?)"?[ \t]*$', re.IGNORECASE | re.MULTILINE
+)
+
+
+def includes(text: str) -> list[str]:
+    """Names of the files that a text in keywords includes, without looking at anything else in it."""
+    return _INCLUDE.findall(text) if "*" in text else []
 
 
 def _keyword_lines(content: str) -> Iterator[tuple[int, str]]:

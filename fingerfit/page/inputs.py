@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -9,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.errors import StateError
+from fingerfit.errors import FingerfitError, StateError
 from fingerfit.files import digest, free_memory, read_bytes, read_json, read_npz
+from fingerfit.inputs import study_files
 from fingerfit.residual import CONJUGATE
 
 LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
@@ -331,7 +333,8 @@ def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
         if known and values is not None and values.shape == getattr(compare, part).shape:
             patterns[str(effect)] = (part, values)
     stiffness = arrays.get("stiffness", _empty(0, 4))
-    solver = _json(folder.parent / "sims" / str(_json(folder / ESTIMATE).get("sim")) / "solver.json")
+    file = folder.parent / "sims" / str(_json(folder / ESTIMATE).get("sim")) / "solver.json"
+    solver = read_json(file, kept=False) if file.exists() else {}
     return Model(name, rung, compare, diagnosis, patterns, stiffness, _json(folder / SETTINGS), solver)
 
 
@@ -342,8 +345,10 @@ def _json(path: Path) -> Any:
 
 def _study_files(models: list[Model]) -> dict[str, Path]:
     """Files of the study that the models were fitted to, where they still are, by name with that of its folder."""
-    from fingerfit.layout import study_files
-
-    folders = dict.fromkeys(Path(m.settings["study"]) for m in models if m.settings.get("study"))
-    found = [(folder.parent, Path(file)) for folder in folders for file in study_files(folder)]
-    return {str(file.relative_to(parent)): file for parent, file in found}
+    found: dict[str, Path] = {}
+    for folder in dict.fromkeys(Path(m.settings["study"]) for m in models if m.settings.get("study")):
+        with contextlib.suppress(FingerfitError):  # a study that has gone, or is not what it was
+            for file in map(Path, study_files(folder)):
+                inside = file.is_relative_to(folder.parent)
+                found[str(file.relative_to(folder.parent) if inside else file)] = file
+    return found

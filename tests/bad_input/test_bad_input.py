@@ -19,6 +19,7 @@ from scipy.ndimage import gaussian_filter
 from seeds import generator
 
 from fingerfit.cli import main
+from fingerfit.files import seal
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.solvers.builtin import BuiltinSolver
 
@@ -271,10 +272,11 @@ def test_damaged_results(place, capsys, damage):
 
 def test_pickles_are_not_opened(place, capsys):
     command = prepared(place)
-    with (place / "data.npz").open("wb") as handle:
+    with (place / "data.npz").open("w+b") as handle:
         np.savez(handle, step=np.array([{"a": 1}], dtype=object))
+        seal(handle)
     assert main(command) == 1
-    assert "data.npz: cannot be read" in errors(capsys)[0]
+    assert "data.npz: cannot be read: Object arrays cannot be loaded" in errors(capsys)[0]
 
 
 @pytest.mark.parametrize("command", ["prepare"])

@@ -1,10 +1,10 @@
 """Results of a study as the page reads them: a layered block whose indenter is tilted, which the first model lacks."""
 
-import json
-
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 from seeds import generator
+
+from fingerfit.files import keep_json, write_npz
 
 WIDTH = HEIGHT = 12.0
 LAYERS = ("top", "middle", "bottom")
@@ -137,7 +137,7 @@ def diagnosis_of_base():
 
 def save(path, arrays):
     path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(path, **arrays)
+    write_npz(path, arrays)
 
 
 def write(folder, names=LAYERS, done=True, only_compare=False):
@@ -156,12 +156,12 @@ def write(folder, names=LAYERS, done=True, only_compare=False):
     patterns["brightness_intensity_drift"] = 0.01 * np.arange(1, 5)[:, None] * np.ones(len(centre))
     patterns["conjugate_onset"] = np.full(len(STEPS), 0.02)
     save(folder / "base/diagnosis.npz", patterns)
-    (folder / "base/diagnosis.json").write_text(json.dumps(diagnosis_of_base()))
-    (folder / "ladder.json").write_text(json.dumps(ladder(done)))
+    keep_json(folder / "base/diagnosis.json", diagnosis_of_base())
+    keep_json(folder / "ladder.json", ladder(done))
     if done:
         save(folder / "base+tilt/compare.npz", compare(0.0, names=names))
         found = {"model": "base+tilt", "verdict": "adequate", "sentence": ladder()["rungs"][1]["sentence"], "effects": [],
                  "misfit": 611.0, "freedom": 600, "threshold": 672.0, "patterns": [], "not_tried": [{"title": "Relaxation", "lacks": "a time at every step"}],
                  "ranking": [candidate("force_gain", "Force gain", 0.0, None, 1.02, "1", imitated=True)], "confusions": [], "measurements": [], "add": ""}  # fmt: skip
-        (folder / "base+tilt/diagnosis.json").write_text(json.dumps(found))
+        keep_json(folder / "base+tilt/diagnosis.json", found)
     return folder

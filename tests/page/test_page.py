@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from fingerfit.errors import StateError
+from fingerfit.files import keep_json, read_json
 from fingerfit.page import ladder_figure, write_page
 from fingerfit.page.inputs import read_inputs
 
@@ -248,9 +249,9 @@ def test_its_own_policy_lets_the_page_run(whole, tmp_path):
 def test_models_that_are_not_on_the_ladder_are_not_shown(tmp_path):
     sample.write(tmp_path)
     path = tmp_path / "ladder.json"
-    ladder = json.loads(path.read_text(encoding="utf-8"))
+    ladder = read_json(path)
     others = [{"model": "base+tilt", "why": "not on the way to this model"}]
-    path.write_text(json.dumps({**ladder, "rungs": ladder["rungs"][:1], "others": others}), encoding="utf-8")
+    keep_json(path, {**ladder, "rungs": ladder["rungs"][:1], "others": others})
     assert [model.name for model in read_inputs(tmp_path).models] == ["base"]
 
 

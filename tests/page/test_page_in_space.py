@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from seeds import generator
 
-from fingerfit.files import write_json, write_npz
+from fingerfit.files import keep_json, write_npz
 from fingerfit.imaging.pictures import Picture
 from fingerfit.meshing import brick
 from fingerfit.page import write_page
@@ -152,7 +152,7 @@ def page(folder, done=True):
     ]
     diagnosis = {"model": "base", "verdict": "unexplained", "sentence": "s", "effects": [], "misfit": 9.0, "freedom": 3.0,
                  "ranking": ranking, "patterns": ["tilt", "drift"], "confusions": [], "measurements": [], "add": "", "simulations": 0}  # fmt: skip
-    write_json(study / "base/diagnosis.json", diagnosis)
+    keep_json(study / "base/diagnosis.json", diagnosis)
     write_page(study, folder / "report.html")
     return (folder / "report.html").read_text(encoding="utf-8")
 

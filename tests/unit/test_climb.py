@@ -8,7 +8,7 @@ from fingerfit import layout
 from fingerfit.cli import main
 from fingerfit.climb import add, drop
 from fingerfit.errors import FingerfitError, InputError
-from fingerfit.files import write_json, write_text
+from fingerfit.files import keep_json, write_text
 from fingerfit.settings import load_settings
 
 CONFIG = """\
@@ -121,7 +121,7 @@ def test_add_starts_at_what_the_diagnosis_found(config, tmp_path):
         {"effect": "tilt", "place": {}, "size": {"slope": 0.0123456}},
         {"effect": "inclusion", "place": {"across": 0.25, "along": 0.5}, "size": {"contrast": 0.7}},
     ]
-    write_json(tmp_path / "results/study/base/diagnosis.json", {"ranking": ranking})
+    keep_json(tmp_path / "results/study/base/diagnosis.json", {"ranking": ranking})
     assert "starting at slope 0.01235" in add(config, "tilt")
     assert effects(config) == {"tilt": {"slope": 0.01235}}
     # the diagnosis of base says nothing about base+tilt
@@ -134,7 +134,7 @@ def test_add_starts_where_the_refit_did(config, tmp_path):
     """Not where it ended: its simulations are known."""
     refit = {"parameters": {"tilt.slope": 0.009}, "start": {"slope": 0.0123456789}, "simulations": 14}
     ranking = [{"effect": "tilt", "place": {}, "size": {"slope": 0.02}, "refit": refit}]
-    write_json(tmp_path / "results/study/base/diagnosis.json", {"ranking": ranking})
+    keep_json(tmp_path / "results/study/base/diagnosis.json", {"ranking": ranking})
     assert add(config, "tilt").endswith("starting at slope 0.01235; 14 simulations of its refit are known")
     assert effects(config) == {"tilt": {"slope": 0.0123456789}}
 
@@ -217,7 +217,7 @@ def test_the_search_starts_at_the_parents_estimate(config, tmp_path):
     )
     values = {"mu_top": 0.031, "mu_bottom": 0.062, "tilt.slope": 0.017}
     parameters = {name: {"value": value} for name, value in values.items()}
-    write_json(tmp_path / "results/study/base+tilt/estimate.json", {"parameters": parameters})
+    keep_json(tmp_path / "results/study/base+tilt/estimate.json", {"parameters": parameters})
     found = layout.warm(load_settings(config)).starts()
     wanted = values | {"inclusion.contrast": 0.7, "inclusion.along": 0.3, "inclusion.across": 0.15}
     assert found == pytest.approx(wanted)
@@ -277,10 +277,10 @@ def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, cap
     error, counted = {"fitted": 2.284, "held_out": None}, {"run": 9, "reused": 5}
     for model, effects in (("base", ["tilt", "skin"]), ("base+tilt", [])):
         folder = tmp_path / "results/study" / model
-        write_json(
+        keep_json(
             folder / "rung.json", {"model": model, "error": error, "simulations": counted, "sentence": "so it is"}
         )
-        write_json(folder / "diagnosis.json", {"effects": effects, "ranking": []})
+        keep_json(folder / "diagnosis.json", {"effects": effects, "ranking": []})
     assert main(["discover"]) == 0
     assert capfd.readouterr().out.splitlines() == [
         "base: error 2.28 times the noise; 9 simulations run, 5 of the models below reused; so it is",

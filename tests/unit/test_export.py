@@ -1,7 +1,6 @@
 """Exports: files that other programs read, with the right numbers, names and places."""
 
 import csv
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,7 +15,7 @@ from fingerfit.data import Data
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
 from fingerfit.fields import fields, strains
-from fingerfit.files import write_json, write_npz, write_text
+from fingerfit.files import keep_json, keep_mesh, write_npz, write_text
 from fingerfit.imaging.pictures import read_picture
 from fingerfit.mesh_io import format_mesh, read_mesh
 from fingerfit.meshing import brick, layered_block
@@ -102,8 +101,8 @@ def made(tmp_path_factory):
     mesh, outcome = in_space(sim, values={"mu_top": 0.02, "mu_bottom": 0.05})
     outcome.save(sim / "solution.npz")
     model.mkdir()
-    shutil.copy(sim / "mesh.inp", model / "mesh.inp")
-    write_json(model / "estimate.json", {"sim": "0123", "sim_mesh": "search"})
+    keep_mesh(model / "mesh.inp", (sim / "mesh.inp").read_text(encoding="utf-8"))
+    keep_json(model / "estimate.json", {"sim": "0123", "sim_mesh": "search"})
     data = data_of(outcome)
     data.save(model / "prepared.npz")
     rng = generator(1)
@@ -137,7 +136,7 @@ def made(tmp_path_factory):
     }
     write_npz(model / "compare.npz", compare)
     write_npz(model / "diagnosis.npz", {"stiffness": STIFFNESS})
-    write_json(model / "diagnosis.json", {"ranking": RANKING})
+    keep_json(model / "diagnosis.json", {"ranking": RANKING})
     assert main(["export", str(model)]) == 0
     return model / "export", mesh, outcome, compare
 

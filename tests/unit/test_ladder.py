@@ -4,7 +4,7 @@ import copy
 
 import pytest
 
-from fingerfit.files import write_json
+from fingerfit.files import keep_json
 from fingerfit.findings import ladder, made_with
 from fingerfit.layout import write_settings
 from fingerfit.settings import load_settings
@@ -41,7 +41,7 @@ def climbed(study, effects=(), **changes):
         "effects": list(effects),
         "made_with": made_with(found.model_dump(mode="json")),
     }
-    write_json(folder / "rung.json", rung)
+    keep_json(folder / "rung.json", rung)
     write_settings(found, folder / "settings.json")
     return folder / "settings.json"
 
@@ -98,5 +98,5 @@ def test_where_and_how_it_is_searched_makes_no_other_ladder(tmp_path):
 
 def test_rungs_that_do_not_say_what_they_were_made_with(tmp_path):
     last = climbed(tmp_path, ("tilt",))
-    write_json(tmp_path / "base/rung.json", {"model": "base", "effects": []})
+    keep_json(tmp_path / "base/rung.json", {"model": "base", "effects": []})
     assert models(ladder(tmp_path, last)) == ["base+tilt"]

@@ -2,10 +2,6 @@
 
 import ast
 import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,7 +12,8 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # low to high: a module imports only from its own line and from lines above it
 ORDER = (
     ("errors",),
-    ("beside", "files", "keys", "templates", "units"),
+    ("beside", "failures", "files", "keys", "sources", "templates", "units"),
+    ("contents",),
     ("guess", "mesh", "material", "study"),
     ("effects",),
     ("fem",),
@@ -32,16 +29,16 @@ ORDER = (
     ("settings", "pictured"),
     ("plausible",),
     ("decks", "prepare", "fit", "experiment", "settings_check"),
-    ("residual",),
+    ("residual", "inputs"),
     ("refine",),
     ("course", "judge", "extend", "suspects"),
     ("diagnose",),
     ("verdict", "simulate"),
     ("designs",),
     ("examine",),
-    ("report", "plots", "volumes", "fields", "overview", "expect", "recipes", "layout", "testing", "page"),
+    ("report", "plots", "volumes", "fields", "overview", "expect", "recipes", "results", "testing", "page"),
     ("trial", "check"),
-    ("findings", "climb", "export"),
+    ("findings", "climb", "export", "layout"),
     ("commands",),
     ("cli",),
     ("__main__",),
@@ -91,7 +88,7 @@ def test_the_lock_file_names_no_registry():
 
 
 def test_a_fit_depends_on_what_was_measured_only(monkeypatch):
-    from fingerfit.layout import study_files
+    from fingerfit.inputs import study_files
     from fingerfit.settings import load_settings
 
     monkeypatch.chdir(ROOT)
@@ -101,9 +98,9 @@ def test_a_fit_depends_on_what_was_measured_only(monkeypatch):
 
 
 def parts(config):
-    from fingerfit.layout import SOURCES, settings_of
+    from fingerfit.layout import STAGES, settings_of
 
-    return {stage: settings_of(config, stage) for stage in SOURCES}
+    return {stage: settings_of(config, stage) for stage in STAGES}
 
 
 @pytest.mark.parametrize(
@@ -130,38 +127,3 @@ def test_a_setting_runs_the_parts_of_the_workflow_again_that_depend_on_it(key, v
     at[last] = value
     after = parts(load_settings(config))
     assert {stage for stage in before if before[stage] != after[stage]} == stages
-
-
-def test_a_source_runs_the_parts_of_the_workflow_again_that_run_it(tmp_path):
-    """In a copy of the package: what was computed with other sources is not taken for what these compute."""
-    shutil.copytree(PACKAGE, tmp_path / "fingerfit", ignore=shutil.ignore_patterns("__pycache__"))
-    asked = "import json; from fingerfit.layout import *; print(json.dumps({s: fingerprint(s) for s in SOURCES}))"
-
-    def fingerprints():
-        command = [sys.executable, "-c", asked]
-        done = subprocess.run(
-            command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True
-        )
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
-
-    fits = {"propose", "estimate", "plot", "diagnose"}
-    before = fingerprints()
-    # what must run again, and what must not
-    cases = {
-        "score.py": (fits, {"prepare", "ladder", "export"}),
-        "search/simplex.py": ({"propose"}, {"prepare", "ladder", "export"}),
-        "verdict.py": ({"diagnose"}, {"prepare", "propose", "estimate", "plot", "export"}),
-        "page/build.py": ({"ladder"}, {"prepare", "diagnose", "export", *fits}),
-        "imaging/warp.py": ({"prepare", "export", *fits}, set()),
-        # solvers name the simulations: their own identity changes
-        "fem/newton.py": (set(), {"prepare", "ladder", *fits}),
-    }
-    for name, (needed, spared) in cases.items():
-        path = tmp_path / "fingerfit" / name
-        text = path.read_text(encoding="utf-8")
-        path.write_text(text + "\nCHANGED = True\n", encoding="utf-8")
-        after = fingerprints()
-        changed = {stage for stage in before if before[stage] != after[stage]}
-        assert needed <= changed and not spared & changed, name
-        path.write_text(text, encoding="utf-8")

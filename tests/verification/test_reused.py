@@ -9,7 +9,7 @@ from seeds import seed_of
 from fingerfit import layout
 from fingerfit.climb import add
 from fingerfit.examine import examine
-from fingerfit.files import read_json, write_json
+from fingerfit.files import keep_json, read_json
 from fingerfit.findings import count_simulations, write_diagnosis
 from fingerfit.fit import Fit
 from fingerfit.report import estimate_of
@@ -65,7 +65,7 @@ def diagnosed(folder):
     assert own == fit.asked
     fit = Fit(settings, fit.data, fit.mesh_files, fit.sims)  # as another job makes it
     found = examine(fit, last, everything)
-    write_json(model / "estimate.json", estimate_of(fit, last))
+    keep_json(model / "estimate.json", estimate_of(fit, last))
     write_diagnosis(found, model / "diagnosis.json")
     return run, count_simulations(folder / "results/study", settings.model.path, own, fit.asked), found
 

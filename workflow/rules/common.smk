@@ -1,11 +1,14 @@
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
+from snakemake.logging import logger
 
-from fingerfit import layout
+from fingerfit import layout, results
 from fingerfit.errors import FingerfitError
+from fingerfit.failures import Failures
 from fingerfit.rounds import Walk
 from fingerfit.settings import load_settings
 
@@ -14,25 +17,47 @@ PATHS = {"PATH": Path(sys.executable).parent, "PYTHONPATH": layout.PACKAGE.paren
 os.environ.update({name: os.pathsep.join(filter(None, [str(path), os.getenv(name)])) for name, path in PATHS.items()})
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+# why a job failed, in a line of its own; Snakemake's words on it are shown to those who did not ask for quiet
+if workflow.is_main_process:
+    FAILURES = Failures(partial(print, file=sys.stderr, flush=True))
+    if {"RULES", "ALL"} & {about.name for about in workflow.output_settings.quiet}:
+        for handler in list(logger.handlers):
+            handler.addFilter(FAILURES.shown)
+    logger.addHandler(FAILURES)
+
 # the file that errors name
 CONFIG = Path((workflow.configfiles or ["config.yaml"])[-1])
 # targets are not known before the rules are
 DISCOVERS = "discover" in sys.argv
 if DISCOVERS and (workflow.config_settings.config or len(workflow.configfiles) > 1):
     raise WorkflowError(f"discover adds effects to {CONFIG}: all settings must stand there")
+REMOVES = not workflow.output_settings.dryrun
 try:
     SETTINGS = load_settings(config, CONFIG)
     layout.check_model(SETTINGS, CONFIG)
+    CONTENTS = results.claim(SETTINGS)
     SETTINGS = layout.warm(SETTINGS, CONFIG)
-    PARTS = {stage: layout.settings_of(SETTINGS, stage) for stage in layout.SOURCES}
+    # a job of a cluster reads this while others write
+    DAMAGED = results.mend(SETTINGS, CONTENTS, REMOVES) if workflow.is_main_process else []
+    if workflow.is_main_process:
+        results.in_order(SETTINGS)
+    PARTS = {stage: layout.settings_of(SETTINGS, stage) for stage in layout.STAGES}
+    CODE = layout.fingerprints(CONTENTS)
+    MADE_FROM = layout.made_from(SETTINGS, CONTENTS)
+    STUDY_FILES = layout.study_files(Path(SETTINGS.study))
     FIGURE_NAMES = layout.figures(SETTINGS)
+    CONTENTS.save()
 except FingerfitError as error:
     raise WorkflowError(str(error))
+if DAMAGED and not REMOVES:
+    raise WorkflowError("\n".join(DAMAGED))
+for line in DAMAGED:
+    print(line, file=sys.stderr)
 
 # simulations, shared by the models of a study
-STUDY = str(layout.study_folder(SETTINGS))
+STUDY = str(results.study_folder(SETTINGS))
 # rounds, estimate, figures
-MODEL = str(layout.model_folder(SETTINGS))
+MODEL = str(results.model_folder(SETTINGS))
 SIMS = f"{STUDY}/sims"
 SETTINGS_FILE = layout.write_settings(SETTINGS, Path(MODEL) / "settings.json")
 WALK = Walk(Path(STUDY), Path(MODEL))

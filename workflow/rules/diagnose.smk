@@ -5,10 +5,9 @@ rule examine:
         rounds=rounds_and_solutions,
         last=last_round,
         settings=ancient(SETTINGS_FILE),
-        study=layout.study_files(Path(SETTINGS.study)),
+        study=ancient(STUDY_FILES),
         data=f"{MODEL}/prepared.npz",
         estimate=f"{MODEL}/estimate.json",
-        templates=layout.template_files(SETTINGS),
     output:
         diagnosis=f"{MODEL}/diagnosis.json",
         patterns=f"{MODEL}/diagnosis.npz",
@@ -24,11 +23,12 @@ rule examine:
         mem_mb=2000,
     params:
         settings=PARTS["diagnose"],
-        code=layout.fingerprint("diagnose"),
+        code=CODE["diagnose"],
+        made_from=MADE_FROM["diagnose"],
         meshes=MESH_OPTIONS,
         sims=SIMS,
     shell:
-        "python -P -m fingerfit diagnose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
+        "exec python -P -m fingerfit diagnose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
         " --last {input.last} --estimate {input.estimate} --out {output.diagnosis} --threads {threads} 2> {log}"
 
 
@@ -49,6 +49,7 @@ rule ladder:
         mem_mb=1000,
     params:
         settings=PARTS["ladder"],
-        code=layout.fingerprint("ladder"),
+        code=CODE["ladder"],
+        made_from=MADE_FROM["ladder"],
     shell:
-        "python -P -m fingerfit ladder {input.settings} --out {output.ladder} --page {output.page} 2> {log}"
+        "exec python -P -m fingerfit ladder {input.settings} --out {output.ladder} --page {output.page} 2> {log}"

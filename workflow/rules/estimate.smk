@@ -18,11 +18,12 @@ rule estimate:
         mem_mb=1000,
     params:
         settings=PARTS["estimate"],
-        code=layout.fingerprint("estimate"),
+        code=CODE["estimate"],
+        made_from=MADE_FROM["estimate"],
         meshes=MESH_OPTIONS,
         sims=SIMS,
     shell:
-        "python -P -m fingerfit estimate {input.settings} --data {input.data} {params.meshes}"
+        "exec python -P -m fingerfit estimate {input.settings} --data {input.data} {params.meshes}"
         " --sims {params.sims} --last {input.last} --threads {threads} --out {output.estimate}"
         " --table {output.table} 2> {log}"
 
@@ -45,10 +46,11 @@ rule plot:
     resources:
         mem_mb=1000,
     params:
-        code=layout.fingerprint("plot"),
+        code=CODE["plot"],
+        made_from=MADE_FROM["plot"],
         meshes=MESH_OPTIONS,
         sims=SIMS,
         figures=subpath(output[0], parent=True),
     shell:
-        "python -P -m fingerfit plot {input.settings} --data {input.data} {params.meshes}"
+        "exec python -P -m fingerfit plot {input.settings} --data {input.data} {params.meshes}"
         " --sims {params.sims} --last {input.last} --out {params.figures} 2> {log}"

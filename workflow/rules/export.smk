@@ -16,7 +16,8 @@ rule export:
     resources:
         mem_mb=1000,
     params:
-        code=layout.fingerprint("export"),
+        code=CODE["export"],
+        made_from=MADE_FROM["export"],
         model=subpath(input.estimate, parent=True),
     shell:
-        "python -P -m fingerfit export {params.model} --out {output.folder} 2> {log}"
+        "exec python -P -m fingerfit export {params.model} --out {output.folder} 2> {log}"

@@ -2,7 +2,7 @@ rule prepare:
     # Reads and checks the study, smooths and scales the pictures, makes the mesh.
     input:
         settings=ancient(SETTINGS_FILE),
-        study=layout.study_files(Path(SETTINGS.study)),
+        study=ancient(STUDY_FILES),
     output:
         **MESHES,
         data=f"{MODEL}/prepared.npz",
@@ -15,7 +15,8 @@ rule prepare:
         mem_mb=1000,
     params:
         settings=PARTS["prepare"],
-        code=layout.fingerprint("prepare"),
+        code=CODE["prepare"],
+        made_from=MADE_FROM["prepare"],
         meshes=MESH_OPTIONS,
     shell:
-        "python -P -m fingerfit prepare {input.settings} --out {output.data} {params.meshes} 2> {log}"
+        "exec python -P -m fingerfit prepare {input.settings} --out {output.data} {params.meshes} 2> {log}"

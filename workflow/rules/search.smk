@@ -9,7 +9,6 @@ checkpoint propose:
         before=before_round,
         settings=ancient(SETTINGS_FILE),
         data=f"{MODEL}/prepared.npz",
-        templates=layout.template_files(SETTINGS),
     output:
         round=f"{MODEL}/rounds/{{round}}.json",
     log:
@@ -22,11 +21,12 @@ checkpoint propose:
     params:
         settings=PARTS["propose"],
         last=last_option,
-        code=layout.fingerprint("propose"),
+        code=CODE["propose"],
+        made_from=MADE_FROM["propose"],
         meshes=MESH_OPTIONS,
         sims=SIMS,
     shell:
-        "python -P -m fingerfit propose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
+        "exec python -P -m fingerfit propose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
         " {params.last} --out {output.round} --threads {threads} 2> {log}"
 
 
@@ -49,5 +49,5 @@ rule simulate:
         # no param: another limit gives no other answer, and must not solve anything again; 0: the solver's own
         time_limit=SETTINGS.time_limit or 0,
     shell:
-        "python -P -m fingerfit simulate {input.deck} --solver {input.solver} --time-limit {resources.time_limit}"
+        "exec python -P -m fingerfit simulate {input.deck} --solver {input.solver} --time-limit {resources.time_limit}"
         " --out {output.solution} --threads {threads} 2> {log}"

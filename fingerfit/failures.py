@@ -1,0 +1,85 @@
+"""Why a job of the workflow failed, in one line: Snakemake says only that it did."""
+
+from __future__ import annotations
+
+import logging
+import re
+import signal
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+MARK = "fingerfit: error: "
+"""Before each error that the command line prints, and so the logs of jobs hold."""
+_STATUS = re.compile(r"returned non-zero exit status (\d+)|died with <Signals\.\w+: (\d+)>")
+_DUMPS = ("RuleException:", "Exiting because a job execution failed", "WorkflowError:\nAt least one job")
+
+
+def why(rule: str, logs: Sequence[str], status: int = 0) -> list[str]:
+    """Lines that say why a job failed and where its log is.
+
+    Parameters
+    ----------
+    rule : str
+        Its name.
+    logs : sequence of str
+        Its logs; the first one counts.
+    status : int
+        What its shell returned, negative or above 128 for a signal; 0 when that is not known.
+    """
+    path = Path(logs[0]) if logs else None
+    text = path.read_text(encoding="utf-8", errors="replace") if path is not None and path.is_file() else ""
+    written = [line for line in text.splitlines() if line.strip()]
+    lines = [line.removeprefix(MARK) for line in written if line.startswith(MARK)]
+    number = -status if status < 0 else status - 128
+    if not lines and number > 0:
+        memory = ", perhaps out of memory" if number == signal.SIGKILL else ""
+        lines = [f"was killed (signal {number}){memory}"]
+    elif not lines and written:
+        lines = [f"stopped unexpectedly: {written[-1].strip()}"]
+    elif not lines:
+        lines = ["ended without a message" + (f", exit status {status}" if status else ", perhaps killed")]
+    if path is not None:
+        lines[-1] += f"; log: {path}"
+    return [f"{rule}: {line}" for line in lines]
+
+
+class Failures(logging.Handler):
+    """Tells the reason of each job that fails, from Snakemake's record of it.
+
+    Parameters
+    ----------
+    say : callable
+        Given each line.
+    """
+
+    def __init__(self, say: Callable[[str], object]) -> None:
+        super().__init__(logging.ERROR)
+        self._say = say
+        self._messages: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep what a shell returned, which comes first, and tell the reason when the record of the job comes."""
+        if str(getattr(getattr(record, "event", None), "value", "")) != "job_error":
+            self._messages.append(record.getMessage())
+            return
+        found = record.__dict__
+        logs, command = list(found.get("log") or []), str(found.get("shellcmd") or "")
+        status = _status([message for message in self._messages if logs and logs[0] in message])
+        # a job whose output is shown as it comes has said why; who pressed Ctrl-C knows
+        if "| tee " not in command and status not in (-signal.SIGINT, 128 + signal.SIGINT):
+            for line in why(str(found.get("rule_name")), logs, status):
+                self._say(line)
+
+    @staticmethod
+    def shown(record: logging.LogRecord) -> bool:
+        """Whether a message of Snakemake's is still to be shown: the ends of commands that failed are not."""
+        return not record.getMessage().startswith(_DUMPS)
+
+
+def _status(messages: Sequence[str]) -> int:
+    """What the shell returned of which Snakemake's messages tell; 0 when they do not."""
+    for message in reversed(messages):
+        found = _STATUS.search(message)
+        if found:
+            return int(found[1]) if found[1] else -int(found[2])
+    return 0

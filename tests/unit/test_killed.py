@@ -1,0 +1,31 @@
+"""Processes that are killed, as by the system when memory is short, end the job with a line and leave nothing waiting."""
+
+import os
+import signal
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from fingerfit import simulate
+from fingerfit.errors import FingerfitError
+
+
+def test_a_killed_solve_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(simulate, "_solve", lambda *_: None)
+    monkeypatch.setattr(simulate, "write_folders", lambda *_: ["one", "two", "three"])
+    monkeypatch.setattr(simulate.functools, "partial", lambda *_: _killed)
+    fit = SimpleNamespace(
+        asked=set(), sims=tmp_path, mesh_names={}, mesh_files={}, solver={}, settings=SimpleNamespace(solver="builtin")
+    )
+    signal.alarm(60)  # the default action ends a test that waits for ever; seconds, many times what it takes
+    try:
+        with pytest.raises(FingerfitError, match="a process that solved was killed, perhaps out of memory"):
+            simulate.solve_missing(fit, [], 2)
+    finally:
+        signal.alarm(0)
+    assert not list(Path(tmp_path).iterdir())
+
+
+def _killed(sim):
+    os.kill(os.getpid(), signal.SIGKILL)
