@@ -49,7 +49,7 @@ def prepare(args: argparse.Namespace) -> None:
     from fingerfit.mesh_io import format_mesh
     from fingerfit.prepare import make_mesh, prepare
     from fingerfit.settings import load_settings
-    from fingerfit.settings_check import check_against_study, check_effects
+    from fingerfit.settings_check import check_against_study, check_data, check_effects
     from fingerfit.study_file import load_study
 
     settings = load_settings(args.settings)
@@ -58,6 +58,7 @@ def prepare(args: argparse.Namespace) -> None:
     mesh = make_mesh(study, settings.model.mesh)
     check_effects(settings, study, mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
+    check_data(settings, study, data)
     write_text(args.mesh, format_mesh(mesh))
     if args.refined:
         write_text(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))
