@@ -51,7 +51,7 @@ def prepare(args: argparse.Namespace) -> None:
     from fingerfit.mesh_io import format_mesh
     from fingerfit.plausible import refuse_magnitudes
     from fingerfit.prepare import make_mesh, prepare
-    from fingerfit.settings_check import check_against_study, check_effects
+    from fingerfit.settings_check import check_against_study, check_data, check_effects
     from fingerfit.study_file import load_study
 
     settings = _checked(args.settings)
@@ -61,6 +61,7 @@ def prepare(args: argparse.Namespace) -> None:
     check_effects(settings, study, mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     refuse_magnitudes(settings, study, mesh)
+    check_data(settings, study, data)
     for remark in data.remarks.splitlines():
         print(f"{study.path}: remark: {remark}", flush=True)
     keep_mesh(args.mesh, format_mesh(mesh))

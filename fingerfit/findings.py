@@ -257,7 +257,7 @@ def rung_of(found: Examined, estimate: dict[str, Any], simulations: dict[str, in
         "freedom": judge.freedom,
         "parameters_count": count,
         "aic": judge.misfit + 2 * count,
-        "bic": judge.misfit + count * float(np.log(judge.freedom + count)),
+        "bic": judge.misfit + count * float(np.log(max(judge.freedom + count, 1))),
         "verdict": found.verdict.kind,
         "sentence": found.verdict.sentence,
         "simulations": simulations,

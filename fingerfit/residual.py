@@ -56,6 +56,11 @@ class Patches:
         With the `spacing` of pictures, mm, there are fewer where each would hold less than twice the pixels it needs.
         """
         low, high = points.min(axis=0), points.max(axis=0)
+        flat = high <= low
+        if flat.any():  # as points on a line: one layer of patches, as thick as the others are wide
+            thick = float((high - low).max() or 1.0) / across
+            low, high = np.where(flat, low - thick / 2, low), np.where(flat, high + thick / 2, high)
+            across = 1 if flat[0] else across
         if spacing is not None and spacing.any():
             smallest = float(spacing.max()) * (2 * FEWEST) ** (1 / points.shape[1])
             across = max(1, min(across, int((high[0] - low[0]) / smallest)))

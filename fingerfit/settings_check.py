@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from fingerfit.data import Data
 from fingerfit.decks import make_deck, with_effect
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import NUMERICS, OBSERVATION, Effect
@@ -103,6 +106,24 @@ def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effec
     sizes = [effect.null(), *(with_effect(effect, {}, p.name) for p in effect.parameters)]
     without, *decks = (make_deck(settings, study, mesh, "mesh", {**start, **size}, known) for size in sizes)
     return any(deck != without for deck in decks)
+
+
+def check_data(settings: Settings, study: Study, data: Data) -> None:
+    """Refuse a likelihood of what has no noise: it would leave that out, or be the same for all guesses.
+
+    Raises
+    ------
+    InputError
+        For noise that is 0, as it is estimated from pictures without any.
+    """
+    if settings.fit.score != "likelihood":
+        return
+    if data.measured.size and not data.picture_noise > 0:
+        raise InputError(study.path, "pictures.noise", f"{data.picture_noise:g}, as estimated", "a number above 0")
+    measured, noise = data.conjugate
+    beside = bool((np.isfinite(measured) & (noise > 0)).any())
+    if not (data.measured.size or beside or (data.points.size and data.points_noise > 0)):
+        raise InputError(study.path, "noise", "0 for all that is compared", "a number above 0 for some of it")
 
 
 def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:

@@ -18,6 +18,7 @@ from fingerfit.mesh_io import format_mesh
 from fingerfit.prepare import make_mesh, prepare
 from fingerfit.rounds import Asked, Round, write_folders
 from fingerfit.settings import Settings
+from fingerfit.settings_check import check_data
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study_file import load_study
 
@@ -41,6 +42,7 @@ def begin(settings: Settings, folder: Path) -> tuple[Fit, Data]:
         prepare(study, meshes[SEARCH], steps, settings.fit.smooth, settings.fit.crop)
         for steps in (settings.fit.steps, None)
     )
+    check_data(settings, study, fitted)
     return Fit(settings, fitted, files, folder / "sims"), everything
 
 

@@ -303,7 +303,7 @@ def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:
 def _rival(one: Refit, best: Refit) -> bool:
     """Whether a refit cannot be told from the best one: by odds, or because both explain the data well enough."""
     behind = one.misfit - best.misfit
-    if behind < RIVAL * max(1.0, best.misfit / best.freedom):
+    if behind < RIVAL * max(1.0, best.misfit / max(best.freedom, 1)):
         return True
     return explains(one) and behind < NEAR * one.freedom
 

@@ -2,6 +2,7 @@
 
 import json
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,12 @@ from fingerfit.judge import Judge
 from fingerfit.page.inputs import read_inputs
 from fingerfit.recipes.ecoflex import make_study
 from fingerfit.report import estimate_of
+from fingerfit.residual import Patches
 from fingerfit.rounds import Round
 from fingerfit.settings import load_settings
+from fingerfit.settings_check import check_data
 from fingerfit.simulate import begin, run_fit
+from fingerfit.verdict import Refit, _rival
 
 
 def write(folder, steps=STEPS, study=STUDY, model=MODEL, fit=FIT):
@@ -176,6 +180,20 @@ def test_bounds_too_near_for_a_slope(place):
         run_fit(fit, 1)
 
 
+@pytest.mark.parametrize("noise", [{}, {"displacement": 0.01}])
+def test_a_likelihood_of_what_has_no_noise(place, noise):
+    write(place, study={**STUDY, "noise": noise})
+    with pytest.raises(InputError, match=r"study.yaml: noise: found 0 for all that is compared"):
+        fitted()
+
+
+def test_a_likelihood_of_pictures_without_noise(place):
+    fit, _ = begin(load_settings({"study": "study", "model": MODEL, "fit": FIT}), Path("m"))
+    pictured = replace(fit.data, measured=np.ones((1, 4, 4)), picture_noise=0.0)
+    with pytest.raises(InputError, match=r"pictures.noise: found 0, as estimated; expected a number above 0"):
+        check_data(fit.settings, fit.study, pictured)
+
+
 def test_measurements_without_noise_cannot_be_weighed():
     with pytest.raises(StateError, match="some measurements have no noise of their own"):
         Judge(np.ones(3), np.diag([1.0, 0.0, 1.0]), np.ones((3, 1)), np.zeros((3, 1)))
@@ -265,3 +283,21 @@ def test_what_nobody_foresaw_is_one_line_and_a_file(monkeypatch, capsys, tmp_pat
     assert said == [f"fingerfit: error: unexpected KeyError: 'a\\nb'; please report it with {file}"]
     assert "in broken" in file.read_text()
     assert not issubclass(KeyError, FingerfitError)
+
+
+@pytest.mark.parametrize(
+    ("points", "count"),
+    [([[1, 0], [1, 5], [1, 9]], (1, 6)), ([[0, 2], [5, 2]], (6, 1)), ([[1, 1]], (1, 1)), ([[1, 1, 0], [1, 1, 5]], (1, 1, 6))],
+)  # fmt: skip
+def test_points_on_a_line_have_one_layer_of_patches(points, count):
+    points = np.array(points, dtype=float)
+    patches = Patches.around(points, 6)
+    assert patches.count == count
+    assert (patches.size > 0).all()
+    assert patches.of(points)[0] == 0
+
+
+def test_refits_with_as_many_constants_as_values_can_be_compared():
+    fitted = Refit(0.0, 0, 1.0, None, {})
+    assert _rival(fitted, fitted)
+    assert not _rival(Refit(1000.0, 0, 1.0, None, {}), fitted)
