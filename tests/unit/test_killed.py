@@ -12,11 +12,15 @@ from fingerfit.errors import FingerfitError
 
 
 def test_a_killed_solve_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(simulate, "_solve", lambda *_: None)
+    monkeypatch.setattr(simulate, "_solve", _killed)
     monkeypatch.setattr(simulate, "write_folders", lambda *_: ["one", "two", "three"])
-    monkeypatch.setattr(simulate.functools, "partial", lambda *_: _killed)
     fit = SimpleNamespace(
-        asked=set(), sims=tmp_path, mesh_names={}, mesh_files={}, solver={}, settings=SimpleNamespace(solver="builtin")
+        asked=set(),
+        sims=tmp_path,
+        mesh_names={},
+        mesh_files={},
+        solver={},
+        settings=SimpleNamespace(solver="builtin", time_limit=None),
     )
     signal.alarm(60)  # the default action ends a test that waits for ever; seconds, many times what it takes
     try:
@@ -27,5 +31,5 @@ def test_a_killed_solve_is_told(tmp_path, monkeypatch):
     assert not list(Path(tmp_path).iterdir())
 
 
-def _killed(sim):
+def _killed(*_):
     os.kill(os.getpid(), signal.SIGKILL)
