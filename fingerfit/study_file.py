@@ -277,15 +277,15 @@ def _step(
         if not text:
             continue
         try:
-            value = float(text)
+            given = math.nan if "_" in text else float(text)  # Python reads 1_0 as 10
         except ValueError:
-            value = math.nan
-        value = math.nan if "_" in text else value * sizes[kind]  # Python reads 1_0 as 10
-        if not math.isfinite(value):
+            given = math.nan
+        value = given * sizes[kind]
+        if not math.isfinite(given):
             problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
         elif column != "time" and value < 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "0 or more: compression is positive"))
-        elif not math.isfinite(value * sizes[kind]):
+        elif not math.isfinite(value):
             problems.append(InputError(file, f"row {row}, {column}", text, "a number that is finite in N, mm and s"))
         elif column == "force_noise" and value == 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "a standard deviation above 0"))

@@ -9,6 +9,7 @@ import zlib
 import numpy as np
 import pytest
 import yaml
+from seeds import generator
 
 from fingerfit.cli import main
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
@@ -20,7 +21,7 @@ def shown(name, shape=SHAPE):
     """Intensities of a picture: smooth, with noise of its own, and moved from step to step."""
     push = {"before": 0.0, "step_1": 1.0, "step_2": 2.0}.get(name, 0.0)
     *_, y, x = np.indices(shape, dtype=float)
-    noise = np.random.default_rng(list(name.encode())).normal(0.0, 20.0, shape)
+    noise = generator(sum(name.encode())).normal(0.0, 20.0, shape)
     return np.rint(2000 + 1500 * np.sin(0.5 * (y + push)) * np.sin(0.4 * x) + noise)
 
 
@@ -343,7 +344,7 @@ def test_noise_alone_is_no_remark():
     """Pictures of nothing but noise have no order: less than 1 % of studies may be told, here of 400 with 5 pictures each."""
     from fingerfit.imaging.content import FALSE_REMARKS, out_of_order
 
-    rng = np.random.default_rng(5)
+    rng = generator(5)
     body = 500 * np.sin(np.indices((20, 20)).sum(axis=0) / 3)
     found = 0
     for _ in range(400):
@@ -361,7 +362,7 @@ def test_whatever_bytes_there_are_it_is_one_line(place, ending):
 
     make(place, ending, np.uint8 if ending == ".bmp" else np.float32)
     path = place / f"study/step_1{ending}"
-    raw, rng = path.read_bytes(), np.random.default_rng(3)
+    raw, rng = path.read_bytes(), generator(3)
     told = 0
     for trial in range(300):
         data = bytearray(raw)

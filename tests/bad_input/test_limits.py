@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import yaml
+from seeds import generator
 
 from fingerfit.imaging.pictures import Picture, write_picture
 
@@ -33,7 +34,7 @@ def place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     study = tmp_path / "study"
     (study / "effects").mkdir(parents=True)
-    rng = np.random.default_rng(1)
+    rng = generator(1)
     for name in ("before", "step_1"):
         frame = Picture(rng.uniform(0, 4000, (20, 20)), np.full(2, 1.0), np.full(2, -4.0), np.eye(2))
         write_picture(study / f"{name}.mha", frame)

@@ -257,12 +257,12 @@ def test_models_that_are_not_on_the_ladder_are_not_shown(tmp_path):
 
 def test_what_ended_at_its_bound_is_told(tmp_path):
     sample.write(tmp_path)
-    rungs, diagnosis = (json.loads((tmp_path / f).read_text()) for f in ("ladder.json", "base/diagnosis.json"))
+    rungs, diagnosis = (read_json(tmp_path / f) for f in ("ladder.json", "base/diagnosis.json"))
     rungs["rungs"][1]["parameters"]["tilt"]["at_bound"] = "upper"
     refit = next(entry["refit"] for entry in diagnosis["ranking"] if entry["effect"] == "tilt")
     refit["at_bound"] = {"slope": "lower"}
-    (tmp_path / "ladder.json").write_text(json.dumps(rungs))
-    (tmp_path / "base/diagnosis.json").write_text(json.dumps(diagnosis))
+    keep_json(tmp_path / "ladder.json", rungs)
+    keep_json(tmp_path / "base/diagnosis.json", diagnosis)
     write_page(tmp_path, tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert text.count("<br><small>at its upper bound</small>") == 1

@@ -487,7 +487,7 @@ def lines(own, text):
         ("step: 5", "step: 0", "parameters.rate.step: found 0.0; expected"),
         ("step: 5", "step: 500", "parameters.rate.step: found 500"),
         ("step: 5", "stepp: 5", "parameters.rate.stepp: found an unknown key; expected step (did you mean that?)"),
-        ("[1, 2]", "[]", "scan.axis: found []; expected a list of numbers"),
+        ("[1, 2]", "[]", "scan.axis: found []; expected a list of finite numbers"),
         ("scan: {axis: [1, 2]}", "refine: {axis: [1, 2]}", "refine.axis: found an unknown key"),
         ("scan: {axis: [1, 2]}", "needs: times", "needs: found times; expected time"),
         ("scan: {axis: [1, 2]}", "control: moment", "control: found moment; expected force or displacement"),

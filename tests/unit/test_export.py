@@ -102,7 +102,7 @@ def made(tmp_path_factory):
     outcome.save(sim / "solution.npz")
     model.mkdir()
     keep_mesh(model / "mesh.inp", (sim / "mesh.inp").read_text(encoding="utf-8"))
-    keep_json(model / "estimate.json", {"sim": "0123", "sim_mesh": "search"})
+    keep_json(model / "estimate.json", {"sim": "0123", "sim_mesh": "search", "parameters": {}})
     data = data_of(outcome)
     data.save(model / "prepared.npz")
     rng = generator(1)

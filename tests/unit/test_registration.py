@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from seeds import generator
 
 from fingerfit.data import Data
 from fingerfit.imaging.pictures import Picture
@@ -129,7 +130,7 @@ def test_the_own_error_is_what_is_stated(field, across):
         back = np.stack(field(x - back[:, 0], y - back[:, 1]), axis=1)
     off, said = [], []
     for length in (1.0, 2.5):
-        for rng in map(np.random.default_rng, range(3)):
+        for rng in map(generator, range(3)):
             picture = texture(rng, SIZE, length)
             fit = register(picture, moved(picture, back), patch, across**2)
             off.append(fit.values[:, :2] - wanted)
@@ -157,7 +158,7 @@ def world():
     size = 80
     spacing = np.full(2, 16.0 / size)
     frame = Picture(np.zeros((size, size)), spacing, np.full(2, -2.0) + spacing / 2, np.eye(2))
-    before = texture(np.random.default_rng(1), size, 1.5)
+    before = texture(generator(1), size, 1.5)
     x, y = MESH.points.T
     step = np.stack([0.02 * (x - 6) * y / 12, -0.05 * y], axis=1)
     displacement = np.array([step, 2 * step])
@@ -214,7 +215,7 @@ def test_what_is_left_is_in_millimetres(world):
 def test_noise_agrees_with_a_monte_carlo(world):
     """Each patch's covariance comes from 40 draws, 22 % for a variance: means over the patches are compared."""
     data, _, maps = world
-    rng = np.random.default_rng(5)
+    rng = generator(5)
     first = examined(data, maps, rng)
     draws = [examined(data, maps, rng, seed=n) for n in range(60)]
     values = np.array([draw.value for draw in draws])  # draw, picture, patch, component
@@ -319,7 +320,7 @@ def test_displacements_in_space_are_found(rng):
 def test_the_own_error_in_space_is_what_is_stated():
     """Root mean square over eighteen patches and five textures, with an outline that the measured picture cuts sharply."""
     off, said = [], []
-    for rng in map(np.random.default_rng, range(5)):
+    for rng in map(generator, range(5)):
         found, read, data, _ = registered(rng)
         off.append(found.value[0, :, :3] - read)
         own = np.diagonal(found.fits[0].own_error, axis1=1, axis2=2)

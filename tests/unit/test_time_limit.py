@@ -7,7 +7,7 @@ import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 
 from fingerfit.cli import main
-from fingerfit.layout import SOURCES, settings_of
+from fingerfit.layout import STAGES, settings_of
 from fingerfit.settings import load_settings
 from fingerfit.solvers.calculix import TIME_LIMIT
 from fingerfit.solvers.registry import get_solver
@@ -45,7 +45,7 @@ def test_the_limit_reaches_the_solver_and_nothing_is_kept(slow_ccx, tmp_path, ca
 def test_it_is_no_part_of_the_identity(slow_ccx, tmp_path):
     one, other = (load_settings(settings(tmp_path, time_limit=limit)) for limit in (10, 20))
     assert get_solver("calculix", 10).identity() == get_solver("calculix", 20).identity()
-    for stage in SOURCES:
+    for stage in STAGES:
         assert settings_of(one, stage) == settings_of(other, stage), stage
     assert get_solver("calculix").time_limit == TIME_LIMIT
     assert get_solver("calculix", 10).time_limit == 10
