@@ -34,6 +34,8 @@ def simulate(args: argparse.Namespace) -> None:
     from fingerfit.solvers.registry import get_solver
 
     wanted = read_json(args.solver)
+    if not isinstance(wanted, dict) or not isinstance(wanted.get("name"), str):
+        raise StateError(f"{args.solver}: is not what the workflow wrote: run the workflow again")
     solver = get_solver(wanted["name"], args.time_limit or None)
     found = solver.identity()
     if {key: wanted.get(key) for key in found} != found:
@@ -248,12 +250,14 @@ def morph(args: argparse.Namespace) -> None:
 
 
 def docs(args: argparse.Namespace) -> None:
-    """Write the schema and the table of the keys of config.yaml."""
+    """Write the schema of config.yaml, and the tables of its keys and those of experiment.yaml."""
+    from fingerfit import truth_keys
     from fingerfit.files import write_json, write_text
     from fingerfit.settings import describe, schema
 
     write_json(args.folder / "workflow/schemas/config.schema.json", schema())
     write_text(args.folder / "docs/config.md", describe())
+    write_text(args.folder / "docs/experiment-keys.md", truth_keys.describe())
 
 
 def ecoflex(args: argparse.Namespace) -> None:
