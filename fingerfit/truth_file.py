@@ -50,9 +50,11 @@ def read_truth(path: Path) -> Truth:
     data = read_yaml(path)
     body = data.get("body") if isinstance(data, dict) else None
     shape = body if isinstance(body, dict) else {}
-    kind: type[Experiment] = PlaneExperiment
-    if "mesh" in shape or "brick" in shape:
-        kind = MeshedExperiment if "mesh" in shape else BrickExperiment
+    kinds: dict[str, type[Experiment]] = {"width": PlaneExperiment, "brick": BrickExperiment, "mesh": MeshedExperiment}
+    shapes = [key for key in kinds if key in shape]
+    if len(shapes) > 1:  # which other keys there are depends on it
+        raise Problems([InputError(path, "body", " and ".join(shapes), "one of width (with layers), brick, mesh")])
+    kind = kinds[shapes[0] if shapes else "width"]
     problems: list[FingerfitError] = []
     try:
         given: Any = kind.model_validate(data)

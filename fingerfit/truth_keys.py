@@ -129,6 +129,12 @@ class MeshedDescription(_Solid):
     layers: list[TissueDescription] = Field(min_length=1, description="Tissues whose constants are asked for.")
 
 
+class MeshDescription(Strict, MeshSettings):
+    """Mesh of a block or brick."""
+
+    grading: float = Field(ge=1.0, description=MeshSettings.model_fields["grading"].description)
+
+
 class MaterialDescription(Strict):
     """Constants that all layers share."""
 
@@ -240,7 +246,7 @@ class PlaneExperiment(Experiment):
     """experiment.yaml of a block in the plane."""
 
     body: BlockDescription = Field(description="The body as it really is.")
-    mesh: MeshSettings = Field(description="Mesh of the body: element, across, per_layer, grading.")
+    mesh: MeshDescription = Field(description="Mesh of the body: element, across, per_layer, grading.")
     picture: PictureDescription = Field(description="Pictures that are taken.")
 
 
@@ -248,7 +254,7 @@ class BrickExperiment(Experiment):
     """experiment.yaml of a brick."""
 
     body: BrickDescription = Field(description="The body as it really is.")
-    mesh: MeshSettings = Field(description="Mesh of the body: element, across, per_layer, grading.")
+    mesh: MeshDescription = Field(description="Mesh of the body: element, across, per_layer, grading.")
     picture: VolumeDescription = Field(description="Volumes that are taken.")
     study: WrittenDescription = Field(
         default_factory=WrittenDescription, description="What goes into study.yaml, without the truth."
