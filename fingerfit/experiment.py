@@ -107,7 +107,8 @@ def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
         mesh = replace(mesh, element_sets={**every, **mesh.element_sets})
     for name in truth.tissues:
         if name not in mesh.element_sets:
-            raise InputError(truth.mesh_file or "", f"element set {name}", "nothing", "a set that tissues name")
+            expected = "one of " + ", ".join(sorted(mesh.element_sets))
+            raise InputError(truth.path, f"body.tissues.{name}", "no element set of this name", expected)
     text = format_mesh(mesh)
     included = f"{digest(text)}.inp"
     write_text(folder / included, text)
@@ -155,9 +156,10 @@ def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, th
 
 def _in_description(truth: Truth, folder: Path, included: str, error: InputError) -> InputError:
     """An error of a deck, which is gone when it is read, as one of what the deck was made from."""
-    if Path(error.where) == folder / included:
+    # an element without the line of a deck is one of the whole body, and a line of the included file one of its mesh
+    if Path(error.where) == folder / included or error.field == "*ELEMENT":
         field, what = ("body.mesh", truth.mesh_file.name) if truth.mesh_file else ("mesh", "a mesh")
-        found = f"{what}, in which {error.field} is {error.found}"
+        found = f"{what}, with {error.field}: {error.found}"
     elif error.where.startswith("effect "):
         field, found = f"effects.{error.where.removeprefix('effect ')}", f"{error.field}: {error.found}"
     elif Path(error.where).parent == folder or error.where == truth.template:

@@ -12,7 +12,7 @@ import yaml
 
 from fingerfit import files, scan
 from fingerfit.cli import main
-from fingerfit.errors import InputError, Problems
+from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.experiment import add_noise, run_experiment, solve
 from fingerfit.mesh_io import format_mesh
 from fingerfit.meshing import brick
@@ -301,3 +301,53 @@ def test_a_solver_of_a_wrong_shape_is_one_line(text, tmp_path, capsys):
     assert main([*arguments, "--out", str(tmp_path / "solution.npz")]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert "solver.json: is not what the workflow wrote: run the workflow again" in line
+
+
+OWN = """\
+title: an effect that asks too much
+acts: material
+words: Poisson's ratio grows.
+look: Nothing.
+confirm: Nothing.
+parameters:
+  more: {unit: "1", absent: 0, lower: 0, upper: 1, step: 0.1}
+changes:
+  poisson: "poisson + more"
+"""
+
+
+def test_an_effect_is_to_blame_for_what_it_makes_of_right_numbers(tmp_path):
+    (tmp_path / "own/effects").mkdir(parents=True)
+    (tmp_path / "own/effects/growth.yaml").write_text(OWN)
+    path = described(tmp_path, own="own", effects={"growth": {"more": 0.3}})
+    with pytest.raises(InputError, match=r"experiment.yaml: effects: found growth, with which a deck has in line 6"):
+        run_experiment(path, tmp_path / "made")
+
+
+def test_an_element_of_a_mesh_that_no_solver_takes_names_the_mesh(tmp_path):
+    path = described(tmp_path, "mesh")
+    lines = (tmp_path / "true.inp").read_text().splitlines()
+    at = next(n for n, line in enumerate(lines) if line.startswith("*ELEMENT")) + 1
+    number, first, second, *others = lines[at].split(",")
+    lines[at] = ",".join([number, second, first, *others])  # turned inside out
+    (tmp_path / "true.inp").write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=r"experiment.yaml: body.mesh: found true.inp, with .*: element 0 is inverted"):
+        run_experiment(path, tmp_path / "made")
+
+
+def test_forces_that_are_not_finite_are_told(tmp_path):
+    path = described(tmp_path, body__thickness=1e200, body__layers__0__mu=1e120, body__layers__1__mu=1e120)
+    with warnings.catch_warnings(), pytest.raises(FingerfitError, match=r"experiment.yaml: (body|displacement): "):
+        warnings.simplefilter("error")
+        run_experiment(path, tmp_path / "made")
+
+
+def test_no_memory_for_the_solution_is_told(tmp_path, monkeypatch):
+    def fail(*args, **options):
+        raise MemoryError
+
+    monkeypatch.setattr("fingerfit.experiment.make_mesh", fail)
+    with pytest.raises(
+        InputError, match=r"experiment.yaml: mesh: found no memory for its solution; expected a coarser"
+    ):
+        run_experiment(described(tmp_path), tmp_path / "made")

@@ -276,5 +276,7 @@ def test_a_wrong_mesh_is_one_line(tmp_path):
     with pytest.raises(Problems, match=r"experiment.yaml: mesh.element: found C3D5; expected 'CPE3'"):
         read_truth(path)
     truth = read_truth(described(tmp_path, body__tissues={"bone": 0.1}))
-    with pytest.raises(InputError, match=r"element set BONE: found nothing"):
+    with pytest.raises(
+        InputError, match=r"experiment.yaml: body.tissues.BONE: found no element set of this name; expected one of"
+    ):
         solve(truth, tmp_path)
