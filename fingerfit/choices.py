@@ -5,17 +5,15 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from fingerfit.effects.catalogue import catalogue, chosen
+from fingerfit.effects.catalogue import catalogue, chosen, wrong_numbers
 from fingerfit.effects.contract import Effect
 from fingerfit.errors import InputError, StateError
 from fingerfit.files import read_json
 from fingerfit.guess import Parameter
-from fingerfit.keys import unknown_key
 from fingerfit.search import Plan, Stage
 
 CONFIG = "config.yaml"
@@ -86,15 +84,8 @@ class Choices:
         if not every.keys() >= self.model.effects.keys() and not Path(self.study).is_dir():
             raise InputError(where, "study", self.study, "the folder of a study")
         found = chosen(list(self.model.effects), every, where)
-        for effect in found:
-            known, bounds = list(effect.own({})), effect.bounds()
-            for key, value in self.model.effects[effect.name].items():
-                if key not in known:
-                    raise unknown_key(where, f"model.effects.{effect.name}.", key, known)
-                low, high = bounds.get(key, (-math.inf, math.inf))
-                if not low <= value <= high:
-                    expected = f"{low:g} to {high:g}, the bounds"
-                    raise InputError(where, f"model.effects.{effect.name}.{key}", f"{value:g}", expected)
+        for problem in wrong_numbers(self.model.effects, every, where, "model.effects."):
+            raise problem
         return found
 
     def fixed(self: Any) -> dict[str, float]:

@@ -89,7 +89,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--abaqus", action="store_true", help="its own lines as ABAQUS gets them, included files in place")
     sub.set_defaults(run=commands.show_deck)
 
-    sub = command("docs", "write the schema and the table of the keys of config.yaml")
+    sub = command("docs", "write the schema of config.yaml, and the tables of its keys and those of experiment.yaml")
     sub.add_argument("folder", type=Path, nargs="?", default=Path(), help="folder of the project")
 
     sub = command("simulate", "solve one deck (for the workflow)")

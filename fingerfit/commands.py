@@ -258,12 +258,14 @@ def morph(args: argparse.Namespace) -> None:
 
 
 def docs(args: argparse.Namespace) -> None:
-    """Write the schema and the table of the keys of config.yaml."""
+    """Write the schema of config.yaml, and the tables of its keys and those of experiment.yaml."""
+    from fingerfit import truth_keys
     from fingerfit.files import write_json, write_text
     from fingerfit.settings import describe, schema
 
     write_json(args.folder / "workflow/schemas/config.schema.json", schema())
     write_text(args.folder / "docs/config.md", describe())
+    write_text(args.folder / "docs/experiment-keys.md", truth_keys.describe())
 
 
 def ecoflex(args: argparse.Namespace) -> None:

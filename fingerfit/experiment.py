@@ -8,29 +8,30 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.expression import evaluate
 from fingerfit.effects.observe import Observation
-from fingerfit.errors import InputError, SolverError
+from fingerfit.errors import InputError, LimitError, SolverError
 from fingerfit.files import digest, write_text
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_io import format_mesh, read_mesh
+from fingerfit.plausible import refuse_depth
 from fingerfit.predict import since_first_picture
 from fingerfit.prepare import make_mesh
 from fingerfit.rounds import simulation_name
-from fingerfit.scan import take_pictures
+from fingerfit.scan import check_memory, take_pictures
 from fingerfit.settings import MeshSettings
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Noise, Step, Study
 from fingerfit.templates import template_folders
-from fingerfit.truth import Truth, read_truth
+from fingerfit.truth import BRIGHTEST, Truth
+from fingerfit.truth_file import read_truth
 
 FULL_SCALE = 4000.0
 """Stored intensity of 1."""
@@ -74,22 +75,40 @@ def solve(truth: Truth, folder: Path, threads: int = 1) -> Solved:
     SolverError
         When the body has no solution for these displacements.
     InputError
-        When the mesh lacks a set.
+        When the mesh lacks a set, displacements leave nothing of it, or numbers are so large that forces or intensities
+        are not finite; a `LimitError` when mesh or pictures do not fit into the memory.
     """
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is found in the results
+            solved = _solve(truth, folder, threads)
+    except MemoryError as error:
+        field = "body.mesh" if truth.mesh_file else "mesh"
+        raise LimitError(truth.path, field, "no memory for its solution", "a coarser mesh") from error
+    for field, values in (("body", solved.force), ("displacement", solved.displacement), ("picture", solved.pictures)):
+        if not np.isfinite(values).all():
+            found = "numbers so large or small that not all results are finite"
+            raise InputError(truth.path, field, found, "numbers whose results are in double precision")
+    return solved
+
+
+def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
     times = truth.time or (None,) * len(truth.displacement)
     steps = tuple(Step(n, t, d) for n, (t, d) in enumerate(zip(times, truth.displacement, strict=True), 1))
     base, indenter = truth.boundary
     study = Study(
-        truth.folder, truth.title, "displacement", steps, None, Noise(), truth.body, base, indenter
+        truth.path, truth.title, "displacement", steps, None, Noise(), truth.body, base, indenter
     )  # fmt: skip
-    mesh = make_mesh(study, _mesh_settings(truth))
+    mesh = make_mesh(study, MeshSettings(**truth.mesh) if truth.mesh else None)
+    refuse_depth(study, mesh, "displacement")
+    check_memory(truth, mesh)
     if truth.mesh_file is not None:
         # those that are no layers have a part in the deck and in the pictures too
         every = {name.upper(): members for name, members in read_mesh(truth.mesh_file).element_sets.items()}
         mesh = replace(mesh, element_sets={**every, **mesh.element_sets})
     for name in truth.tissues:
         if name not in mesh.element_sets:
-            raise InputError(truth.mesh_file or "", f"element set {name}", "nothing", "a set that tissues name")
+            expected = "one of " + ", ".join(sorted(mesh.element_sets))
+            raise InputError(truth.path, f"body.tissues.{name}", "no element set of this name", expected)
     text = format_mesh(mesh)
     included = f"{digest(text)}.inp"
     write_text(folder / included, text)
@@ -110,32 +129,46 @@ def solve(truth: Truth, folder: Path, threads: int = 1) -> Solved:
     return Solved(_as_measured(truth, force), *take_pictures(truth, mesh, outcome, seen), moved)
 
 
-def _mesh_settings(truth: Truth) -> MeshSettings | None:
-    try:
-        return MeshSettings(**truth.mesh) if truth.mesh else None
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(map(str, ("mesh", *first["loc"])))
-        raise InputError(truth.folder, field, first["input"], first["msg"].replace("Input should be ", "")) from error
-
-
 def _present(truth: Truth) -> list[Effect]:
     return [effect for name, effect in truth.known.items() if name in truth.effects]
 
 
 def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, threads: int) -> Outcome:
     """Solve a deck that includes its mesh by the name of its content, unless its solution is in the folder."""
-    context = deck_context(study, mesh, included, truth.values, truth.material, truth.known)
-    folders = template_folders(*([truth.own] if truth.own else []), truth.folder)
-    deck, solver = render_deck(truth.template, context, folders), get_solver(truth.solver)
-    write_text(folder / "deck.inp", deck)
-    known = folder / f"{simulation_name(deck, solver.identity())}.npz"
-    if not known.exists():
-        solver.solve(folder / "deck.inp", folder, threads).save(known)
-    outcome = Outcome.load(known)
+    solver = get_solver(truth.solver)
+    try:
+        context = deck_context(study, mesh, included, truth.values, truth.material, truth.known)
+        folders = template_folders(*([truth.own] if truth.own else []), truth.folder)
+        deck = render_deck(truth.template, context, folders)
+        write_text(folder / "deck.inp", deck)
+        known = folder / f"{simulation_name(deck, solver.identity())}.npz"
+        if not known.exists():
+            solver.solve(folder / "deck.inp", folder, threads).save(known)
+        outcome = Outcome.load(known)
+    except InputError as error:
+        raise _in_description(truth, folder, included, error) from error
+    except SolverError as error:
+        raise SolverError(f"{truth.path}: solver: {error}") from error
     if outcome.status != CONVERGED:
-        raise SolverError(f"experiment: {truth.solver}: {outcome.message}")
+        raise SolverError(f"{truth.path}: displacement: {truth.solver}: {outcome.message}")
     return outcome
+
+
+def _in_description(truth: Truth, folder: Path, included: str, error: InputError) -> InputError:
+    """An error of a deck, which is gone when it is read, as one of what the deck was made from."""
+    # an element without the line of a deck is one of the whole body, and a line of the included file one of its mesh
+    if Path(error.where) == folder / included or error.field == "*ELEMENT":
+        field, what = ("body.mesh", truth.mesh_file.name) if truth.mesh_file else ("mesh", "a mesh")
+        found = f"{what}, with {error.field}: {error.found}"
+    elif error.where.startswith("effect "):
+        field, found = f"effects.{error.where.removeprefix('effect ')}", f"{error.field}: {error.found}"
+    elif Path(error.where).parent == folder or error.where == truth.template:
+        # numbers of the description are right by now: what effects make of them need not be
+        field, what = ("effects", ", ".join(truth.effects)) if truth.effects else ("template", truth.template)
+        found = f"{what}, with which a deck has in {error.field}: {error.found}"
+    else:
+        return error  # a file of the user's own
+    return InputError(truth.path, field, found, error.expected)
 
 
 def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
@@ -156,14 +189,26 @@ def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
 def add_noise(truth: Truth, solved: Solved, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measured forces (N), displacements (mm) and pictures (stored intensity) with noise of a seed."""
     rng = np.random.default_rng([seed, 2])
-    force = solved.force + rng.normal(0.0, truth.force_noise * np.abs(solved.force).max(), solved.force.shape)
-    moved = solved.displacement
-    moved = moved + rng.normal(0.0, truth.displacement_noise, moved.shape)
+    with np.errstate(all="ignore"):  # what is not finite is found below
+        force = solved.force + rng.normal(0.0, _force_spread(truth, solved), solved.force.shape)
+        moved = solved.displacement
+        moved = moved + rng.normal(0.0, truth.displacement_noise, moved.shape)
+    for field, spread, values in (
+        ("force", truth.force_noise, force),
+        ("displacement", truth.displacement_noise, moved),
+    ):
+        if not np.isfinite(values).all():
+            raise InputError(truth.path, f"noise.{field}", f"{spread:g}", f"one that leaves each {field} finite")
     pictures = np.empty(solved.pictures.shape, np.uint16)
     for picture, stored in zip(solved.pictures, pictures, strict=True):
         noisy = add_rician(picture, truth.picture["noise"], rng)
-        stored[...] = np.rint(np.clip(noisy, 0, 16) * FULL_SCALE)
+        stored[...] = np.rint(np.clip(noisy, 0, BRIGHTEST) * FULL_SCALE)
     return force, moved, pictures
+
+
+def _force_spread(truth: Truth, solved: Solved) -> float:
+    """Standard deviation of the forces, N; a faulty sensor may show negative ones."""
+    return truth.force_noise * float(np.abs(solved.force).max())
 
 
 def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None) -> None:
@@ -223,7 +268,7 @@ def _study_text(truth: Truth, solved: Solved, folder: Path) -> str:
         "control: force\n"
         "steps: steps.csv\n"
         "pictures: {before: pictures/before.nii.gz, noise: estimated}\n"
-        f"noise: {{force: {truth.force_noise * solved.force.max():.3g},"
+        f"noise: {{force: {_force_spread(truth, solved):.3g},"
         f" displacement: {truth.displacement_noise:g}}}\n"
         "body:\n"
         f"  width: {truth.width:g}\n"
@@ -246,7 +291,7 @@ def _study_in_space(truth: Truth, solved: Solved, folder: Path) -> str:
             body[key] = mesh.name
             if mesh.is_file():  # one that is morphed to the first picture comes later
                 shutil.copyfile(mesh, folder / mesh.name)
-    spread = {"force": truth.force_noise * solved.force.max(), "displacement": truth.displacement_noise}
+    spread = {"force": _force_spread(truth, solved), "displacement": truth.displacement_noise}
     data = {
         "title": truth.title,
         "units": {"length": "mm", "force": "N", "time": "s"},

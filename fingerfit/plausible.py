@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,10 +22,22 @@ SLIP = min(
 )  # fmt: skip
 """Smallest ratio of two units that a study may name: a slip of units is at least as large. What a simple formula leaves
 out (large strain, compressibility, a face that slips) is smaller: together a factor of two or three."""
+HEIGHT = "the height of the body"
 
 
-def refuse_depth(study: Study, mesh: Mesh) -> None:
-    """Refuse displacements that leave nothing of the body.
+def too_deep(
+    moved: Mapping[int, float], height: float, what: str, where: Path | str, field: str
+) -> list[FingerfitError]:
+    """Problems of displacements (mm, by the number of their step) that leave nothing of a body (mm)."""
+    return [
+        InputError(where, field, f"step {number}: displacement {d:.6g} mm", f"less than {height:.6g} mm, {what}")
+        for number, d in moved.items()
+        if d >= height
+    ]
+
+
+def refuse_depth(study: Study, mesh: Mesh, field: str = "steps") -> None:
+    """Refuse displacements that leave nothing of the body; `field` is named in errors.
 
     Raises
     ------
@@ -35,13 +47,9 @@ def refuse_depth(study: Study, mesh: Mesh) -> None:
     """
     sizes = np.ptp(mesh.body, axis=0)
     own = study.body.mesh is not None
-    height, what = (float(sizes.max()), "largest extent") if own else (float(sizes[-1]), "height")
-    problems: list[FingerfitError] = [
-        InputError(study.path, "steps", f"step {step.number}: displacement {step.displacement:.6g} mm",
-                   f"less than {height:.6g} mm, the {what} of the body")
-        for step in study.steps
-        if step.displacement is not None and step.displacement >= height
-    ]  # fmt: skip
+    height, what = (float(sizes.max()), "the largest extent of the body") if own else (float(sizes[-1]), HEIGHT)
+    moved = {step.number: step.displacement for step in study.steps if step.displacement is not None}
+    problems = too_deep(moved, height, what, study.path, field)
     if problems:
         raise Problems(problems)
 

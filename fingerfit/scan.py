@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from fingerfit.effects.observe import Observation
+from fingerfit.errors import LimitError
+from fingerfit.files import free_memory
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.warp import backward_map, sample, spline_coefficients
 from fingerfit.mesh import Mesh
@@ -38,6 +41,32 @@ def grid(truth: Truth, mesh: Mesh) -> Picture:
     # volumes are many: single precision
     values = np.zeros(size[::-1], dtype=np.float64 if truth.dim == 2 else np.float32)
     return Picture(values, spacing, corner + spacing / 2, np.eye(truth.dim))
+
+
+def check_memory(truth: Truth, mesh: Mesh) -> None:
+    """Refuse pictures and textures that the memory cannot hold, before anything is solved.
+
+    Raises
+    ------
+    LimitError
+    """
+    table, free = truth.picture, free_memory()
+    sizes = [table["pixels"]] * 2 if truth.dim == 2 else table["pixels"]
+    pixels, number = float(math.prod(sizes)), 8 if truth.dim == 2 else 4
+    # the pictures; and of the texture random values, those smoothed and the coefficients of their spline, in double
+    # precision
+    needed = {"pixels": (1 + len(truth.displacement)) * pixels * number}
+    if truth.dim == 2:
+        needed["pixels"] += 3 * 8 * pixels * SAMPLES[2]
+    else:
+        with np.errstate(over="ignore"):
+            count = np.prod(np.ptp(mesh.body, axis=0) / (table["correlation"] / _WEAVE) + 4 * _WEAVE + 2)
+        needed["correlation"] = 3 * 8 * float(count)
+    for name, size in needed.items():
+        if size > free:
+            found = f"{table[name]}, with {size / 1e6:.3g} MB of pictures and texture"
+            expected = f"what fits into the {free / 1e6:.3g} MB of memory that are free"
+            raise LimitError(truth.path, f"picture.{name}", found, expected)
 
 
 def take_pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation | None) -> tuple[np.ndarray, Picture]:

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
 from fingerfit.choices import CONFIG, MATERIAL, Choices, Model, quantity_of
+from fingerfit.described import HEAD, Described, models_in, problems_of, rows
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.guess import round_value
 from fingerfit.keys import read_yaml, unknown_key
@@ -29,14 +30,12 @@ Element = Literal[
 """What `fingerfit.meshing` makes of blocks and bricks."""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
+class _Strict(Described):
     @field_validator("*", mode="before")
     @classmethod
     def _no_truth_for_numbers(cls, value: Any, info: Any) -> Any:
         annotation = cls.model_fields[info.field_name].annotation
-        if annotation is bool or _models_in(annotation):  # models look at their own fields
+        if annotation is bool or models_in(annotation):  # models look at their own fields
             return value
         inside = value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]
         if any(isinstance(v, bool) for v in inside):
@@ -208,49 +207,12 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
     try:
         settings = Settings.model_validate(source)
     except ValidationError as error:
-        raise Problems([_explain(where, details) for details in error.errors()]) from error
+        raise Problems(problems_of(error, where, Settings)) from error
     problems = _cross_check(settings, where)
     if problems:
         raise Problems(problems)
     settings.effects(where)
     return settings
-
-
-def _explain(where: Path | str, details: Any) -> FingerfitError:
-    field = ".".join(map(str, details["loc"])) or "file"
-    if details["type"] == "extra_forbidden":
-        *parents, key = details["loc"]
-        return unknown_key(where, "".join(f"{p}." for p in parents), str(key), _known(parents))
-    if details["type"] == "missing":
-        return InputError(where, field, "nothing", "a value: " + _describe(details["loc"]))
-    if details["type"] == "string_pattern_mismatch":
-        signs = "_ -" if field == "model.name" else ". / _ + -"
-        return InputError(where, field, repr(details["input"]), f"letters, digits and {signs} only, no spaces")
-    return InputError(where, field, details["input"], details["msg"].replace("Input should be ", ""))
-
-
-def _model_at(loc: Any) -> type[BaseModel]:
-    model: type[BaseModel] = Settings
-    for key in loc:
-        annotation = model.model_fields[key].annotation if key in model.model_fields else None
-        for kind in _models_in(annotation):
-            model = kind
-    return model
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [kind for part in getattr(annotation, "__args__", ()) for kind in _models_in(part)]
-
-
-def _known(parents: Any) -> list[str]:
-    return list(_model_at(parents).model_fields)
-
-
-def _describe(loc: Any) -> str:
-    field = _model_at(loc[:-1]).model_fields.get(str(loc[-1]))
-    return (field.description if field else None) or "it is needed"
 
 
 def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
@@ -273,15 +235,15 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
         elif p.log and p.lower <= 0:
             problems.append(InputError(where, f"{field}.lower", p.lower, "above 0, for a search in the logarithm"))
         else:
-            problems += _impossible(where, f"{field}.lower", quantity, p.lower)
-            problems += _impossible(where, f"{field}.upper", quantity, p.upper)
+            problems += impossible(where, f"{field}.lower", quantity, p.lower)
+            problems += impossible(where, f"{field}.upper", quantity, p.upper)
             if quantity == "alpha" and p.lower < 0 < p.upper:
                 problems.append(InputError(where, field, f"{p.lower:g} to {p.upper:g}", "bounds without 0 between"))
     for name, value in settings.model.material.items():
         if not _is_constant(name):
             problems.append(unknown_key(where, "model.material.", name, MATERIAL))
         else:
-            problems += _impossible(where, f"model.material.{name}", name.partition("_")[0], value)
+            problems += impossible(where, f"model.material.{name}", name.partition("_")[0], value)
     if not problems:
         problems += _wrong_stages(settings, where)
     most = settings.fit.max_evaluations
@@ -329,7 +291,8 @@ def _is_constant(name: str) -> bool:
     return quantity in MATERIAL and bool(joint) == bool(layer)
 
 
-def _impossible(where: Path | str, field: str, quantity: str, value: float) -> list[FingerfitError]:
+def impossible(where: Path | str, field: str, quantity: str, value: float) -> list[FingerfitError]:
+    """A problem where a constant of a material has a value that it cannot have."""
     low, high = LIMITS[quantity]
     if low < value < high and not (quantity == "alpha" and value == 0):
         return []
@@ -344,18 +307,7 @@ def schema() -> dict[str, Any]:
 
 def describe() -> str:
     """Markdown table of all keys, for docs/config.md."""
-    lines = ["# Keys of config.yaml", "", "Made by `fingerfit docs`; do not edit.", ""]
-    lines += ["| key | default | what it is |", "|---|---|---|"]
-
-    def walk(model: type[BaseModel], prefix: str) -> None:
-        for name, field in model.model_fields.items():
-            inner = _models_in(field.annotation)
-            text = str(field.annotation)
-            suffix = ".*" if "dict" in text and inner else "[]" if "list" in text and inner else ""
-            default = "needed" if field.is_required() else f"`{field.get_default(call_default_factory=True)}`"
-            lines.append(f"| `{prefix}{name}{suffix}` | {default} | {field.description} |")
-            for kind in inner:
-                walk(kind, f"{prefix}{name}{suffix}.")
-
-    walk(Settings, "")
-    return "\n".join(lines) + "\n"
+    return (
+        "\n".join(["# Keys of config.yaml", "", "Made by `fingerfit docs`; do not edit.", "", *HEAD, *rows(Settings)])
+        + "\n"
+    )

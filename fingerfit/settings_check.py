@@ -14,7 +14,7 @@ from fingerfit.effects.sense import cure_of, unmet
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.mesh import Mesh
-from fingerfit.settings import CONFIG, MATERIAL, Settings
+from fingerfit.settings import CONFIG, MATERIAL, MeshSettings, Settings
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Study
 
@@ -64,13 +64,18 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
         if mesh is None or has_mesh:
             continue
         dim = 3 if study.body.brick is not None else 2
-        usable = sorted(e for e in get_solver(settings.solver).capabilities.elements if ELEMENTS[e].dim == dim)
-        if mesh.element not in usable:
-            body = "a brick" if dim == 3 else "a block in the plane"
-            expected = f"{', '.join(usable)}, for {body} and solver {settings.solver}"
-            problems.append(InputError(where, f"model.{key}.element", mesh.element, expected))
+        problems += wrong_element(mesh, dim, settings.solver, where, f"model.{key}.element")
     if problems:
         raise Problems(problems)
+
+
+def wrong_element(mesh: MeshSettings, dim: int, solver: str, where: Path | str, field: str) -> list[FingerfitError]:
+    """A problem where a block (`dim` 2) or a brick (3) or a solver cannot have the elements of a mesh."""
+    usable = sorted(e for e in get_solver(solver).capabilities.elements if ELEMENTS[e].dim == dim)
+    if mesh.element in usable:
+        return []
+    body = "a brick" if dim == 3 else "a block in the plane"
+    return [InputError(where, field, mesh.element, f"{', '.join(usable)}, for {body} and solver {solver}")]
 
 
 def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | str = CONFIG) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,6 +43,19 @@ class Layer:
     name: str
     height: float | None = None
     elements: str | None = None
+
+
+def wrong_name(name: str, others: Iterable[str]) -> str:
+    """What is expected in place of the name of a layer, which names a set in decks; empty when it is right.
+
+    >>> wrong_name("top", ["skin"])
+    ''
+    >>> wrong_name("Skin", ["skin"])
+    'a name that no other layer has, in capitals or not'
+    """
+    if name.upper() in {other.upper() for other in others}:
+        return "a name that no other layer has, in capitals or not"
+    return "" if name.isidentifier() else "letters, digits and _"
 
 
 @dataclass(frozen=True)

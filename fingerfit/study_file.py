@@ -12,7 +12,7 @@ from pathlib import Path
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.files import DOCUMENT, read_text
 from fingerfit.keys import Keys, read_yaml
-from fingerfit.study import ESTIMATED, Body, Chain, Layer, Noise, Step, Study
+from fingerfit.study import ESTIMATED, Body, Chain, Layer, Noise, Step, Study, wrong_name
 from fingerfit.units import factor
 
 COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
@@ -178,16 +178,14 @@ def _box(value: object, length: float) -> tuple[tuple[float, ...], tuple[float, 
 
 def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
     body.known("layers", "width", "thickness", "origin", "brick", "mesh", "refined")
-    size, layers, names = sizes["length"], [], set()
+    size, layers, names = sizes["length"], list[Layer](), set[str]()
     mesh, brick = body.text("mesh", None), body.numbers("brick", 3, None)
     for number, entry in enumerate(body.items("layers")):
         layer = Keys(body.where, entry, f"body.layers.{number}.", body.problems)
         layer.known("name", "height", "elements")
         name = layer.text("name") or f"layer{number}"
-        if name in names:
-            layer.wrong("name", name, "a name that no other layer has")
-        if not name.isidentifier():
-            layer.wrong("name", name, "letters, digits and _")
+        if expected := wrong_name(name, names):
+            layer.wrong("name", name, expected)
         names.add(name)
         height = None
         if brick is not None and len(body.data["layers"]) == 1:

@@ -1,4 +1,4 @@
-"""Description of a virtual experiment: the body as it really is, what is measured on it, and with which noise."""
+"""What a virtual experiment is made of: the body as it really is, what is measured on it, and with which noise."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
-from fingerfit.errors import FingerfitError, InputError, Problems
-from fingerfit.keys import Keys, read_yaml
 from fingerfit.study import Body, Layer
 
 SHAPES = {"capsule": ("from", "to", "radius"), "ellipsoid": ("centre", "radii"), "box": ("low", "high")}
 """Simple shapes that are drawn into volumes, and the numbers that describe them."""
+BRIGHTEST = 16.0
+"""Largest intensity that is stored, in multiples of that of a pixel full of the brightest tissue."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ class Truth:
         Base and indenter, as in a study.
     written : dict
         ``body, boundary, control, pictures`` of the study that is written, where they are not those of the truth.
-    folder : Path
-        Of the description.
+    path : Path
+        The description.
     """
 
     title: str
@@ -90,12 +90,17 @@ class Truth:
     template: str = "block.inp.j2"
     boundary: tuple[str, str] = ("held", "glued")
     written: dict[str, Any] = field(default_factory=dict)
-    folder: Path = Path()
+    path: Path = Path("experiment.yaml")
 
     @property
     def known(self) -> dict[str, Effect]:
         """The catalogue and the experiment's own effects."""
         return catalogue(self.own)
+
+    @property
+    def folder(self) -> Path:
+        """Of the description."""
+        return self.path.parent
 
     @property
     def values(self) -> dict[str, float]:
@@ -117,160 +122,3 @@ class Truth:
         if self.brick is not None:
             return Body(layers, brick=(self.brick[0], self.brick[1], self.brick[2]))
         return Body(layers, width=self.width, thickness=self.thickness)
-
-
-def read_truth(path: Path) -> Truth:
-    """Read the description of an experiment.
-
-    Raises
-    ------
-    Problems
-        With one line for everything that is wrong.
-    """
-    problems: list[FingerfitError] = []
-    keys = Keys(path, read_yaml(path), "", problems)
-    if problems:
-        raise Problems(problems)
-    keys.known(
-        "title", "body", "material", "mesh", "solver", "displacement", "picture", "noise", "seed", "time", "effects",
-        "own", "template", "boundary", "study",
-    )  # fmt: skip
-    body, noise = keys.mapping("body"), keys.mapping("noise")
-    noise.known("force", "displacement")
-    mesh_file, brick = body.text("mesh", None), body.numbers("brick", 3, None)
-    space = mesh_file is not None or "brick" in body.data
-    body.known(*(("mesh", "brick", "layers", "tissues", "drawn") if space else ("width", "thickness", "layers")))
-    if mesh_file is not None and not (path.parent / mesh_file).exists():
-        body.wrong("mesh", mesh_file, "a file that exists")
-    layers = _layers(body, "elements" if mesh_file is not None else "height")
-    where = ("pixels", "spacing") if space else ("pixels", "side")
-    wanted = {
-        "material": ("alpha", "poisson"),
-        "mesh": () if mesh_file is not None else ("element", "across", "per_layer", "grading"),
-        "picture": (*where, "texture", "correlation", "noise", "pictured"),
-    }
-    tables = {name: _table(keys, name, those, ("origin", "samples") if space else ()) for name, those in wanted.items()}
-    displacement = tuple(keys.items("displacement"))
-    size = (0.0, 0.0) if space else (body.number("width", above=0.0), body.number("thickness", above=0.0))
-    spread = (noise.number("force"), noise.number("displacement"))
-    solver, title, seed = keys.text("solver"), keys.text("title"), keys.number("seed")
-    own = path.parent / (keys.text("own") or "") if "own" in keys.data else None
-    boundary, written = keys.mapping("boundary", {}), keys.mapping("study", {})
-    boundary.known("base", "indenter")
-    written.known("body", "boundary", "control", "pictures")
-    if mesh_file is not None and not isinstance(written.data.get("body"), dict):
-        written.wrong("body", "nothing", "the body that the study describes, with a mesh of its own")
-    truth = Truth(
-        title=title or "",
-        layers=layers,
-        width=size[0] or 0.0,
-        thickness=size[1] or 0.0,
-        material=tables["material"],
-        mesh=tables["mesh"],
-        solver=solver or "",
-        displacement=displacement,
-        picture=tables["picture"],
-        force_noise=spread[0] or 0.0,
-        displacement_noise=spread[1] or 0.0,
-        seed=int(seed or 0),
-        time=tuple(keys.items("time")) if "time" in keys.data else (),
-        effects=_effects(keys, own),
-        own=own,
-        brick=brick if space else None,
-        mesh_file=path.parent / mesh_file if mesh_file is not None else None,
-        tissues=_tissues(body) if space else {},
-        drawn=_drawn(body) if space else (),
-        template=keys.text("template", "block.inp.j2") or "",
-        boundary=(boundary.data.get("base", "held"), boundary.data.get("indenter", "glued")),
-        written=written.data,
-        folder=path.parent,
-    )
-    if space and not problems:
-        _check_grid(keys, truth)
-    if problems:
-        raise Problems(problems)
-    return truth
-
-
-def _layers(body: Keys, place: str) -> tuple[dict[str, Any], ...]:
-    found = []
-    for number, entry in enumerate(body.items("layers")):
-        layer = Keys(body.where, entry, f"body.layers.{number}.", body.problems)
-        layer.known("name", place, "mu", "intensity")
-        values: dict[str, Any] = {}
-        values[place] = layer.number(place, above=0.0) if place == "height" else layer.text(place, None)
-        values |= {name: layer.number(name, above=0.0) for name in ("mu", "intensity")}
-        found.append({"name": layer.text("name"), **values})
-    return tuple(found)
-
-
-def _table(keys: Keys, name: str, wanted: tuple[str, ...], further: tuple[str, ...]) -> dict[str, Any]:
-    if not wanted:
-        return {}
-    table = keys.mapping(name)
-    table.known(*wanted, *(further if name == "picture" else ()))
-    for key in wanted:
-        if key not in table.data:
-            table.wrong(key, "nothing", "a value")
-    return table.data
-
-
-def _effects(keys: Keys, own: Path | None) -> dict[str, dict[str, float]]:
-    effects, known = keys.mapping("effects", {}), catalogue(own)
-    effects.known(*known)
-    hidden = {}
-    for name in effects.data:
-        inner = effects.mapping(name)
-        if name in known:
-            inner.known(*known[name].own({}))
-        hidden[name] = {key: inner.number(key) or 0.0 for key in inner.data}
-    return hidden
-
-
-def _tissues(body: Keys) -> dict[str, float]:
-    tissues = body.mapping("tissues", {})
-    return {str(name).upper(): tissues.number(name) or 0.0 for name in tissues.data}
-
-
-def _drawn(body: Keys) -> tuple[dict[str, Any], ...]:
-    found = []
-    for number, entry in enumerate(body.items("drawn") if "drawn" in body.data else []):
-        one = Keys(body.where, entry, f"body.drawn.{number}.", body.problems)
-        kind = one.choice("shape", tuple(SHAPES))
-        if one.data.get("shape") != kind:
-            continue
-        one.known("shape", "intensity", *SHAPES[kind])
-        values: dict[str, Any] = {"shape": kind, "intensity": one.number("intensity")}
-        for name in SHAPES[kind]:
-            values[name] = one.number(name, above=0.0) if name == "radius" else one.numbers(name, 3)
-        if kind == "ellipsoid" and values["radii"] and min(values["radii"]) <= 0:
-            one.wrong("radii", list(values["radii"]), "3 numbers above 0")
-        found.append(values)
-    return tuple(found)
-
-
-def _check_grid(keys: Keys, truth: Truth) -> None:
-    """Numbers of a grid of voxels, and of the layers of a brick."""
-    picture = Keys(keys.where, truth.picture, "picture.", keys.problems)
-    pixels = picture.numbers("pixels", 3)
-    if pixels is not None and not all(n == int(n) >= 2 for n in pixels):
-        picture.wrong("pixels", list(pixels), "3 whole numbers above 1")
-    for name in ("spacing", *(("origin",) if "origin" in truth.picture else ())):
-        numbers = picture.numbers(name, 3)
-        if name == "spacing" and numbers is not None and min(numbers) <= 0:
-            picture.wrong(name, list(numbers), "3 numbers above 0")
-    for name in ("texture", "noise"):
-        picture.number(name)
-    picture.number("correlation", above=0.0)
-    samples = truth.picture.get("samples", 1)
-    if type(samples) is not int or not 1 <= samples <= 512:
-        picture.wrong("samples", samples, "a whole number from 1 to 512")
-    steps = range(1, len(truth.displacement) + 1)
-    for number in picture.items("pictured"):
-        if number not in steps:
-            picture.wrong("pictured", number, f"steps from 1 to {len(truth.displacement)}")
-    if truth.brick is not None:
-        height = sum(layer["height"] for layer in truth.layers)
-        if min(truth.brick) <= 0 or abs(height - truth.brick[2]) > 1e-9 * height:
-            found = f"{list(truth.brick)} with layers of {height:g} mm in all"
-            keys.problems.append(InputError(keys.where, "body.brick", found, "3 lengths, the last that of all layers"))

@@ -137,10 +137,10 @@ def _layer(
         found[quantity] = float(
             _changed(quantity, found[quantity], {"number": number, "layers": count}, present, values)
         )
-    return {"name": name.upper(), **found, "d": _compressibility(found["mu"], found["poisson"]), "elements": []}
+    return {"name": name.upper(), **found, "d": compressibility(found["mu"], found["poisson"]), "elements": []}
 
 
-def _compressibility(mu: float, nu: float) -> float:
+def compressibility(mu: float, nu: float) -> float:
     """D of the deck, 2 over the bulk modulus, 1/MPa."""
     return 2 / (2 * mu * (1 + nu) / (3 * (1 - 2 * nu)))
 
@@ -200,7 +200,7 @@ def _pieces(
         changed = changed or bool(np.any(levels))
         for level, value in enumerate(levels, 1):
             mu = layer["mu"] * float(np.exp(value))
-            piece = {"name": f"{layer['name']}_{level}", "mu": mu, "d": _compressibility(mu, layer["poisson"])}
+            piece = {"name": f"{layer['name']}_{level}", "mu": mu, "d": compressibility(mu, layer["poisson"])}
             found.append({**layer, **piece, "elements": [int(m) + 1 for m in members[which == level - 1]]})
     return found if changed else layers
 

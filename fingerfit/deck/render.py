@@ -109,24 +109,40 @@ def _place(error: Exception, template: str) -> tuple[str, int]:
     return where, line
 
 
+def is_template(name: str, folders: Sequence[Path]) -> bool:
+    """Whether one of the folders has a template of this name."""
+    import jinja2
+
+    try:
+        return bool(_find(name, folders))
+    except jinja2.TemplateNotFound:
+        return False
+
+
+def _find(name: str, folders: Sequence[Path | str]) -> tuple[Path, Path]:
+    """The first folder that has a template, and its path."""
+    import jinja2
+    from jinja2.loaders import split_template_path
+
+    parts = split_template_path(name)
+    for folder in map(Path, folders):
+        path = folder.joinpath(*parts)
+        if os.path.lexists(path):
+            return folder, path
+    raise jinja2.TemplateNotFound(name)
+
+
 @functools.cache
 def _environment(folders: tuple[str, ...], ours: bool) -> SandboxedEnvironment:
     """Where templates are found and rendered; with `ours` those of other folders are refused by `_Foreign`."""
     import jinja2
-    from jinja2.loaders import split_template_path
     from jinja2.sandbox import SandboxedEnvironment
 
     class Loader(jinja2.BaseLoader):
         """Templates in folders, in order; as jinja2's own, but it reads regular files up to a size only."""
 
         def get_source(self, environment: jinja2.Environment, name: str) -> tuple[str, str, Any]:
-            parts = split_template_path(name)
-            for folder in map(Path, folders):
-                path = folder.joinpath(*parts)
-                if os.path.lexists(path):
-                    break
-            else:
-                raise jinja2.TemplateNotFound(name)
+            folder, path = _find(name, folders)
             if ours and folder != OURS:
                 raise _Foreign
             check_regular(path, "template", DOCUMENT, "a template")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -49,6 +50,33 @@ def chosen(names: Sequence[str], known: Mapping[str, Effect], where: Path | str)
         if name not in known:
             raise unknown_key(where, "model.effects.", name, sorted(known))
     return tuple(known[name] for name in names)
+
+
+def wrong_numbers(
+    given: Mapping[str, Mapping[str, float]], known: Mapping[str, Effect], where: Path | str, prefix: str
+) -> list[InputError]:
+    """Problems of the numbers of effects: names that they do not have, values out of their bounds.
+
+    Parameters
+    ----------
+    given : mapping
+        Numbers by the short names, for each effect.
+    known : mapping
+        Has these effects and may have others.
+    where, prefix : Path or str
+        File and beginning of the fields in errors, for example ``model.effects.``.
+    """
+    problems = []
+    for name, numbers in given.items():
+        keys, bounds = list(known[name].own({})), known[name].bounds()
+        for key, value in numbers.items():
+            low, high = bounds.get(key, (-math.inf, math.inf))
+            if key not in keys:
+                problems.append(unknown_key(where, f"{prefix}{name}.", key, keys))
+            elif not low <= value <= high:
+                expected = f"{low:g} to {high:g}, the bounds"
+                problems.append(InputError(where, f"{prefix}{name}.{key}", f"{value:g}", expected))
+    return problems
 
 
 @functools.cache

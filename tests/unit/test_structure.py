@@ -12,7 +12,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # low to high: a module imports only from its own line and from lines above it
 ORDER = (
     ("errors",),
-    ("beside", "failures", "files", "keys", "sources", "templates", "units"),
+    ("beside", "described", "failures", "files", "keys", "sources", "templates", "units"),
     ("contents",),
     ("guess", "mesh", "material", "study"),
     ("effects",),
@@ -28,7 +28,7 @@ ORDER = (
     ("choices",),
     ("settings", "pictured"),
     ("plausible",),
-    ("decks", "prepare", "fit", "experiment", "settings_check"),
+    ("decks", "prepare", "fit", "experiment", "settings_check", "truth_file", "truth_keys"),
     ("residual", "inputs"),
     ("refine",),
     ("course", "judge", "extend", "suspects"),
@@ -77,10 +77,12 @@ def test_files_are_short():
 
 
 def test_generated_files_are_up_to_date():
+    from fingerfit import truth_keys
     from fingerfit.settings import describe, schema
 
     assert json.loads((ROOT / "workflow/schemas/config.schema.json").read_text(encoding="utf-8")) == schema()
     assert (ROOT / "docs/config.md").read_text(encoding="utf-8") == describe()
+    assert (ROOT / "docs/experiment-keys.md").read_text(encoding="utf-8") == truth_keys.describe()
 
 
 def test_the_lock_file_names_no_registry():
