@@ -89,6 +89,13 @@ def rng() -> np.random.Generator:
     return generator(7)
 
 
+def pytest_configure() -> None:
+    try:
+        project_seed()
+    except ValueError as error:
+        raise pytest.UsageError(str(error)) from None
+
+
 def pytest_report_header() -> str:
     return f"seed of the random numbers: {VARIABLE}={project_seed()}"
 

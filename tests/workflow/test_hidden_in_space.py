@@ -104,9 +104,11 @@ def test_the_layer_is_missing(world):
     assert (world.verdict.kind, world.verdict.effects) == ("missing", ("layers",))
     # found: friction and a shift of the pictures look better, and are refitted, too
     # what is left beyond the noise is what other elements change
-    assert errors(world.examination)[0] > 1.5
+    before = errors(world.examination)[0]
+    assert before > 1.5  # 9 seeds: 1.65 on average with a standard deviation of 0.026
     judge, after = world.judge, world.refits["layers"]
-    assert after.fitted < 1.35
+    # 9 seeds: 0.485 of what was beyond the noise, 0.025; five of them
+    assert after.fitted - 1 < 0.61 * (before - 1)
     assert after.misfit - after.freedom < 0.2 * (judge.misfit - judge.freedom)
 
 
@@ -121,8 +123,9 @@ def test_without_it_no_other_takes_its_place(world):
 def test_the_constants_are_near_the_truth(world):
     values = world.refits["layers"].values
     # linear tetrahedra without a pressure of their own are too stiff, which makes all constants too soft alike
-    assert values["mu"] == pytest.approx(TISSUE, rel=0.25)
-    assert values["layers.contrast"] == pytest.approx(np.log(EPIDERMIS / TISSUE), abs=0.2)
+    # 9 seeds: 14.6 % too soft with a standard deviation of 1.5 %, the contrast less by 0.03 with one of 0.048; five of them
+    assert values["mu"] == pytest.approx(TISSUE, rel=0.22)
+    assert values["layers.contrast"] == pytest.approx(np.log(EPIDERMIS / TISSUE), abs=0.27)
 
 
 def test_no_map_without_places(world):

@@ -109,7 +109,7 @@ def test_the_constants_are_found(fitted):
     assert found["remarks"] == []
     for name, truth in TRUTH.items():
         entry = found["parameters"][name]
-        # the fit's 150 linear bricks are not the data's 384 quadratic tetrahedra
+        # the fit's 150 linear bricks are not the data's 384 quadratic tetrahedra: 3.7 and 3.4 %, with 0.3 % by the noise (4 seeds)
         assert entry["value"] == pytest.approx(truth, rel=0.05)
         assert 0 < entry["standard_error"] < 0.02 * truth
 
