@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -74,3 +75,13 @@ def write_deck(tmp_path: Path) -> Writer:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(7)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """The table of bad inputs and faults, where they ran."""
+    file = ROOT / "tests/faults/table.py"
+    spec = importlib.util.spec_from_file_location("faults_table", file)
+    if spec is not None and spec.loader is not None:
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        module.summarize(terminalreporter)
