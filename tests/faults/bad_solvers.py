@@ -8,7 +8,8 @@ from unittest import mock
 import battery
 from battery import all_of, bad, fine, holds, nothing, recoded
 
-from fingerfit.solvers import abaqus, calculix
+from fingerfit.solvers import abaqus as abaqus_adapter
+from fingerfit.solvers import calculix
 from fingerfit.solvers.registry import get_solver
 
 AREA = "solvers"
@@ -27,7 +28,7 @@ def asked(place):
         with mock.patch.dict(os.environ, battery.placed(environment, place)):
             (place / file).write_text(json.dumps(get_solver(name).identity()))
     calculix._version.cache_clear()  # else the command, a fork of this process, would know it
-    abaqus._version.cache_clear()
+    abaqus_adapter._version.cache_clear()
 
 
 def solve(solver, name, change, *says, make=bad, **more):
