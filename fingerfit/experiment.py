@@ -15,7 +15,7 @@ from fingerfit.deck.render import render_deck
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.expression import evaluate
 from fingerfit.effects.observe import Observation
-from fingerfit.errors import InputError, SolverError
+from fingerfit.errors import FingerfitError, InputError, SolverError
 from fingerfit.files import digest, write_text
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture, write_picture
@@ -116,7 +116,7 @@ def _mesh_settings(truth: Truth) -> MeshSettings | None:
     except ValidationError as error:
         first = error.errors()[0]
         field = ".".join(map(str, ("mesh", *first["loc"])))
-        raise InputError(truth.folder, field, first["input"], first["msg"].replace("Input should be ", "")) from error
+        raise InputError(truth.file, field, first["input"], first["msg"].replace("Input should be ", "")) from error
 
 
 def _present(truth: Truth) -> list[Effect]:
@@ -176,7 +176,10 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
     force, moved, pictures = add_noise(truth, solved, truth.seed if seed is None else seed)
     pictured = truth.picture["pictured"]
     out.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
+    try:
+        temporary = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
+    except OSError as error:
+        raise FingerfitError(f"{out}: cannot be written: {error.strerror}") from error
     try:
         for number in [0, *pictured]:
             name = "before" if number == 0 else f"step_{number}"

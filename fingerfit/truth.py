@@ -8,9 +8,10 @@ from typing import Any
 
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
-from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.errors import FingerfitError, Problems
 from fingerfit.keys import Keys, read_yaml
 from fingerfit.study import Body, Layer
+from fingerfit.truth_check import check_truth
 
 SHAPES = {"capsule": ("from", "to", "radius"), "ellipsoid": ("centre", "radii"), "box": ("low", "high")}
 """Simple shapes that are drawn into volumes, and the numbers that describe them."""
@@ -66,6 +67,8 @@ class Truth:
         ``body, boundary, control, pictures`` of the study that is written, where they are not those of the truth.
     folder : Path
         Of the description.
+    file : Path
+        The description.
     """
 
     title: str
@@ -91,6 +94,7 @@ class Truth:
     boundary: tuple[str, str] = ("held", "glued")
     written: dict[str, Any] = field(default_factory=dict)
     folder: Path = Path()
+    file: Path = Path()
 
     @property
     def known(self) -> dict[str, Effect]:
@@ -154,7 +158,7 @@ def read_truth(path: Path) -> Truth:
     size = (0.0, 0.0) if space else (body.number("width", above=0.0), body.number("thickness", above=0.0))
     spread = (noise.number("force"), noise.number("displacement"))
     solver, title, seed = keys.text("solver"), keys.text("title"), keys.number("seed")
-    own = path.parent / (keys.text("own") or "") if "own" in keys.data else None
+    own = _own(keys)
     boundary, written = keys.mapping("boundary", {}), keys.mapping("study", {})
     boundary.known("base", "indenter")
     written.known("body", "boundary", "control", "pictures")
@@ -184,12 +188,22 @@ def read_truth(path: Path) -> Truth:
         boundary=(boundary.data.get("base", "held"), boundary.data.get("indenter", "glued")),
         written=written.data,
         folder=path.parent,
+        file=path,
     )
-    if space and not problems:
-        _check_grid(keys, truth)
+    if not problems:
+        check_truth(keys, truth)
     if problems:
         raise Problems(problems)
     return truth
+
+
+def _own(keys: Keys) -> Path | None:
+    """Folder of the experiment's own effects."""
+    name = keys.text("own", None)
+    if name is not None and not (keys.where.parent / name).is_dir():
+        keys.wrong("own", name, "a folder that exists")
+        return None
+    return None if name is None else keys.where.parent / name
 
 
 def _layers(body: Keys, place: str) -> tuple[dict[str, Any], ...]:
@@ -210,7 +224,7 @@ def _table(keys: Keys, name: str, wanted: tuple[str, ...], further: tuple[str, .
     table = keys.mapping(name)
     table.known(*wanted, *(further if name == "picture" else ()))
     for key in wanted:
-        if key not in table.data:
+        if key not in table.data and not table.broken:  # one line is enough
             table.wrong(key, "nothing", "a value")
     return table.data
 
@@ -247,30 +261,3 @@ def _drawn(body: Keys) -> tuple[dict[str, Any], ...]:
             one.wrong("radii", list(values["radii"]), "3 numbers above 0")
         found.append(values)
     return tuple(found)
-
-
-def _check_grid(keys: Keys, truth: Truth) -> None:
-    """Numbers of a grid of voxels, and of the layers of a brick."""
-    picture = Keys(keys.where, truth.picture, "picture.", keys.problems)
-    pixels = picture.numbers("pixels", 3)
-    if pixels is not None and not all(n == int(n) >= 2 for n in pixels):
-        picture.wrong("pixels", list(pixels), "3 whole numbers above 1")
-    for name in ("spacing", *(("origin",) if "origin" in truth.picture else ())):
-        numbers = picture.numbers(name, 3)
-        if name == "spacing" and numbers is not None and min(numbers) <= 0:
-            picture.wrong(name, list(numbers), "3 numbers above 0")
-    for name in ("texture", "noise"):
-        picture.number(name)
-    picture.number("correlation", above=0.0)
-    samples = truth.picture.get("samples", 1)
-    if type(samples) is not int or not 1 <= samples <= 512:
-        picture.wrong("samples", samples, "a whole number from 1 to 512")
-    steps = range(1, len(truth.displacement) + 1)
-    for number in picture.items("pictured"):
-        if number not in steps:
-            picture.wrong("pictured", number, f"steps from 1 to {len(truth.displacement)}")
-    if truth.brick is not None:
-        height = sum(layer["height"] for layer in truth.layers)
-        if min(truth.brick) <= 0 or abs(height - truth.brick[2]) > 1e-9 * height:
-            found = f"{list(truth.brick)} with layers of {height:g} mm in all"
-            keys.problems.append(InputError(keys.where, "body.brick", found, "3 lengths, the last that of all layers"))

@@ -41,7 +41,7 @@ DUMP = re.compile(
     r"Traceback|\b[A-Za-z_.]*[A-Z]\w*(Error|Exception|Warning|Interrupt|Expired)\b|<class |object at 0x|pydantic"
 )
 """What Python says, and no person."""
-CHECK = ("check", "study", "--picture", "mesh.png")
+CHECK = ("check", "study", "--config", "config.yaml", "--picture", "mesh.png")
 
 
 class _Gone:

@@ -103,7 +103,7 @@ def picture(path: Path, shape: tuple[int, ...] = (30, 30), kind: Any = np.float3
     dim = len(shape)
     frame = {"spacing": np.full(dim, 0.8), "origin": np.full(dim, -5.0), "direction": np.eye(dim)} | changes
     found = frame.pop("values", None)
-    noise = np.random.default_rng(len(path.name)).uniform(0, 4000, shape)
+    noise = np.random.default_rng(list(path.name.encode())).uniform(0, 4000, shape)
     write_picture(path, Picture(noise if found is None else found, **frame), kind)
 
 
@@ -199,7 +199,7 @@ def deck(place: Path) -> None:
     for name, program in (("ccx", CCX), ("abaqus", ABAQUS)):
         (place / name).write_text(program)
         (place / name).chmod(0o755)
-    (place / "said.txt").write_text("done\n")
+    (place / "said.txt").write_text(" Job finished\n")
     write_json(place / "builtin.json", BuiltinSolver().identity())
     read = read_deck(place / "deck.inp")
     tables, records, time = [], [_record(1921, "6.23-1", "stand-in", "", "", 0, 0, 1.0)], 0.0

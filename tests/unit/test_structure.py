@@ -21,7 +21,7 @@ ORDER = (
     ("imaging", "data", "slices"),
     ("morph",),
     ("score", "search", "uncertainty"),
-    ("truth",),
+    ("truth", "truth_check"),
     ("predict", "estimate", "rounds", "scan"),
     ("choices",),
     ("settings", "pictured"),
