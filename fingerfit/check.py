@@ -41,6 +41,8 @@ def check_study(path: Path, config: Path, picture: Path | None) -> str:
     settings = load_settings(config)
     check_against_study(settings, study, config)
     mesh = make_mesh(study, settings.model.mesh)
+    if settings.model.refined is not None or study.body.refined is not None:
+        make_mesh(study, settings.model.refined, finer=True)
     check_effects(settings, study, mesh, config)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     lines = [

@@ -33,7 +33,7 @@ _READ = (
     "fem/elements.py",
     "fem/shapes.py",
 )
-_MESH = ("mesh.py", "mesh_io.py", "meshing.py")
+_MESH = ("mesh.py", "mesh_check.py", "mesh_io.py", "meshing.py")
 _FIT = (
     *_READ,
     *_MESH,

@@ -16,7 +16,7 @@ ORDER = (
     ("effects",),
     ("fem",),
     ("study_file",),
-    ("deck", "meshing", "mesh_io", "tetrahedra", "anatomy"),
+    ("deck", "meshing", "mesh_io", "mesh_check", "tetrahedra", "anatomy"),
     ("solvers",),
     ("imaging", "data", "slices"),
     ("morph",),
