@@ -212,7 +212,10 @@ def ladder(args: argparse.Namespace) -> None:
 def check(args: argparse.Namespace) -> None:
     """Say what was understood of a study."""
     from fingerfit.check import check_study
+    from fingerfit.errors import InputError
 
+    if args.picture is not None and args.picture.suffix.lower() != ".png":
+        raise InputError("--picture", "name", args.picture, "one that ends in .png")
     print(check_study(args.study, args.config, args.picture))
 
 

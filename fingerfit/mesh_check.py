@@ -9,6 +9,7 @@ import numpy as np
 from fingerfit.errors import FingerfitError, InputError
 from fingerfit.fem.elements import ELEMENTS, rule, shape
 from fingerfit.mesh import Mesh
+from fingerfit.units import LENGTHS
 
 _NAMED = 5
 """Numbers that a line lists before it only counts them."""
@@ -27,8 +28,12 @@ def faults_of_mesh(mesh: Mesh, layers: dict[str, np.ndarray], where: Path) -> li
         Its file, which errors name.
     """
     problems: list[FingerfitError] = []
-    with np.errstate(all="ignore"):  # coordinates may be as large as numbers get
-        empty = _without_volume(mesh)
+    far = np.flatnonzero(~(np.abs(mesh.points) <= LENGTHS[1]).all(axis=1))
+    if len(far):
+        return [
+            InputError(where, "nodes", f"{_listed(far)} beyond {LENGTHS[1]:g} mm", "coordinates in the study's unit")
+        ]
+    empty = _without_volume(mesh)
     if len(empty):
         found = f"no volume, or a negative one, in {_listed(empty)}"
         problems.append(InputError(where, "elements", found, "nodes in the order that ABAQUS has, anticlockwise"))

@@ -29,7 +29,7 @@ def stage(key, *found, **more):
 
 CASES = [
     *of("study", GONE, None, 3, "", "a b", "nowhere", "config.yaml", ["study"], "$(ls)", "a*", LONG),
-    *of("results", None, 3, "", "a b", ["results"], "{x}", "config.yaml", "/proc/results", LONG),
+    *of("results", None, 3, "", "a b", ["results"], "{x}", "config.yaml", LONG),
     *of("solver", None, 3, "", "calculx", ["builtin"], {"name": "builtin"}),
     *of("solver", GONE, make=fine),
     *of("solvr", "builtin"),

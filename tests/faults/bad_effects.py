@@ -29,11 +29,15 @@ CASES = [
     *of("parameters", {}),  # an effect without a number cannot be found
     *of("parameters.size.unit", GONE, 3, None),
     *of("parameters.size.absent", GONE, "none", NAN, 9, INF),
-    *of("parameters.size.lower", GONE, 2, NAN, "x"),
+    *of("parameters.size.lower", GONE, NAN, "x"),
+    *of("parameters.size.lower", 2, says=["own.yaml", "parameters.size"]),
     *of("parameters.size.upper", GONE, -2, NAN, True),
     *of("parameters.size.step", GONE, 0, 9, NAN, "x", -3),
     *of("parameters.size.scale", 1),
-    *(more for name in ("exp", "x", "place", "a b", "", 3, "if", "a.b", "_", "größe") for more in of("parameters", {**EFFECT["parameters"], name: SIZE}, says=["own.yaml", "parameters"], make=either if name in ("_", "größe") else bad)),
+    *(
+        (either if name in ("_", "größe") else bad)(f"a number named {name!r}", put(FILE, "parameters", {**EFFECT["parameters"], name: SIZE}), "own.yaml", "parameters|scan|changes")
+        for name in ("exp", "x", "place", "a b", "", 3, "if", "a.b", "_", "größe")
+    ),
     *of("scan", 3, [1, 2], "place"),
     *of("scan.place", 3, [], ["here"], [NAN], [None], [True, False], "1, 2", [[1]]),
     *of("scan.place", [-1e308, INF]),

@@ -32,7 +32,7 @@ CASES = [
     call("check study --picture", "--picture"),
     call("check study --picture study", "study|picture"),
     call("check study --picture mesh.xyz", "mesh.xyz|xyz"),
-    call("check study --picture mesh", "mesh", make=either),
+    call("check study --picture mesh", "mesh"),
     call("check study --picture config.yaml/mesh.png", "mesh.png"),
     call("check study --picture /proc/mesh.png", "/proc/mesh.png"),
     call("check study --picture /dev/full", "/dev/full"),
