@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test test-all fast fingertip fingertip-data fingertip-coarse benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp setup lint clean
+.PHONY: help run test test-all fast fingertip fingertip-data fingertip-coarse benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp benchmark-faults setup lint clean
 
 PYTHON ?= python3
 CORES ?= 2
@@ -69,6 +69,9 @@ benchmark-warp: setup  ## volumes warped and scored: benchmarks/warp.md (one min
 
 benchmark-hidden: setup  ## hidden effects, found or not: benchmarks/hidden_effects.md (two hours)
 	$(BIN)/python benchmarks/hidden_effects.py
+
+benchmark-faults: setup  ## bad inputs and faults: benchmarks/faults.md (a quarter of an hour)
+	FINGERFIT_FAULTS=benchmarks/faults.md $(BIN)/python -m pytest tests/faults -m slow -n $(CORES)
 
 lint: setup  ## style, types, rules
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

@@ -85,6 +85,8 @@ def check_study(path: Path, config: Path | None = None, picture: Path | None = N
     else:
         check_against_study(settings, study, where)
         mesh = make_mesh(study, settings.model.mesh)
+        if settings.model.refined is not None or study.body.refined is not None:
+            make_mesh(study, settings.model.refined, finer=True)
         check_effects(settings, study, mesh, where)
         steps, smooth, crop = settings.fit.steps, settings.fit.smooth, settings.fit.crop
     data = prepare(study, mesh, steps, smooth, crop)

@@ -12,6 +12,13 @@ from fingerfit import __version__, commands
 from fingerfit.errors import FingerfitError
 
 
+def _count(text: str) -> int:
+    """A whole number from 1, for argparse."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"found {text}; expected a whole number above 0")
+    return int(text)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="fingerfit", description="Material constants from pictures and forces.")
     parser.add_argument("--version", action="version", version=f"fingerfit {__version__}")
@@ -41,7 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument("--size", type=float, default=3.0, help="of elements, relative to 35 000 tetrahedra (3)")
     sub.add_argument("--element", default="C3D10H", help="C3D4, C3D4H, C3D10 or C3D10H (C3D10H)")
-    sub.add_argument("--across", type=int, default=1, help="elements through each layer of the skin (1)")
+    sub.add_argument("--across", type=_count, default=1, help="elements through each layer of the skin (1)")
     sub.add_argument(
         "--at", type=float, nargs=2, metavar=("X", "Y"), help="where the indenter comes down, mm (the pulp)"
     )
@@ -70,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = command("discover", "fit, diagnose, add what is missing, and again, until nothing is missing")
     sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
-    sub.add_argument("--cores", type=int, default=2)
+    sub.add_argument("--cores", type=_count, default=2)
 
     sub = command("export", "write fields (VTU), pictures (NIfTI) and tables (CSV) of a diagnosed model")
     sub.add_argument("model", type=Path, help="results/STUDY/MODEL")
@@ -96,7 +103,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("deck", type=Path)
     sub.add_argument("--solver", type=Path, required=True)
     sub.add_argument("--out", type=Path, required=True)
-    sub.add_argument("--threads", type=int, default=1)
+    sub.add_argument("--threads", type=_count, default=1)
     sub.add_argument("--time-limit", type=int, default=0, help="seconds; 0: the solver's own")
 
     sub = command("prepare", "read the measurements and make the meshes (for the workflow)")
@@ -124,7 +131,7 @@ def _parser() -> argparse.ArgumentParser:
         if name == "diagnose":
             sub.add_argument("--estimate", type=Path, required=True)
         if name in ("propose", "estimate", "diagnose"):
-            sub.add_argument("--threads", type=int, default=1)
+            sub.add_argument("--threads", type=_count, default=1)
 
     sub = command("ladder", "put the rungs on the way to a model together, and write the page (for the workflow)")
     sub.add_argument("settings", type=Path, help="settings.json of the model")

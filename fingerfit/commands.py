@@ -47,6 +47,7 @@ def simulate(args: argparse.Namespace) -> None:
 
 def prepare(args: argparse.Namespace) -> None:
     """Read and check the study, smooth and scale its pictures, make its meshes."""
+    from fingerfit.errors import InputError
     from fingerfit.files import keep_mesh
     from fingerfit.mesh_io import format_mesh
     from fingerfit.plausible import refuse_magnitudes
@@ -57,6 +58,8 @@ def prepare(args: argparse.Namespace) -> None:
     settings = _checked(args.settings)
     study = load_study(Path(settings.study))
     check_against_study(settings, study)
+    if args.refined and settings.model.refined is None and study.body.refined is None:
+        raise InputError(args.settings, "model.refined", "nothing", f"a finer mesh, since {args.refined} is asked for")
     mesh = make_mesh(study, settings.model.mesh)
     check_effects(settings, study, mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
@@ -188,7 +191,9 @@ def discover(args: argparse.Namespace) -> None:
     import functools
 
     from fingerfit.climb import discover
+    from fingerfit.settings import load_settings
 
+    load_settings(args.config)  # what is wrong with it is said here in one line, not by the workflow
     discover(args.config, args.cores, functools.partial(print, flush=True))
 
 
@@ -198,7 +203,7 @@ def effects(args: argparse.Namespace) -> None:
     from fingerfit.errors import InputError
     from fingerfit.study_file import study_path
 
-    if args.study and not study_path(args.study).is_file():
+    if args.study and not (study_path(args.study).is_file() and study_path(args.study).name == "study.yaml"):
         raise InputError(args.study, "study", "no study.yaml", "the folder of a study")
     known = catalogue(study_path(args.study).parent if args.study else None)
     print("\n\n".join(as_lines(effect) for effect in known.values()))
@@ -221,7 +226,10 @@ def ladder(args: argparse.Namespace) -> None:
 def check(args: argparse.Namespace) -> None:
     """Say what was understood of a study."""
     from fingerfit.check import check_study
+    from fingerfit.errors import InputError
 
+    if args.picture is not None and args.picture.suffix.lower() != ".png":
+        raise InputError("--picture", "name", args.picture, "one that ends in .png")
     print(check_study(args.study, args.config, args.picture, args.solve))
 
 
@@ -260,9 +268,12 @@ def morph(args: argparse.Namespace) -> None:
 def docs(args: argparse.Namespace) -> None:
     """Write the schema of config.yaml, and the tables of its keys and those of experiment.yaml."""
     from fingerfit import truth_keys
+    from fingerfit.errors import InputError
     from fingerfit.files import write_json, write_text
     from fingerfit.settings import describe, schema
 
+    if not (args.folder / "workflow/schemas").is_dir():
+        raise InputError(args.folder, "folder", "no workflow/schemas", "the folder of the project")
     write_json(args.folder / "workflow/schemas/config.schema.json", schema())
     write_text(args.folder / "docs/config.md", describe())
     write_text(args.folder / "docs/experiment-keys.md", truth_keys.describe())

@@ -14,7 +14,7 @@ from fingerfit.deck.render import render_deck
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.expression import evaluate
 from fingerfit.effects.observe import Observation
-from fingerfit.errors import InputError, LimitError, SolverError
+from fingerfit.errors import FingerfitError, InputError, LimitError, SolverError
 from fingerfit.files import digest, write_text
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture, write_picture
@@ -226,7 +226,10 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
     force, moved, pictures = add_noise(truth, solved, truth.seed if seed is None else seed)
     pictured = truth.picture["pictured"]
     out.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
+    try:
+        temporary = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
+    except OSError as error:
+        raise FingerfitError(f"{out}: cannot be written: {error.strerror}") from error
     try:
         for number in [0, *pictured]:
             name = "before" if number == 0 else f"step_{number}"

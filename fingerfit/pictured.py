@@ -181,6 +181,10 @@ def _noise(study: Study, mesh: Mesh, before: Picture) -> float:
     """Standard deviation in the intensity of the files."""
     given = study.noise.picture
     if isinstance(given, float):
+        extent = float(np.ptp(before.values))
+        if given > extent > 0:
+            expected = f"at most {extent:.4g}, the range of the picture before compression"
+            raise InputError(study.path, "pictures.noise", f"{given:g}", expected)
         return given
     if isinstance(given, tuple) and study.before is not None:
         again = _like(before, study.before.name, given, lambda picture: picture)

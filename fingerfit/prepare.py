@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from fingerfit.data import Data
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.files import TABLE, read_text
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.points import estimate_covariance
+from fingerfit.imaging.points import estimate_covariance, unusable
 from fingerfit.mesh import Mesh
+from fingerfit.mesh_check import faults_of_mesh
 from fingerfit.mesh_io import read_mesh
 from fingerfit.meshing import brick, layered_block
 from fingerfit.pictured import Prepared, prepare_pictures
@@ -46,7 +48,8 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
             body.origin,
         )
     elif body.mesh is not None:
-        mesh = _named(read_mesh(body.refined if finer and body.refined else body.mesh), study)
+        file = body.refined if finer and body.refined else body.mesh
+        mesh = _named(read_mesh(file), study, file)
         if mesh.dim == 2 and not body.thickness:
             raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
     else:
@@ -54,7 +57,7 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
     return mesh
 
 
-def _named(mesh: Mesh, study: Study) -> Mesh:
+def _named(mesh: Mesh, study: Study, file: Path) -> Mesh:
     """A user's mesh in mm with its element sets named as the layers and its node sets as the templates want them.
 
     ``INDENTER`` (one node of ``TOP``) and, for a base that slides in the plane, ``MIDDLE`` are chosen when the mesh
@@ -66,7 +69,7 @@ def _named(mesh: Mesh, study: Study) -> Mesh:
     for layer in study.body.layers:
         name = (layer.elements or layer.name).upper()
         if name not in sets:
-            problems.append(InputError(study.body.mesh or "", f"element set {name}", "nothing",
+            problems.append(InputError(file, f"element set {name}", "nothing",
                                        "one of " + ", ".join(sorted(sets))))  # fmt: skip
         else:
             chosen[layer.name.upper()] = sets[name]
@@ -77,7 +80,7 @@ def _named(mesh: Mesh, study: Study) -> Mesh:
     for name, own in wanted.items():
         if len(nodes.get(own, ())) == 0:
             expected = "one of " + ", ".join(sorted(nodes)) if nodes else "node sets in the mesh"
-            problems.append(InputError(study.body.mesh or "", f"node set {own}", "nothing", expected))
+            problems.append(InputError(file, f"node set {own}", "nothing", expected))
         else:
             nodes[name] = nodes[own]
     if problems:
@@ -86,7 +89,10 @@ def _named(mesh: Mesh, study: Study) -> Mesh:
     if mesh.dim == 2:
         x = mesh.points[nodes["BOTTOM"], 0]
         nodes.setdefault("MIDDLE", nodes["BOTTOM"][[np.abs(x - x.mean()).argmin()]])
-    return Mesh(mesh.points * study.length, mesh.blocks, nodes, {**sets, **chosen}, mesh.surfaces)
+    named = Mesh(mesh.points * study.length, mesh.blocks, nodes, {**sets, **chosen}, mesh.surfaces)
+    if faults := faults_of_mesh(named, chosen, file):
+        raise Problems(faults)
+    return named
 
 
 def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, crop: float) -> Data:
@@ -205,6 +211,13 @@ def _force_noise(study: Study, common: float) -> float | np.ndarray:
     return np.array([common if step.force_noise is None else step.force_noise for step in study.steps])
 
 
+def _number(text: str) -> float:
+    """A number of a table; ValueError for the 1_0 that Python reads as 10, too."""
+    if "_" in text:
+        raise ValueError(f"could not read {text.strip()!r}")
+    return float(text)
+
+
 def _points_covariance(
     study: Study, points: tuple[np.ndarray, np.ndarray, np.ndarray], problems: list[FingerfitError]
 ) -> np.ndarray:
@@ -231,9 +244,12 @@ def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tu
             head = [cell.strip() for cell in text[0].split(",")] if text else []
             if head != columns:
                 raise InputError(step.points, "columns", ",".join(head) or "nothing", ",".join(columns))
-            table = np.array([[float(cell) for cell in row.split(",")] for row in text[1:] if row.strip()])
+            table = np.array([[_number(cell) for cell in row.split(",")] for row in text[1:] if row.strip()])
             if table.ndim != 2 or table.shape[1] != len(columns) or not np.isfinite(table).all():
                 raise InputError(step.points, "rows", "missing or infinite numbers", f"{len(columns)} finite numbers")
+            wrong = unusable(table[:, : mesh.dim] * study.length, table[:, mesh.dim :] * study.length, mesh.body)
+            if wrong is not None:
+                raise InputError(step.points, "rows", *wrong)
         except InputError as error:
             problems.append(error)
             continue

@@ -244,6 +244,14 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
             problems.append(unknown_key(where, "model.material.", name, MATERIAL))
         else:
             problems += impossible(where, f"model.material.{name}", name.partition("_")[0], value)
+    problems += [
+        InputError(where, f"model.material.{name}", "a constant that is fitted, too", "no such key, or no parameter")
+        for name in settings.model.material
+        if name in settings.model.parameters
+    ]
+    steps = settings.fit.steps or []
+    for step in sorted({step for step in steps if steps.count(step) > 1}):
+        problems.append(InputError(where, "fit.steps", f"step {step} twice", "each step once"))
     if not problems:
         problems += _wrong_stages(settings, where)
     most = settings.fit.max_evaluations

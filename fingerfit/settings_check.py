@@ -18,6 +18,9 @@ from fingerfit.settings import CONFIG, MATERIAL, MeshSettings, Settings
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Study
 
+NAME = 255
+"""Bytes of a file's name that Linux's file systems have."""
+
 
 def check_against_study(settings: Settings, study: Study, where: Path | str = CONFIG) -> None:
     """Problems of settings with a study.
@@ -30,6 +33,7 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
     """
     layers = study.layer_names
     problems: list[FingerfitError] = _missing_data(settings, study, where)
+    problems += _unusable_folder(settings, where) + _unweighted_points(settings, study)
     model = settings.model
     strange: set[str] = set()
     for group, names in (("parameters", model.parameters), ("material", model.material)):
@@ -129,6 +133,26 @@ def check_data(settings: Settings, study: Study, data: Data) -> None:
     beside = bool((np.isfinite(measured) & (noise > 0)).any())
     if not (data.measured.size or beside or (data.points.size and data.points_noise > 0)):
         raise InputError(study.path, "noise", "0 for all that is compared", "a number above 0 for some of it")
+
+
+def _unusable_folder(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    """Problems of the folder of the results, which is made when the first of them is written."""
+    results = Path(settings.results)
+    for key, name in (*(("results", part) for part in results.parts), ("model.name", settings.model.full_name)):
+        if len(name.encode()) > NAME:
+            return [InputError(where, key, f"a name of {len(name.encode())} bytes", f"at most {NAME}, as files have")]
+    there = next((path for path in (results, *results.parents) if path.exists()), results)
+    if there.exists() and not there.is_dir():
+        return [InputError(where, "results", f"{there}, which is a file", "a folder")]
+    return []
+
+
+def _unweighted_points(settings: Settings, study: Study) -> list[FingerfitError]:
+    """Points that a likelihood would leave out without a word."""
+    pointed = any(step.points for step in study.steps)
+    if settings.fit.score != "likelihood" or not pointed or study.noise.points is not None:
+        return []
+    return [InputError(study.path, "noise.points", "nothing", "a number or estimated, since points are measured")]
 
 
 def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:

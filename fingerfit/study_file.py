@@ -13,7 +13,7 @@ from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.files import DOCUMENT, read_text
 from fingerfit.keys import Keys, read_yaml
 from fingerfit.study import ESTIMATED, Body, Chain, Layer, Noise, Step, Study, wrong_name
-from fingerfit.units import factor
+from fingerfit.units import LENGTHS, factor
 
 COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
 
@@ -152,7 +152,7 @@ def _chain(pictures: Keys, length: float) -> Chain:
         resize = None
     if gaussian in off and gaussian is not None and type(gaussian) is not int:
         gaussian = 0.0
-    elif gaussian is not None and not (isinstance(gaussian, int | float) and 0 <= gaussian <= 20):
+    elif gaussian is not None and not (type(gaussian) in (int, float) and 0 <= gaussian <= 20):
         pictures.wrong("gaussian", gaussian, "off, or a standard deviation in pixels from 0 to 20")
         gaussian = None
     scale = data.get("scale", "range")
@@ -168,7 +168,7 @@ def _box(value: object, length: float) -> tuple[tuple[float, ...], tuple[float, 
     if not (isinstance(value, list) and len(value) == 2 and all(isinstance(corner, list) for corner in value)):
         return None
     low, high = value
-    numbers = all(type(x) in (int, float) and math.isfinite(x) for x in [*low, *high])
+    numbers = all(type(x) in (int, float) and abs(x) * length <= LENGTHS[1] for x in [*low, *high])
     if not numbers or len(low) != len(high) or len(low) not in (2, 3):
         return None
     if any(a >= b for a, b in zip(low, high, strict=True)):
@@ -179,7 +179,7 @@ def _box(value: object, length: float) -> tuple[tuple[float, ...], tuple[float, 
 def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
     body.known("layers", "width", "thickness", "origin", "brick", "mesh", "refined")
     size, layers, names = sizes["length"], list[Layer](), set[str]()
-    mesh, brick = body.text("mesh", None), body.numbers("brick", 3, None)
+    mesh, brick, solid = body.text("mesh", None), body.numbers("brick", 3, None), body.data.get("brick") is not None
     for number, entry in enumerate(body.items("layers")):
         layer = Keys(body.where, entry, f"body.layers.{number}.", body.problems)
         layer.known("name", "height", "elements")
@@ -188,10 +188,10 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
             layer.wrong("name", name, expected)
         names.add(name)
         height = None
-        if brick is not None and len(body.data["layers"]) == 1:
+        if solid and len(body.data["layers"]) == 1:
             height = layer.number("height", None, above=0.0)
         elif mesh is None:
-            height = layer.number("height", above=0.0)
+            height = _length(layer, "height", size)
         layers.append(Layer(name, height * size if height else None, layer.text("elements", name.upper())))
     if body.data.get("layers") == []:
         body.wrong("layers", "none", "at least one layer")
@@ -201,10 +201,10 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
     heights = [layer.height for layer in layers if layer.height is not None]
     if brick is not None and len(heights) == len(layers) and not math.isclose(sum(heights), brick[2] * size):
         body.wrong("layers", f"heights of {sum(heights) / size:g} in all", f"{brick[2]:g}, the height of the brick")
-    if brick is not None and min(brick) <= 0:
-        body.wrong("brick", list(brick), "3 lengths above 0")
+    if brick is not None and not all(LENGTHS[0] <= side * size <= LENGTHS[1] for side in brick):
+        body.wrong("brick", list(brick), f"3 lengths of {LENGTHS[0]:g} to {LENGTHS[1]:g} mm")
         brick = None
-    width = body.number("width", above=0.0) if mesh is None and brick is None else None
+    width = _length(body, "width", size) if mesh is None and not solid else None
     origin = body.numbers("origin", 2, (0.0, 0.0)) or (0.0, 0.0)
     thickness: float | None = 1.0
     thick, refined = body.data.get("thickness") != UNKNOWN, body.text("refined", None)
@@ -213,9 +213,9 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
     if not thick and mesh is not None:
         thickness = 1.0 / size  # 1 mm
     elif mesh is not None:  # which says later whether it is plane
-        thickness = body.number("thickness", 0.0, above=0.0) if "thickness" in body.data else 0.0
-    elif brick is None:
-        thickness = body.number("thickness", above=0.0)
+        thickness = _length(body, "thickness", size) if "thickness" in body.data else 0.0
+    elif not solid:
+        thickness = _length(body, "thickness", size)
     return Body(
         tuple(layers),
         width * size if width else None,
@@ -226,6 +226,15 @@ def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
         file.parent / refined if refined else None,
         thick,
     )
+
+
+def _length(keys: Keys, key: str, size: float) -> float | None:
+    """A length that a body can have, in the study's unit of `size` mm."""
+    value = keys.number(key, above=0.0)
+    if value is not None and not LENGTHS[0] <= value * size <= LENGTHS[1]:
+        keys.wrong(key, value, f"a length of {LENGTHS[0]:g} to {LENGTHS[1]:g} mm")
+        return None
+    return value
 
 
 def _steps(keys: Keys, sizes: Mapping[str, float], problems: list[FingerfitError]) -> tuple[Step, ...]:
@@ -332,6 +341,7 @@ def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
     for key, path in (("mesh", study.body.mesh), ("refined", study.body.refined)):
         if path is not None and not path.exists():
             problems.append(InputError(file, f"body.{key}", path.name, "a file that exists"))
+    _check_sets(study, problems)
     conjugate = "displacement" if study.control == "force" else "force"
     measured = [step for step in study.steps if getattr(step, conjugate) is not None]
     if study.noise.force_gain and study.control == "force":
@@ -340,6 +350,25 @@ def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
     if not pictures and not measured and not any(step.points for step in study.steps):
         problems.append(InputError(file, "steps", "nothing measured beside the control",
                                    f"pictures, points or {conjugate}"))  # fmt: skip
+
+
+def _check_sets(study: Study, problems: list[FingerfitError]) -> None:
+    """Names of sets of a mesh: one for each layer and each side, and none where there is no mesh."""
+    file, sides = study.path, {"base": study.base_nodes, "indenter": study.indenter_nodes}
+    if study.body.mesh is None:
+        for (side, nodes), own in zip(sides.items(), ("BOTTOM", "TOP"), strict=True):
+            if nodes != own:
+                expected = f"{own}, or a body with a mesh of its own"
+                problems.append(InputError(file, f"boundary.{side}.nodes", nodes, expected))
+        return
+    if study.base_nodes == study.indenter_nodes:
+        expected = f"other nodes than the base, {study.base_nodes}"
+        problems.append(InputError(file, "boundary.indenter.nodes", study.indenter_nodes, expected))
+    sets = [(layer.elements or layer.name).upper() for layer in study.body.layers]
+    for number, name in enumerate(sets):
+        if name in sets[:number]:
+            field, expected = f"body.layers.{number}.elements", "an element set that no other layer has"
+            problems.append(InputError(file, field, name, expected))
 
 
 def with_gain(study: Study, gain: float) -> Study:

@@ -12,6 +12,9 @@ UNITS: dict[str, dict[str, float]] = {
     "time": {"ms": 1e-3, "s": 1.0, "min": 60.0},
 }
 
+LENGTHS = (1e-6, 1e6)
+"""mm that a length of a body or picture has: from a nanometre, where bodies are atoms, to a kilometre."""
+
 
 def factor(kind: str, unit: str, where: Path, field: str) -> float:
     """Size of a unit; InputError for one that is not known.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -104,3 +105,14 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Where there is no header (`-q`), what failed can still be drawn again."""
     if terminalreporter.verbosity < 0:
         terminalreporter.write_line(pytest_report_header())
+    _tell_faults(terminalreporter)
+
+
+def _tell_faults(terminalreporter: pytest.TerminalReporter) -> None:
+    """The table of bad inputs and faults, where they ran."""
+    file = ROOT / "tests/faults/table.py"
+    spec = importlib.util.spec_from_file_location("faults_table", file)
+    if spec is not None and spec.loader is not None:
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        module.summarize(terminalreporter)

@@ -19,6 +19,9 @@ PULP = (0.25, 3.0)
 SOFT, DISTAL, MIDDLE = 1, 2, 3
 """Netgen's numbers of the parts."""
 
+FINEST = 0.15
+"""Size of ten million tetrahedra, 35 000 over its third power: no solver here takes more."""
+
 
 def finger_mesh(
     anatomy: Anatomy | None = None,
@@ -60,8 +63,9 @@ def finger_mesh(
     anatomy = anatomy or Anatomy()
     if element not in ELEMENTS:
         raise InputError("finger", "element", element, "one of " + ", ".join(ELEMENTS))
-    if not size > 0 or across < 1:
-        raise InputError("finger", "size, across", f"{size}, {across}", "positive numbers")
+    if not FINEST <= size < np.inf or across < 1:
+        expected = f"a size from {FINEST:g}, and 1 or more across"
+        raise InputError("finger", "size, across", f"{size:g}, {across}", expected)
     shells, triangles, counts = _shells(anatomy, size, across, pulp)
     points, elements, part, fixed = _fill(anatomy, shells[-1], triangles, size)
     # the skin's inner shell is there twice: its nodes are the first ones of what netgen filled

@@ -11,6 +11,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from fingerfit.errors import InputError
+from fingerfit.units import LENGTHS
+
+NAIL_END = 1.5
+"""mm between the nail's end and the tip."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,13 @@ class Anatomy:
             if not np.isfinite(value) or value < low or value > high or (positive and value == 0):
                 expected = "a positive number" if positive else f"a number from {low:g} to {high:g}"
                 raise InputError("anatomy", name, value, expected)
+            if high == np.inf and value > LENGTHS[1]:
+                raise InputError("anatomy", name, value, f"at most {LENGTHS[1]:g}")
+        if self.nail_angle > 90:
+            raise InputError("anatomy", "nail_angle", self.nail_angle, "at most 90 degrees, the dorsal side")
+        if self.nail_length > self.length - NAIL_END:
+            expected = f"at most {self.length - NAIL_END:g} mm: it ends {NAIL_END:g} mm before the tip"
+            raise InputError("anatomy", "nail_length", self.nail_length, expected)
         skin = self.epidermis + self.dermis
         free = min(
             (self.palmar + self.bone_depth - skin) / HEAD,
@@ -99,6 +110,10 @@ class Anatomy:
             raise InputError("anatomy", "joint", self.joint, expected)
         if self.bone_cover < skin + 0.5:
             raise InputError("anatomy", "bone_cover", self.bone_cover, f"more than {skin + 0.5:g} mm")
+        for distal, name in ((True, "bone_cover"), (False, "gap")):
+            if bone_capsule(self, distal).straight <= 0:
+                expected = f"less: the {'distal' if distal else 'middle'} phalanx is shorter than its ends are thick"
+                raise InputError("anatomy", name, getattr(self, name), expected)
 
     @property
     def pulp_centre(self) -> float:
@@ -181,7 +196,7 @@ def map_bone(anatomy: Anatomy, distal: bool, points: np.ndarray) -> np.ndarray:
 
 def is_nail(anatomy: Anatomy, points: np.ndarray) -> np.ndarray:
     """Whether points on the skin, shape (points, 3), are on the nail."""
-    end = anatomy.length - 1.5
+    end = anatomy.length - NAIL_END
     angle = np.degrees(np.arctan2(np.abs(points[:, 1]), -points[:, 2]))
     along = (points[:, 0] - (end - anatomy.nail_length / 2)) / (anatomy.nail_length / 2)
     # corners are rounded

@@ -104,7 +104,10 @@ def _changed(
         if what not in effect.changes:
             continue
         try:
-            value = evaluate(effect.changes[what], {**names, what: value, **effect.own(values)})
+            with np.errstate(all="ignore"):  # what comes out is told, not how
+                value = evaluate(effect.changes[what], {**names, what: value, **effect.own(values)})
+            if not np.isfinite(value).all():
+                raise ValueError(f"{effect.changes[what]!r} is not finite everywhere")
         except ValueError as error:
             raise InputError(f"effect {effect.name}", f"changes.{what}", error, "a formula of its names") from error
     return value

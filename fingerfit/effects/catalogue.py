@@ -18,6 +18,9 @@ from fingerfit.templates import template_folders
 CHANGES = ("alpha", "poisson", "field", "force", "displacement", "before", "increment")
 OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 
+PLACES = 1000
+"""Places of one effect: each is tested by simulations of its own; a whole diagnosis has some hundred."""
+
 
 def catalogue(study: Path | None = None) -> dict[str, Effect]:
     """Effects by name: ours, those of installed packages, and a study's own, which go before others of the same name.
@@ -114,6 +117,9 @@ def _read(path: Path, stamp: int) -> Effect:
     if control not in (None, "force", "displacement"):
         keys.wrong("control", control, "force or displacement")
     refine = {name: (pair[0], pair[1]) for name, pair in bounds.items() if pair}
+    count = math.prod(map(len, places.values()))
+    if count > PLACES:
+        keys.wrong("scan", f"{count} places in all", f"at most {PLACES}")
     part = path.with_suffix(".inp.j2")
     if problems:
         raise Problems(problems)
@@ -125,8 +131,10 @@ def _read(path: Path, stamp: int) -> Effect:
 
 
 def _parameters(keys: Keys) -> tuple[EffectParameter, ...]:
-    found = []
+    found: list[EffectParameter] = []
     group = keys.mapping("parameters")
+    if not group.data and not group.broken:
+        keys.wrong("parameters", "none", "at least one number, which is fitted")
     for name in group.data:
         inner = group.mapping(name)
         inner.known("unit", "absent", "lower", "upper", "step")
@@ -135,7 +143,11 @@ def _parameters(keys: Keys) -> tuple[EffectParameter, ...]:
         if unit is None or any(n is None for n in numbers) or not _is_name(group, name):
             continue
         null, lower, upper, step = (float(n or 0.0) for n in numbers)
-        if not lower <= null <= upper or not lower <= null + step <= upper or step == 0:
+        if not lower < upper:
+            inner.wrong("upper", upper, f"a number above lower, {lower:g}")
+        elif not lower <= null <= upper:
+            inner.wrong("absent", null, f"a number within {lower:g} to {upper:g}")
+        elif not lower <= null + step <= upper or step == 0:
             inner.wrong("step", step, f"a number from null that stays within {lower:g} to {upper:g}")
         found.append(EffectParameter(str(name), unit, null, lower, upper, step))
     return tuple(found)

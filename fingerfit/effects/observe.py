@@ -62,7 +62,13 @@ class Observation:
             if what not in effect.observes:
                 continue
             try:
-                value = evaluate(effect.observes[what], {**names, what: value, **effect.own(self.values)})
+                known, shape = np.isfinite(value), np.shape(value)
+                with np.errstate(all="ignore"):  # what comes out is told, not how
+                    value = evaluate(effect.observes[what], {**names, what: value, **effect.own(self.values)})
+                if np.shape(value) not in ((), shape):
+                    raise ValueError(f"{effect.observes[what]!r} has {np.shape(value)} numbers, not {shape}")
+                if not np.isfinite(np.broadcast_to(value, shape)[known]).all():
+                    raise ValueError(f"{effect.observes[what]!r} is not finite everywhere")
             except ValueError as error:
                 raise InputError(
                     f"effect {effect.name}", f"observes.{what}", error, "a formula of its names"

@@ -6,8 +6,35 @@ import numpy as np
 
 DEGREE = 5
 """Of the polynomial that takes up the field of displacement of a step."""
+_LEAST = 0.5
+"""Share of the points that must lie where the body is, as of a mesh in its pictures."""
 SURPLUS = 3
 """Points for each of its coefficients; with fewer points the degree is lower."""
+
+
+def unusable(points: np.ndarray, displacement: np.ndarray, body: np.ndarray) -> tuple[str, str] | None:
+    """What is wrong with measured points of a body: what was found and what is expected; None where nothing is.
+
+    Parameters
+    ----------
+    points, displacement : ndarray, shape (points, dim)
+        Of one step, mm.
+    body : ndarray, shape (nodes, dim)
+        Nodes of the body, mm.
+    """
+    low, high = body.min(axis=0), body.max(axis=0)
+    extent = float((high - low).max())
+    most = float(np.abs(displacement).max(initial=0.0))
+    if most > extent:
+        return f"a displacement of {most:.4g} mm", f"less than the body's extent, {extent:.4g} mm"
+    inside = ((points >= low) & (points <= high)).all(axis=1).mean()
+    if inside < _LEAST:
+        found = f"{100 * inside:.0f} % of the points between the body's corners ({low.round(3)} to {high.round(3)} mm)"
+        return found, "points on the body"
+    places, count = np.unique(points, axis=0, return_counts=True)
+    if (count > 1).any():
+        return f"the point {', '.join(f'{x:g}' for x in places[count.argmax()])} mm twice", "each point once"
+    return None
 
 
 def estimate_covariance(points: np.ndarray, displacement: np.ndarray, step: np.ndarray, steps: int) -> np.ndarray:

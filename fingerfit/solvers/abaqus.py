@@ -154,7 +154,8 @@ class AbaqusSolver:
         if program is None:
             name = parts[0] if parts else "(empty)"
             raise SolverError(f"solver abaqus: no executable {name}; install ABAQUS or set FINGERFIT_ABAQUS")
-        return [program, *parts[1:]]
+        # it runs in a folder of its own; links stay, as their names may matter
+        return [os.path.abspath(program), *parts[1:]]  # noqa: PTH100
 
 
 def _last_step(status: str) -> int | None:

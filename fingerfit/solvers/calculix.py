@@ -214,7 +214,7 @@ def _executable() -> str:
         raise SolverError(
             f"solver calculix: no executable {name}; install CalculiX (Debian: calculix-ccx) or set FINGERFIT_CCX"
         )
-    return found
+    return os.path.abspath(found)  # noqa: PTH100 - it runs in a folder of its own; links stay, as their names may matter
 
 
 @cache
