@@ -35,6 +35,8 @@ def simulate(args: argparse.Namespace) -> None:
     from fingerfit.solvers.registry import get_solver
 
     wanted = read_record(args.solver, "name", kept=False)
+    if not isinstance(wanted["name"], str):
+        raise StateError(f"{args.solver}: cannot be read: the name of the solver is no text")
     solver = get_solver(wanted["name"], args.time_limit or None)
     found = solver.identity()
     if {key: wanted.get(key) for key in found} != found:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from seeds import seed_of
 
 from fingerfit import files, scan
 from fingerfit.cli import main
@@ -31,7 +32,7 @@ PLANE = {
     "displacement": [0.3, 0.6],
     "picture": {"pixels": 16, "side": 20, "texture": 0.1, "correlation": 2.0, "noise": 0.02, "pictured": [1, 2]},
     "noise": {"force": 0.01, "displacement": 0.02},
-    "seed": 3,
+    "seed": seed_of(3),
 }
 BRICK = {
     **PLANE,
@@ -202,7 +203,9 @@ def described(folder, kind="plane", **changes):
     return folder / "experiment.yaml"
 
 
-@pytest.mark.parametrize(("kind", "key", "value", "field", "text"), CASES, ids=lambda v: repr(v)[:30])
+@pytest.mark.parametrize(
+    ("kind", "key", "value", "field", "text"), CASES, ids=lambda v: "left out" if v is GONE else repr(v)[:30]
+)
 def test_a_mistake_is_one_line_with_file_and_field(kind, key, value, field, text, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     described(tmp_path, kind, **{key.replace(".", "__"): value})
@@ -300,7 +303,7 @@ def test_a_solver_of_a_wrong_shape_is_one_line(text, tmp_path, capsys):
     arguments = ["simulate", str(tmp_path / "deck.inp"), "--solver", str(tmp_path / "solver.json")]
     assert main([*arguments, "--out", str(tmp_path / "solution.npz")]) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert "solver.json: is not what the workflow wrote: run the workflow again" in line
+    assert "solver.json: cannot be read: " in line
 
 
 OWN = """\
@@ -324,14 +327,14 @@ def test_an_effect_is_to_blame_for_what_it_makes_of_right_numbers(tmp_path):
         run_experiment(path, tmp_path / "made")
 
 
-def test_an_element_of_a_mesh_that_no_solver_takes_names_the_mesh(tmp_path):
+def test_an_element_of_a_mesh_that_no_solver_takes_is_named(tmp_path):
     path = described(tmp_path, "mesh")
     lines = (tmp_path / "true.inp").read_text().splitlines()
     at = next(n for n, line in enumerate(lines) if line.startswith("*ELEMENT")) + 1
     number, first, second, *others = lines[at].split(",")
     lines[at] = ",".join([number, second, first, *others])  # turned inside out
     (tmp_path / "true.inp").write_text("\n".join(lines) + "\n")
-    with pytest.raises(InputError, match=r"experiment.yaml: body.mesh: found true.inp, with .*: element 0 is inverted"):
+    with pytest.raises(Problems, match=r"true.inp: elements: found no volume, or a negative one, in number 1"):
         run_experiment(path, tmp_path / "made")
 
 

@@ -64,7 +64,7 @@ TABLES = {
         steps(*[f"{n},0,{n**3 % 7}" for n in range(1, 9)]), {"noise": {"force": "estimated"}}, {},
         "noise.force: found estimated, from steps without a displacement; expected a number",
     ),
-    "no steps are fitted": (STEPS, {}, {"steps": []}, "config.yaml: fit.steps: found []; expected List should have at"),
+    "no steps are fitted": (STEPS, {}, {"steps": []}, "config.yaml: fit.steps: found []; expected 1 or more of them"),
     "nothing measured at what is fitted": (
         steps("1,0.4,", "2,0.8,21"), {}, {"steps": [1]},
         "config.yaml: fit.steps: found steps [1] without force and points; expected a step with something measured",

@@ -6,10 +6,11 @@ import struct
 import numpy as np
 from battery import NOT_FILES, all_of, bad, either, fine, holds, instead, put, recoded, swap
 from places import picture
+from seeds import generator
 
 AREA = "pictures"
 FIRST, SECOND = "study/before.mha", "study/step_1.mha"
-NOISE = np.random.default_rng(5).uniform(0, 4000, (30, 30))
+NOISE = generator(5).uniform(0, 4000, (30, 30))
 CONFIG = "config.yaml"
 
 

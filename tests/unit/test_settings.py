@@ -136,6 +136,7 @@ def test_mu_is_tied_whatever_the_order_of_the_parameters():
     alpha = {"unit": "1", "start": 3.0, "lower": 0.5, "upper": 12.0}
     config = of_layers(alpha, MU, kind="grid")
     config["model"]["parameters"] = {"alpha": alpha, "mu_top": MU, "mu_bottom": MU}
+    del config["model"]["material"]["alpha"]
     assert load_settings(config).plan().stages[0].tied == ("mu_top", "mu_bottom")
     config["model"]["parameters"] = {"alpha": alpha}
     config["model"]["material"] = {"mu": 0.1, "poisson": 0.45}
@@ -147,6 +148,7 @@ def test_a_tolerance_in_units_needs_one_unit():
     config = of_layers(MU, MU, kind="independent", tolx_in="unit")
     assert load_settings(config).plan().stages[0].tolx_in == "unit"
     config["model"]["parameters"]["alpha"] = alpha
+    del config["model"]["material"]["alpha"]
     with pytest.raises(Problems, match=r"fit.stages.0.tolx_in: found unit, for 1, MPa; expected share"):
         load_settings(config)
 

@@ -23,7 +23,7 @@ ORDER = (
     ("imaging", "data", "slices"),
     ("morph",),
     ("score", "search", "uncertainty"),
-    ("truth"),
+    ("truth",),
     ("predict", "estimate", "rounds", "scan"),
     ("choices",),
     ("settings", "pictured"),
