@@ -174,8 +174,8 @@ def _steps(checked: Checked) -> list[str]:
 def _noise(checked: Checked) -> list[str]:
     data = checked.data
     return [
-        f"noise: force {np.max(data.force_noise):.3g} N, displacement {data.displacement_noise:.3g} mm,"
-        f" points {data.points_noise:.3g} mm"
+        f"noise: force {np.max(data.force_noise):.3g} N, displacement {data.displacement_noise:.3g} mm"
+        + (f", points {data.points_noise:.3g} mm" if len(data.points) else "")
     ]
 
 
@@ -210,6 +210,8 @@ def _identifiable(checked: Checked) -> list[str]:
     pictures, kind = bool(len(checked.data.measured)), checked.settings.fit.score
     if checked.study.control == "displacement" and pictures and kind != "likelihood":
         return ["identifiable: only ratios of stiffness, since the force is prescribed nowhere and not in the score"]
+    if not checked.study.body.thick:
+        return ["identifiable: only stiffness times thickness, since the thickness is not known"]
     return ["identifiable: stiffness itself, since the force is prescribed or in the score"]
 
 

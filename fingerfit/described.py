@@ -17,7 +17,10 @@ _KINDS = {
     "dict_type": "keys and values",
     "list_type": "a list",
     "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
     "float_type": "a number",
+    "float_parsing": "a number",
     "string_type": "a text",
     "none_required": "no such key: it follows from others",
 }
