@@ -141,8 +141,9 @@ def test_the_figures_show_the_fit(fitted, monkeypatch):
 
 def test_the_place_of_the_mesh_is_shown_in_three_slices(fitted):
     place, drawn, fit, _ = fitted
-    slices = slices_through(frame_of(fit.data), np.array(DESCRIPTION["body"]["brick"]) / 2, (0, 1, 2))
-    for axes, cut in zip(drawn["place"].axes, slices, strict=True):
+    slices = slices_through(frame_of(fit.data), np.array(DESCRIPTION["body"]["brick"]) / 2, (1, 0, 2))
+    # the last row; above it the mesh and its sets from outside
+    for axes, cut in zip(drawn["place"].axes[-3:], slices, strict=True):
         assert np.array_equal(images(axes)[0], cut.of(fit.data.before))
         assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) == (*cut.labels, cut.title)
         low, high = corners(axes)
