@@ -18,7 +18,7 @@ CHANGES = ("alpha", "poisson", "field", "force", "displacement", "before", "incr
 OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 
 PLACES = 1000
-"""Places of one effect: each is a first look with simulations of its own, of which a whole diagnosis has some hundred."""
+"""Places of one effect: each is a first look with simulations of its own, and a whole diagnosis has some hundred."""
 
 
 def catalogue(study: Path | None = None) -> dict[str, Effect]:
