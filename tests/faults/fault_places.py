@@ -172,7 +172,7 @@ FAULTS = [
     Fault("a disk of 16 kB", full("16k"), "study", says=FULL, needs=_mounts),
     Fault("a disk of 80 kB", full("80k"), "study", says=FULL, needs=_mounts),
     Fault("a disk of 120 kB", full("120k"), "study", says=FULL, needs=_mounts),
-    Fault("results that cannot be written", read_only, says=("Read-only|cannot be written",), needs=_mounts),
+    Fault("results that cannot be written", read_only, says=("Read-only|cannot be written|rite-protected",), needs=_mounts),
     Fault("results are a file", results_are_a_file, says=("results",)),
     Fault("moved", moved),
     Fault("copied without times", copied_without_times),

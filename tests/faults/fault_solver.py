@@ -1,5 +1,6 @@
 """A solver that fails in the middle of a search, and works again when the workflow is called again."""
 
+import os
 import shutil
 import signal
 import time
@@ -69,7 +70,7 @@ def hangs(place):
     running = place.start()
     running.until(place / "solver.pid")
     time.sleep(0.5)
-    running.process.send_signal(signal.SIGTERM)
+    os.killpg(running.process.pid, signal.SIGINT)  # as Ctrl-C does
     running.end()
     (place / "faulty").unlink()
 
