@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from fingerfit.errors import FingerfitError, InputError
 from fingerfit.fem.elements import ELEMENTS, rule, shape
@@ -54,6 +56,10 @@ def faults_of_mesh(mesh: Mesh, layers: dict[str, np.ndarray], where: Path) -> li
         expected = "nodes of elements, or of a set"
         problems.append(InputError(where, "nodes", f"{_listed(np.flatnonzero(loose))} in no element", expected))
     top, bottom = mesh.node_sets["TOP"], mesh.node_sets["BOTTOM"]
+    apart = _pieces_apart(mesh)
+    if apart:
+        found = f"apart from the base: {len(apart)} of its pieces, the first of nodes {_listed(apart[0])}"
+        problems.append(InputError(where, "elements", found, "one body, or a surface of each piece to tie it by"))
     both = np.intersect1d(top, bottom)
     if len(both):
         found = f"{_listed(both)} of the base too"
@@ -75,6 +81,30 @@ def _without_volume(mesh: Mesh) -> np.ndarray:
             found.append(first + np.flatnonzero(~(np.linalg.det(jacobian) > 0).all(axis=1)))
         first += len(block.nodes)
     return np.concatenate(found) if found else np.zeros(0, dtype=int)
+
+
+def _pieces_apart(mesh: Mesh) -> list[np.ndarray]:
+    """Nodes of each piece of the body that shares none with the base, and that no template can tie or hold.
+
+    A template knows a piece by its surfaces, or by node sets beside those of base and indenter. A solver may find an
+    answer without it: nothing pushes it, so that it stays where it is.
+    """
+    count = len(mesh.points)
+    pairs = np.concatenate([
+        np.stack([np.broadcast_to(block.nodes[:, :1], block.nodes.shape), block.nodes], axis=-1).reshape(-1, 2)
+        for block in mesh.blocks
+        if ELEMENTS[block.element].dim == mesh.dim
+    ])  # fmt: skip
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
+    piece = connected_components(graph, directed=False)[1]
+    sets = {name: nodes for name, nodes in mesh.node_sets.items() if name != "ALL"}
+    ends = np.concatenate([sets["BOTTOM"], sets["TOP"], sets["INDENTER"], sets.get("MIDDLE", sets["BOTTOM"])])
+    held = [sets["BOTTOM"], *(nodes for nodes in sets.values() if not np.isin(nodes, ends).all())]
+    known = set(piece[np.concatenate(held)].tolist())
+    elements = [nodes for block in mesh.blocks for nodes in block.nodes]
+    known |= {int(piece[elements[element][0]]) for faces in mesh.surfaces.values() for element in set(faces[:, 0])}
+    apart = set(piece[pairs[:, 0]].tolist()) - known
+    return [np.flatnonzero(piece == number) for number in sorted(apart)]
 
 
 def _listed(numbers: np.ndarray | list[int]) -> str:

@@ -13,6 +13,7 @@ from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.files import TABLE, read_text
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.points import estimate_covariance, unusable
+from fingerfit.imaging.warp import Probe
 from fingerfit.mesh import Mesh
 from fingerfit.mesh_check import faults_of_mesh
 from fingerfit.mesh_io import read_mesh
@@ -250,6 +251,13 @@ def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tu
             wrong = unusable(table[:, : mesh.dim] * study.length, table[:, mesh.dim :] * study.length, mesh.body)
             if wrong is not None:
                 raise InputError(step.points, "rows", *wrong)
+            # a point of no element has no displacement to compare with
+            outside = np.flatnonzero(Probe(mesh, table[:, : mesh.dim] * study.length).element < 0)
+            if len(outside):
+                lines = [line for line, row in enumerate(text, 1) if line > 1 and row.strip()]
+                place = ", ".join(f"{x:g}" for x in table[outside[0], : mesh.dim])
+                found = f"{place} in no element of the mesh ({len(outside)} of {len(table)} points are)"
+                raise InputError(step.points, f"line {lines[outside[0]]}", found, "points in the body")
         except InputError as error:
             problems.append(error)
             continue

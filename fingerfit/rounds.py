@@ -17,7 +17,7 @@ from typing import Any
 
 from fingerfit.deck.cards import includes, read_text
 from fingerfit.errors import StateError
-from fingerfit.files import digest, keep_json, read_json, read_record, write_json, write_text
+from fingerfit.files import MESH, digest, keep_json, read_bytes, read_json, read_record, write_json, write_text
 
 
 def simulation_name(deck: str, solver: Mapping[str, Any]) -> str:
@@ -55,8 +55,8 @@ def check_deck(deck: Path, solver: Mapping[str, Any]) -> None:
         Saying what to remove.
     """
     meshes = [deck.parent.parent.parent / "meshes" / mesh for mesh in solver.get("includes", ())]
-    wrong = [mesh for mesh in meshes if mesh.exists() and digest(mesh.read_bytes()) != mesh.stem]
-    if not is_named(deck, deck.read_text(encoding="utf-8"), solver):
+    wrong = [mesh for mesh in meshes if mesh.exists() and digest(read_bytes(mesh, "mesh", MESH)) != mesh.stem]
+    if not is_named(deck, read_text(deck), solver):
         wrong.append(deck)
     for path in wrong:
         raise StateError(f"{path}: cannot be read: damaged, not what its name says; run snakemake after: rm {path}")

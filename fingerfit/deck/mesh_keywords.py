@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,12 @@ import numpy as np
 from fingerfit.deck.cards import Card, squeeze
 from fingerfit.deck.state import Handler, Key, Reading, readable
 from fingerfit.fem.elements import ELEMENTS
+from fingerfit.files import MESH, megabytes
 
 OTHERS = {"R2D2": 2, "RAX2": 2, "R3D3": 3, "R3D4": 4, "SPRING1": 1, "SPRING2": 2}
 """Elements without a mesh of their own: of rigid bodies, and springs; with their number of nodes."""
+_LEAST = 5
+"""Bytes of the line of a node or an element beside its label: two numbers of one digit, two commas, the line's end."""
 
 
 def on_node(reading: Reading, card: Card) -> None:
@@ -94,10 +98,7 @@ def _set(reading: Reading, card: Card, name: str, sets: dict[str, list[Key]]) ->
                 step = numbers[2] if len(numbers) > 2 else 1
                 if not 2 <= len(numbers) <= 3 or step < 1 or numbers[1] < numbers[0]:
                     raise card.error(row, "first, last and step: last not below first, step above 0", line)
-                generated = [reading.key(i) for i in range(numbers[0], numbers[1] + 1, step)]
-                # numbers may be left out between the first and the last
-                ends = generated[0] in known and generated[-1] in known
-                found.extend(key for key in generated if not ends or key in known)
+                found.extend(_generated(reading, card, line, range(numbers[0], numbers[1] + 1, step), known))
             else:
                 for value in row:
                     found.extend(reading.keys(card, value, line, sets, "a number"))
@@ -105,6 +106,27 @@ def _set(reading: Reading, card: Card, name: str, sets: dict[str, list[Key]]) ->
             reading.await_all("node" if name == "NSET" else "element", found, card, line)
     finally:
         reading.scope = outer
+    if "UNSORTED" not in card.options:
+        chosen[:] = dict.fromkeys(chosen)  # a set has each member once
+
+
+def _generated(reading: Reading, card: Card, line: int, labels: range, known: Collection[Key]) -> Iterator[Key]:
+    """Keys of the labels from a first to a last one, which both are known, and of those between that are.
+
+    All labels are wanted where the ends are not known yet: no more than can be defined after them.
+    """
+    first, last = labels[0], labels[-1]
+    count = (last - first) // labels.step + 1  # len() holds no more than 64 bits
+    if reading.key(first) in known and reading.key(last) in known:
+        if count <= len(known):
+            return (key for key in map(reading.key, labels) if key in known)
+        there = ((key, key if isinstance(key, int) else key[1]) for key in known)
+        chosen = [(label, key) for key, label in there if label in labels and key == reading.key(label)]
+        return (key for _, key in sorted(chosen))
+    if count * (len(str(last)) + _LEAST) > MESH:
+        found = f"{count} labels from {first} to {last}"
+        raise card.error(found, f"no more than files of {megabytes(MESH)} can define", line)
+    return map(reading.key, labels)
 
 
 def on_part(reading: Reading, card: Card) -> None:

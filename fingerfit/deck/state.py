@@ -40,7 +40,7 @@ class Reading:
         self.elements: dict[str, list[tuple[Key, list[Key]]]] = {}
         self.others: dict[Key, tuple[str, list[Key]]] = {}
         self.numbered: set[Key] = set()
-        self.awaited: list[tuple[str, Key, Card, int]] = []
+        self.awaited: list[tuple[str, list[Key], Card, int]] = []
         self.used: list[tuple[Card, int, NodeAxis]] = []
         self.turned: list[tuple[Card, np.ndarray]] = []
         self.where: dict[tuple[Key, int | None], tuple[Card, int]] = {}
@@ -117,7 +117,9 @@ class Reading:
     def await_all(self, what: str, keys: list[Key], card: Card, line: int) -> None:
         """Note which nodes or elements have to be defined by the end."""
         known = self.index if what == "node" else self.numbered
-        self.awaited.extend((what, key, card, line) for key in keys if key not in known)
+        absent = [key for key in keys if key not in known]
+        if absent:
+            self.awaited.append((what, absent, card, line))
 
     def mesh(self) -> tuple[Mesh, dict[Key, int]]:
         """The mesh, and the numbers of its elements."""
@@ -127,9 +129,11 @@ class Reading:
             raise self.placed[0].error("no end of it", "*END INSTANCE")
         if not self.elements:
             raise InputError(self.path, "deck", "no elements", "*ELEMENT")
-        for what, key, card, line in self.awaited:
-            if key not in (self.index if what == "node" else self.numbered):
-                raise card.error(f"{what} {readable(key)}", f"{what}s that are defined", line)
+        for what, keys, card, line in self.awaited:
+            known = self.index if what == "node" else self.numbered
+            for key in keys:
+                if key not in known:
+                    raise card.error(f"{what} {readable(key)}", f"{what}s that are defined", line)
         dims = {ELEMENTS[kind].dim for kind in self.elements}
         if len(dims) > 1:
             raise InputError(self.path, "*ELEMENT", "elements in the plane and in space", "one of both")

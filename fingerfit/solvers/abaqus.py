@@ -26,7 +26,7 @@ from fingerfit.solvers.abaqus_fil import FilIncrement, read_fil
 from fingerfit.solvers.answer import by_node, check_balance, ended, verify
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 from fingerfit.solvers.needs import FEATURES, refuse_lacking, require_sets
-from fingerfit.solvers.process import LOG, run, write_cards
+from fingerfit.solvers.process import LOG, has_left, read_left, run, write_cards
 
 COMMAND = "abaqus job={job} cpus={threads} interactive ask_delete=OFF"
 """Template of the command; a site changes it by FINGERFIT_ABAQUS, for example to go through a container."""
@@ -105,21 +105,24 @@ class AbaqusSolver:
         """
         command = self._arguments(threads)
         cards, read = self._cards(deck)
+        what = f"abaqus: {deck}"
         with tempfile.TemporaryDirectory(dir=workdir, prefix="abaqus-") as name:
             folder = Path(name)
             write_cards(cards, folder / "deck.inp")
             try:
-                code, output = run(command, folder, self.time_limit)
+                code, output = run(command, folder, self.time_limit, what=what)
             except SolverError as error:
-                waiting = _waits(_text(folder / LOG) + _text(folder / "deck.log"))
+                waiting = _waits("".join(read_left(folder / log, what) for log in (LOG, "deck.log")))
                 raise SolverError(f"{error}, while it waited for a licence: {waiting}" if waiting else error) from None
-            said = output + "".join(_text(folder / f"deck.{end}") for end in ("msg", "dat", "sta"))
-            what, results, status = f"abaqus: {deck}", folder / "deck.fil", _text(folder / "deck.sta")
+            status = read_left(folder / "deck.sta", what)
+            said = output + "".join(read_left(folder / f"deck.{end}", what) for end in ("msg", "dat")) + status
+            written = has_left(folder / "deck.fil", what)
             diverged = any(sign in said.upper() for sign in _DIVERGED)
-            if code < 0 or (code > 0 and not diverged):
+            # some scripts around ABAQUS end with 0 whatever it said
+            if code < 0 or (not diverged and (code > 0 or (not written and _told(said)))):
                 raise SolverError(f"{what}: {_reason(said, code)}")
             try:
-                found = read_fil(results).last() if results.exists() and results.stat().st_size else []
+                found = read_fil(folder / "deck.fil").last() if written else []
             except InputError as error:
                 raise SolverError(f"{what}: deck.fil: damaged: {error.field}: found {error.found}") from None
         complete = [increment for increment in found if _ended(increment, read)]
@@ -206,8 +209,13 @@ def _outcome(found: list[FilIncrement], deck: Deck, what: str) -> Outcome:
 
 def _reason(said: str, code: int) -> str:
     """Why it did not run, in one line."""
+    return _told(said) or f"{ended(code)}, no results"
+
+
+def _told(said: str) -> str:
+    """What it said of a licence that it did not get, or its first error; empty where it said neither."""
     error = re.search(r"\*\*\*\s*ERROR[^\n]*(?:\n\s+\S[^\n]*)?", said, re.IGNORECASE)
-    return _waits(said) or (" ".join(error.group(0).split()) if error else f"{ended(code)}, no results")
+    return _waits(said) or (" ".join(error.group(0).split()) if error else "")
 
 
 def _waits(said: str) -> str:
@@ -216,15 +224,12 @@ def _waits(said: str) -> str:
     return "" if not lines or re.search(r"checked out|checked in|released", lines[-1]) else " ".join(lines[-1].split())
 
 
-def _text(path: Path) -> str:
-    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
-
-
 @cache
 def _version(program: str) -> str:
     with tempfile.TemporaryDirectory() as folder:
-        _, output = run([program, "information=release"], Path(folder), 120.0)
+        _, output = run([program, "information=release"], Path(folder), 120.0, what="solver abaqus")
     found = re.search(r"\b(20\d\d(?:\.\w+)*|6\.\d+(?:-\d+)?)\b", output)
     if not found:
-        raise SolverError(f"{program}: information=release names no release: is it ABAQUS?")
+        told = f"information=release names no release, found {output.strip()[:60]!r}"
+        raise SolverError(f"solver abaqus: {program}: {told}: is it ABAQUS?")
     return found.group(1)

@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.errors import InputError
+from fingerfit.files import read_bytes
+from fingerfit.solvers.process import most_results
 
 Item = int | float | str
 
@@ -74,10 +76,8 @@ def records(path: Path) -> Iterator[list[Item]]:
     InputError
         Where the file is missing or is not such a file, with the record.
     """
-    try:
-        text = "".join(line.ljust(80) for line in Path(path).read_text(encoding="latin-1").splitlines())
-    except OSError as error:
-        raise InputError(path, "results file", error, "a readable .fil") from error
+    content = read_bytes(Path(path), "results file", most_results(), "a readable .fil").decode("latin-1")
+    text = "".join(line.ljust(80) for line in content.splitlines())
     at, number = text.find("*"), 0
     if at < 0 or text[:at].strip():
         raise InputError(path, "results file", text[:20], "an ASCII .fil, which starts with a record")

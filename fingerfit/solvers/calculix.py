@@ -26,7 +26,7 @@ from fingerfit.solvers.answer import DIGITS, by_node, check_balance, counted_ste
 from fingerfit.solvers.calculix_output import diverged, finished, not_understood, read_dat, reason
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 from fingerfit.solvers.needs import FEATURES, refuse_lacking, require_sets
-from fingerfit.solvers.process import run, write_cards
+from fingerfit.solvers.process import read_left, run, write_cards
 
 ELEMENTS = frozenset({"CPE3", "CPE4", "CPE6", "CPE8", "CPE8R", "C3D4", "C3D8", "C3D10", "C3D20", "C3D20R"})
 """Those that are tested against the built-in solver; CalculiX has no hybrids."""
@@ -105,6 +105,7 @@ class CalculixSolver:
         """
         executable = _executable()
         read = self._read(deck)
+        what = f"calculix: {deck}"
         with tempfile.TemporaryDirectory(dir=workdir, prefix="ccx-") as name:
             folder = Path(name)
             write_cards(_own_cards(list(read_cards(deck)), read, self.residual), folder / "deck.inp")
@@ -113,13 +114,13 @@ class CalculixSolver:
                 folder,
                 self.time_limit,
                 {"OMP_NUM_THREADS": str(threads), "CCX_NPROC_EQUATION_SOLVER": str(threads)},
+                what,
             )
-            result = folder / "deck.dat"
-            text = result.read_text(encoding="utf-8", errors="replace") if result.exists() else ""
+            text = read_left(folder / "deck.dat", what)
         left_out = not_understood(output)
         if left_out:
-            raise SolverError(f"calculix: {deck}: it does not know {left_out}, and went on without it")
-        what, stopped = f"calculix: {deck}", diverged(output)
+            raise SolverError(f"{what}: it does not know {left_out}, and went on without it")
+        stopped = diverged(output)
         if code == 0 and finished(output):
             reached = len(read.steps)
         elif code > 0 and stopped is not None:
@@ -220,8 +221,9 @@ def _executable() -> str:
 @cache
 def _version(executable: str) -> str:
     with tempfile.TemporaryDirectory() as folder:
-        _, output = run([executable, "-v"], Path(folder), 30.0)
+        _, output = run([executable, "-v"], Path(folder), 30.0, what="solver calculix")
     found = re.search(r"[Vv]ersion\s+([\w.]+)", output)
     if not found:
-        raise SolverError(f"{executable}: its -v names no version: is it CalculiX?")
+        said = output.strip()[:60]
+        raise SolverError(f"solver calculix: {executable}: its -v names no version, found {said!r}: is it CalculiX?")
     return found.group(1)

@@ -13,10 +13,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from fingerfit.deck.cards import Card
-from fingerfit.errors import SolverError
+from fingerfit.errors import InputError, SolverError
+from fingerfit.files import check_regular, free_memory, read_bytes
 
 LOG = "output.log"
 """Where a program's output goes, in the folder that it runs in."""
+_COPIES = 10
+"""Of a file of results in memory while it is read: its bytes, its text, its lines, and each number of some ten
+characters as a float of 24 bytes in a list."""
+_EXPECTED = "a file that the program wrote"
 _PR_SET_PDEATHSIG = 1
 _WATCH = "read nothing; kill -9 -$0"
 """Waits until the pipe it reads is closed, which only the end of its writer does, and ends a group of processes."""
@@ -55,7 +60,11 @@ def _ended_at_last(process: subprocess.Popen[bytes]) -> Iterator[None]:
 
 
 def run(
-    command: Sequence[str], folder: Path, limit: float, environment: Mapping[str, str] | None = None
+    command: Sequence[str],
+    folder: Path,
+    limit: float,
+    environment: Mapping[str, str] | None = None,
+    what: str = "solver",
 ) -> tuple[int, str]:
     """Run a program to its end.
 
@@ -70,6 +79,8 @@ def run(
         A child that makes itself a session of its own is not followed.
     environment : mapping
         Added to this process's environment.
+    what : str
+        Solver and deck, for the message.
 
     Returns
     -------
@@ -81,7 +92,7 @@ def run(
     Raises
     ------
     SolverError
-        When it cannot be started or exceeds the limit.
+        When it cannot be started, exceeds the limit, or takes its output away.
     """
     log = folder / LOG
     try:
@@ -97,18 +108,58 @@ def run(
                 preexec_fn=_die_with_parent,
             )
     except OSError as error:
-        raise SolverError(f"{command[0]}: cannot be started: {error.strerror}") from error
+        raise SolverError(f"{what}: {command[0]}: cannot be started: {error.strerror}") from error
     main = threading.current_thread() is threading.main_thread()
     handler = signal.signal(signal.SIGTERM, lambda number, frame: _stop(number)) if main else None
     try:
         with _ended_at_last(process):
             code = process.wait(timeout=limit)
     except subprocess.TimeoutExpired:
-        raise SolverError(f"{command[0]}: time_limit: not finished after {limit:g} s, ended") from None
+        raise SolverError(f"{what}: {command[0]}: time_limit: not finished after {limit:g} s, ended") from None
     finally:
         if main:
             signal.signal(signal.SIGTERM, handler)
-    return code, log.read_text(encoding="utf-8", errors="replace")
+    return code, read_left(log, f"{what}: {command[0]}", needed=True)
+
+
+def read_left(path: Path, what: str, needed: bool = False) -> str:
+    """Text of a file that a program left; empty where it left none, unless it is needed.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        Program or solver, and deck, for the message.
+    needed : bool
+        Whether that it is missing is an error.
+
+    Raises
+    ------
+    SolverError
+        For what is no regular file, cannot be read, or is larger than the memory that is free.
+    """
+    if not needed and not has_left(path, what):
+        return ""
+    try:
+        return read_bytes(path, path.name, most_results(), _EXPECTED).decode("utf-8", errors="replace")
+    except InputError as error:
+        raise SolverError(f"{what}: {error.field}: found {error.found}; expected {error.expected}") from None
+
+
+def has_left(path: Path, what: str) -> bool:
+    """Whether a program left a file, and something in it; errors as of `read_left`."""
+    if not os.path.lexists(path):
+        return False
+    try:
+        check_regular(path, path.name, most_results(), _EXPECTED)
+        return path.stat().st_size > 0
+    except InputError as error:
+        raise SolverError(f"{what}: {error.field}: found {error.found}; expected {error.expected}") from None
+
+
+def most_results() -> int:
+    """Bytes of the largest file of results that can be read."""
+    return free_memory() // _COPIES
 
 
 def _stop(number: int) -> None:

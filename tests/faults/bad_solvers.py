@@ -61,7 +61,12 @@ def program(name, text):
 
 
 def edit(file, old, new):
-    return recoded(file, lambda data: re.sub(old, new, data, count=1, flags=re.DOTALL))
+    def changed(data):
+        found, count = re.subn(old, new, data, count=1, flags=re.DOTALL)
+        assert count, f"{old!r} is not in {file}"
+        return found
+
+    return recoded(file, changed)
 
 
 NUMBER = rb"-?\d\.\d{6}E[+-]\d\d"
@@ -74,7 +79,9 @@ CASES = [
     ccx("all NaN", recoded(DAT, lambda data: re.sub(NUMBER, b"NaN", data))),
     ccx("infinite displacement", edit(DAT, ROW, rb"\n 5 Infinity \2")),
     ccx("stars", edit(DAT, ROW, rb"\n 5 ************* \2")),
-    ccx("an exponent without E", edit(DAT, ROW, rb"\n 5 0.123456-100 \2")),
+    ccx("an exponent without E", edit(DAT, ROW, rb"\n 5 0.123456-100 \2"), make=fine),  # as Fortran writes it
+    ccx("an exponent without E, too large", edit(DAT, ROW, rb"\n 5 0.123456+100 \2")),
+    ccx("nodal forces without balance", edit(DAT, rb"(forces [^\n]*ALL.*?)" + ROW, rb"\1\n 5 \2 7.000000E+00"), "balance"),
     ccx("a displacement of 1e300", edit(DAT, ROW, rb"\n 5 1.000000E+300 \2")),
     ccx("a number missing", edit(DAT, ROW, rb"\n 5 \2")),
     ccx("a row missing", edit(DAT, ROW + rb"[^\n]*", b"")),
@@ -102,11 +109,13 @@ CASES = [
     ccx("good results and exit code 1", program("ccx", "cp {0}/ready.dat deck.dat\nexit 1\n")),
     ccx("prints without end", program("ccx", "yes | head -c 50000000\nexit 1\n")),
     ccx("results without end", program("ccx", "head -c 100000000 /dev/zero > deck.dat\n")),
-    ccx("results from /dev/zero", program("ccx", "ln -s /dev/zero deck.dat\n")),
-    ccx("results in a pipe", program("ccx", "mkfifo deck.dat\n")),
-    ccx("results in a folder", program("ccx", "mkdir deck.dat\n")),
-    ccx("removes its folder", program("ccx", 'rm -rf "$PWD"\n')),
-    ccx("no version", lambda place: (place / "ccx").write_text("#!/bin/sh\necho hello\n")),
+    ccx("results from /dev/zero", program("ccx", "ln -s /dev/zero deck.dat\n"), "deck.dat", "a device"),
+    ccx("results in a pipe", program("ccx", "mkfifo deck.dat\n"), "deck.dat", "a pipe"),
+    ccx("results in a folder", program("ccx", "mkdir deck.dat\n"), "deck.dat", "a folder"),
+    ccx("results in a link to nothing", program("ccx", "ln -s none deck.dat\n"), "deck.dat"),
+    ccx("its output in a pipe", program("ccx", "rm output.log\nmkfifo output.log\n"), "output.log", "a pipe"),
+    ccx("removes its folder", program("ccx", 'rm -rf "$PWD"\n'), "calculix", "output.log"),
+    ccx("no version", lambda place: (place / "ccx").write_text("#!/bin/sh\necho hello\n"), "calculix", "hello"),
     ccx("another version", lambda place: (place / "ccx").write_text('#!/bin/sh\necho "Version 9.9"\n'), "calculix.json"),
     ccx("not executable", lambda place: (place / "ccx").chmod(0o644), "ccx"),
     ccx("no program", lambda place: (place / "ccx").unlink(), "ccx"),
@@ -125,7 +134,12 @@ CASES = [
     abaqus("an error in its output", all_of(holds(SAID, "***ERROR: NO MATERIAL\n"), holds(FIL, "")), "NO MATERIAL"),
     abaqus("no licence", all_of(holds(SAID, "Error: no license for abaqus is free\n"), holds(FIL, "")), "license"),
     abaqus("crashes", program("abaqus", "kill -SEGV $$\n")),
-    abaqus("no release", lambda place: (place / "abaqus").write_text("#!/bin/sh\necho hello\n")),
+    abaqus("results from /dev/zero", program("abaqus", "ln -s /dev/zero deck.fil\n"), "deck.fil", "a device"),
+    abaqus("results in a pipe", program("abaqus", "mkfifo deck.fil\n"), "deck.fil", "a pipe"),
+    abaqus("results in a folder", program("abaqus", "mkdir deck.fil\n"), "deck.fil", "a folder"),
+    abaqus("messages in a pipe", program("abaqus", "mkfifo deck.msg\n"), "deck.msg", "a pipe"),
+    abaqus("removes its folder", program("abaqus", 'rm -rf "$PWD"\n'), "abaqus", "output.log"),
+    abaqus("no release", lambda place: (place / "abaqus").write_text("#!/bin/sh\necho hello\n"), "abaqus", "hello"),
     abaqus("no program", lambda place: (place / "abaqus").unlink()),
     abaqus("a command with an unknown name", nothing, environment={"FINGERFIT_ABAQUS": "./abaqus {jbo}"}),
     abaqus("a command with an open quote", nothing, environment={"FINGERFIT_ABAQUS": "./abaqus 'job"}),

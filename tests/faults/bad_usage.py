@@ -4,6 +4,7 @@ from battery import all_of, bad, either, fine, holds, nothing, put, swap
 from places import MESH, picture
 
 AREA = "command line"
+PREPARE = ["prepare", "config.yaml", "--out", "d.npz", "--mesh", "m.inp"]
 
 
 def call(command, *says, **more):
@@ -122,15 +123,18 @@ CASES = [
     call("prepare config.yaml --out d.npz --mesh /proc/m.inp", "/proc/m.inp"),
     call("prepare config.yaml --out study --mesh m.inp", "study"),
     call("prepare config.yaml --out d.npz --mesh m.inp --refined r.inp", "refined", change=put("config.yaml", "model.refined", None)),
-    call("propose config.yaml --data none.npz --mesh m.inp --sims sims --out 0.json", "none.npz"),
+    call("propose config.yaml --data none.npz --mesh m.inp --sims sims --out 0.json", "none.npz", first=[PREPARE]),
+    call("propose config.yaml --data none.npz --mesh none.inp --sims sims --out 0.json", "none.npz|none.inp"),
+    call("propose config.yaml --data d.npz --mesh none.inp --sims sims --out 0.json", "none.inp", first=[PREPARE]),
     call("propose none.json --data none.npz --mesh m.inp --sims sims --out 0.json", "none.json"),
     call("propose s.json --data none.npz --mesh m.inp --sims sims --out 0.json", "s.json", change=holds("s.json", "[]")),
-    call("propose s.json --data d.npz --mesh m.inp --sims sims --out 0.json", "s.json", name="propose (settings of another version)", change=holds("s.json", '{"study": "study"}'), first=[["prepare", "config.yaml", "--out", "d.npz", "--mesh", "m.inp"]]),
-    call("propose config.yaml --data d.npz --mesh m.inp --sims sims --out 0.json --last none.json", "none.json", first=[["prepare", "config.yaml", "--out", "d.npz", "--mesh", "m.inp"]]),
-    call("propose config.yaml --data d.npz --mesh m.inp --sims sims --out 0.json --threads 0", "threads", first=[["prepare", "config.yaml", "--out", "d.npz", "--mesh", "m.inp"]]),
-    call("propose config.yaml --data d.npz --mesh m.inp --sims sims --out 0.json --last r.json", "r.json", name="propose (a round that is none)", change=holds("r.json", '{"batch": []}'), first=[["prepare", "config.yaml", "--out", "d.npz", "--mesh", "m.inp"]]),
+    call("propose s.json --data d.npz --mesh m.inp --sims sims --out 0.json", "s.json", name="propose (settings of another version)", change=holds("s.json", '{"study": "study"}'), first=[PREPARE]),
+    call("propose config.yaml --data d.npz --mesh m.inp --sims sims --out 0.json --last none.json", "none.json", first=[PREPARE]),
+    call("propose config.yaml --data d.npz --mesh m.inp --sims sims --out 0.json --threads 0", "threads", first=[PREPARE]),
+    call("propose config.yaml --data d.npz --mesh m.inp --sims sims --out 0.json --last r.json", "r.json", name="propose (a round that is none)", change=holds("r.json", '{"batch": []}'), first=[PREPARE]),
     call("estimate config.yaml --data d.npz --mesh m.inp --sims sims --out e.json", "--table|--last"),
-    call("plot config.yaml --data none.npz --mesh m.inp --sims sims --last 0.json --out figures", "none.npz"),
+    call("plot config.yaml --data none.npz --mesh m.inp --sims sims --last 0.json --out figures", "none.npz", first=[PREPARE]),
+    call("plot config.yaml --data d.npz --mesh m.inp --sims sims --last none.json --out figures", "none.json", first=[PREPARE]),
     call("ladder none.json --out l.json --page p.html", "none.json|l.json|ladder"),
     call("simulate none.inp --solver none.json --out s.npz", "none.json|none.inp"),
     call("version", "version"),

@@ -209,7 +209,8 @@ def deck(place: Path) -> None:
         time += read.steps[number - 1].period
         top = read.mesh.node_sets["TOP"]
         for name, nodes, values in (("displacements (vx,vy,vz) for set ALL", range(len(step.displacement)), step.displacement),
-                                    ("forces (fx,fy,fz) for set TOP", top, step.internal)):  # fmt: skip
+                                    ("forces (fx,fy,fz) for set TOP", top, step.internal),
+                                    ("forces (fx,fy,fz) for set ALL", range(len(step.internal)), step.internal)):  # fmt: skip
             rows = "".join(f"{n + 1:10d}  {values[n][0]: .6E} {values[n][1]: .6E} {0.0: .6E}\n" for n in nodes)
             tables.append(f"\n {name} and time {time: .7E}\n\n{rows}")
         records.append(_record(2000, time, read.steps[number - 1].period, 0.0, 0.0, 1, number, 1, 0))
