@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,18 +13,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fingerfit.choices import CONFIG
+from fingerfit.deck.context import deck_context
+from fingerfit.decks import make_deck, refusal
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
 from fingerfit.effects.observe import Observation
 from fingerfit.effects.sense import unmet
-from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.errors import FingerfitError, InputError, Problems, SolverError
+from fingerfit.files import write_text
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.keys import read_yaml
 from fingerfit.mesh import Mesh
+from fingerfit.mesh_io import format_mesh
 from fingerfit.plausible import refuse_magnitudes
 from fingerfit.prepare import make_mesh, prepare
-from fingerfit.settings import FitSettings, MeshSettings, Settings, load_settings
-from fingerfit.settings_check import changes_the_deck, check_against_study, check_effects
+from fingerfit.settings import MATERIAL, FitSettings, MeshSettings, Settings, impossible, load_settings
+from fingerfit.settings_check import changes_the_deck, check_against_study, check_data, check_effects
 from fingerfit.study import Study
 from fingerfit.study_file import load_study, study_path
 
@@ -91,6 +97,7 @@ def check_study(path: Path, config: Path | None = None, picture: Path | None = N
         steps, smooth, crop = settings.fit.steps, settings.fit.smooth, settings.fit.crop
     data = prepare(study, mesh, steps, smooth, crop)
     if settings is not None:
+        check_data(settings, study, data)
         refuse_magnitudes(settings, study, mesh, where)
     checked = Checked(path, study, settings, source, mesh, data)
     lines = [line for remark in REMARKS for line in remark(checked)]
@@ -255,6 +262,7 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
     found = []
     if changes_the_deck(settings, study, mesh, effect):
         found.append("the deck")
+        _taken(settings, study, mesh, effect, values)
     seen = Observation.of([effect], values, mesh.body, len(study.steps))
     if seen is not None:
         seen.shift(1)
@@ -263,6 +271,35 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
             seen.conjugate(np.zeros(len(study.steps)), name)
         found.append(", ".join(effect.observes))
     return f"changes {' and '.join(found)}" if found else "changes nothing in this study: not tested here"
+
+
+def _taken(settings: Settings, study: Study, mesh: Mesh, effect: Effect, values: Mapping[str, float]) -> None:
+    """Refuse constants that a material cannot have, increments that are none, and a deck that the solver does not take.
+
+    Where the solver is not there, that is told with the start of the fit.
+    """
+    known = catalogue(Path(settings.study))
+    where, guess = f"effect {effect.name}", {**settings.fixed(), **values}
+    context = deck_context(study, mesh, "mesh", guess, settings.model.material, known)
+    for layer in context["layers"]:
+        for quantity in MATERIAL:
+            if wrong := impossible(where, f"changes.{quantity}", quantity, layer[quantity]):
+                raise wrong[0]
+    increment = float(context["increment"])
+    if not 0 < increment <= 1:
+        raise InputError(where, "changes.increment", f"{increment:g}", "above 0 and at most 1, the whole step")
+    start = {**values, **effect.null()}
+    with_it, without = (make_deck(settings, study, mesh, "mesh", one, known) for one in (values, start))
+    template = settings.model.template
+    with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
+        file = Path(name) / "mesh.inp"
+        write_text(file, format_mesh(mesh))
+        refused = refusal(settings.solver, template, with_it, file, "mesh")
+        if refused is None or refusal(settings.solver, template, without, file, "mesh"):
+            return  # what is not the effect's is told with the start of the fit
+        part = Path(settings.study) / effect.part if effect.part else None
+        place = part if part and part.exists() else where
+        raise InputError(place, f"in the {refused.where}, {refused.field}", refused.found, refused.expected)
 
 
 def _turn(frame: Picture) -> str:

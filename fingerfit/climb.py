@@ -145,7 +145,8 @@ def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
         write_text(file, format_mesh(mesh))
         for parameter in effect.parameters:
             values = {**start, **with_effect(effect, effect.places()[0], parameter.name)}
-            refused = refusal(settings.solver, make_deck(settings, study, mesh, "mesh", values, known), file, "mesh")
+            deck = make_deck(settings, study, mesh, "mesh", values, known)
+            refused = refusal(settings.solver, settings.model.template, deck, file, "mesh")
             if refused is not None:
                 found = f"{effect.name}, which needs {refused.found}"
                 expected = f"an effect that solver {settings.solver} has what it needs for"

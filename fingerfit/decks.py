@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -54,8 +55,8 @@ def with_effect(effect: Effect, place: Mapping[str, float], parameter: str) -> d
     return {**effect.null(), **place, effect.key(parameter): chosen.null + chosen.step}
 
 
-def refusal(solver: str, deck: str, mesh_file: Path, mesh_name: str) -> InputError | None:
-    """Why a solver does not take a deck; None where it does.
+def refusal(solver: str, template: str, deck: str, mesh_file: Path, mesh_name: str) -> InputError | None:
+    """Why a solver does not take the deck of a template; None where it does.
 
     Raises
     ------
@@ -71,6 +72,8 @@ def refusal(solver: str, deck: str, mesh_file: Path, mesh_name: str) -> InputErr
         try:
             get_solver(solver).check(path)
         except InputError as error:
-            # the file is gone when this is read
-            return InputError(f"solver {solver}", error.field, error.found, error.expected)
+            # the deck is gone when this is read: its template is named, and what it includes
+            included = Path(error.where).name if os.sep in error.where and error.where != str(path) else ""
+            field = f"{included}, {error.field}" if included else error.field
+            return InputError(f"deck of {template} for solver {solver}", field, error.found, error.expected)
     return None

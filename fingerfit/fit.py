@@ -129,7 +129,8 @@ class Fit:
         """Why the solver does not take the deck of a guess; None where it does, or has solved it before."""
         if (self.sims / asked.sim / "solution.npz").exists():
             return None
-        return refusal(self.settings.solver, asked.deck, self.mesh_files[self.mesh_of(asked)], asked.mesh)
+        settings, file = self.settings, self.mesh_files[self.mesh_of(asked)]
+        return refusal(settings.solver, settings.model.template, asked.deck, file, asked.mesh)
 
     def with_mesh(self, name: str, mesh: Mesh) -> Fit:
         """The fit with one mesh more."""

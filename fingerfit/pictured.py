@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fingerfit.choices import CONFIG
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.imaging.content import constant, out_of_order, repeated
 from fingerfit.imaging.noise import estimate_noise, noise_of_repeats
@@ -96,7 +97,8 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     part = trimmed(before)
     said.append(_words_of_trim(study, before, part, crop))
     _check_content(study, used, part, pictures)
-    sigma = sigma if chain.gaussian is None else chain.gaussian
+    own = chain.gaussian is not None
+    sigma = float(chain.gaussian) if chain.gaussian is not None else sigma
     low, size = scale_of(before.values) if chain.scale else (0.0, 1.0)
     if not chain.scale and not -0.5 <= before.values.min() <= before.values.max() <= 1.5:
         spread = f"off, with intensities from {before.values.min():.4g} to {before.values.max():.4g}"
@@ -113,6 +115,9 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     if chain.resize is not None:
         noise *= noise_after_resizing(part, chain.resize)
     raw = prepared(part)
+    if sigma > min(raw.values.shape):  # such a Gaussian, at mirrored borders, leaves no difference along that axis
+        where, field = (study.path, "pictures.gaussian") if own else (CONFIG, "fit.smooth")
+        raise InputError(where, field, f"{sigma:g} pixels", f"at most the extent of the pictures: {_pixels(raw)}")
     said.append(f"resize: to {_pixels(raw)}" if chain.resize else "resize: off")
     values = smooth(raw.values, sigma)
     said.append(f"Gaussian: standard deviation of {sigma:g} pixels" if sigma else "Gaussian: off")
@@ -207,6 +212,12 @@ def _check_content(study: Study, used: list[int], before: Picture, pictures: lis
         for path, values in zip(paths, parts, strict=True)
         if (found := constant(values))
     ]
+    steps = [study.steps[index] for index in used]
+    for n, step in enumerate(steps):
+        if twice := [one.number for one in steps[:n] if one.picture == step.picture]:
+            found = f"{step.picture and step.picture.name} at steps {twice[0]} and {step.number}"
+            where = study.table or study.path
+            problems.append(InputError(where, "picture", found, "a picture of its own for each step"))
     same = repeated(parts) if not problems else None
     if same is not None:
         first, again = same
@@ -241,7 +252,7 @@ def _check_place(study: Study, mesh: Mesh, before: Picture) -> None:
     if across.min() < _PIXELS:
         found = " x ".join(f"{n:.3g}" for n in across) + " pixels for the whole body"
         raise InputError(
-            study.before or "", "picture", found, f"{_PIXELS} or more along each axis; look at its unit of length"
+            study.before or "", "picture", found, f"{_PIXELS} or more along each axis; look at units.length"
         )
     inside = ((index > -0.5) & (index < size - 0.5)).all(axis=1).mean()
     if inside >= _LEAST and covers(mesh, before).any():

@@ -103,7 +103,8 @@ def refuse_magnitudes(settings: Settings, study: Study, mesh: Mesh, where: Path 
     if needed > SLIP * high or (whole and needed < low / SLIP):
         side, bound = ("end at", high) if needed > high else ("begin at", low)
         found = f"up to {force:.4g} N and {moved:.4g} mm, for which mu would be about {needed:.2g} MPa"
-        expected = f"forces and displacements for bounds that {side} {bound:g} MPa ({where}); look at units"
+        expected = f"forces and displacements for bounds that {side} {bound:g} MPa ({where})"
+        expected += f"; look at units.force, units.length and {study.table.name if study.table else 'the steps'}"
         raise InputError(study.path, "steps", found, expected)
 
 

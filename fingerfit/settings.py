@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -18,8 +19,25 @@ from fingerfit.keys import read_yaml, unknown_key
 
 PLAIN = r"^[\w./+@~:,=-]+$"
 """Paths and names that need no quotes in a shell and are no patterns to Snakemake."""
+NAME = 255
+"""Bytes of a file's name that Linux's file systems have."""
 UNITS = {"mu": "MPa", "alpha": "1", "poisson": "1"}
-LIMITS = {"mu": (0.0, math.inf), "alpha": (-math.inf, math.inf), "poisson": (-1.0, 0.5)}
+EXPONENT = math.floor(math.log(sys.float_info.max))
+"""Largest exponent of Ogden's law, either way: its powers of a stretch of e, or of its reciprocal, stay in double
+precision, since e^709 does."""
+FLAT = sys.float_info.epsilon**0.25
+"""Smallest one: the law's energy is a difference of powers near 1, known to epsilon, over the square of the exponent.
+At this one half of its digits are left; an exponent of 0 stands for a law that is not Ogden's."""
+LIMITS = {"mu": (0.0, math.inf), "alpha": (-float(EXPONENT + 1), float(EXPONENT + 1)), "poisson": (-1.0, 0.5)}
+RATIO = 1 / sys.float_info.epsilon
+"""Largest over smallest mu of one search: the condition of a stiffness matrix is no better than the ratio of the moduli
+in it, and beyond this one no digit of the softer part's displacements is left. A body of one mu would not move in any
+digit of its coordinates at the one bound where it is compressed as a whole at the other."""
+GRADING = 2.0**16
+"""Largest over smallest element. Strains are differences of coordinates: half of their digits are left where the
+smallest element is sqrt(epsilon) = 2^-26 of the body, as it can be among 1000 = 2^10 elements, the most across."""
+SPAN = math.ceil(math.log(RATIO))
+"""Distance of bounds in the logarithm that no parameter exceeds: that of `RATIO`. A share of it is 1 at most."""
 # fmt: off
 Element = Literal[
     "CPE3", "CPE3H", "CPE4", "CPE4H", "CPE6", "CPE8", "CPE8H", "CPE8R", "CPE8RH",
@@ -55,6 +73,7 @@ class MeshSettings(_Strict):
     grading: float = Field(
         default=1.0,
         ge=1.0,
+        le=GRADING,
         description="Largest over smallest element: they shrink towards sides, base and indenter.",
     )
 
@@ -126,6 +145,7 @@ class StageSettings(_Strict):
     step: float = Field(
         default=0.4,
         gt=0,
+        le=SPAN,
         description="Size of the first simplex: in the logarithm, or with log: false as a share of the distance of the"
         " bounds.",
     )
@@ -218,7 +238,7 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
 def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
     from fingerfit.solvers.registry import get_solver
 
-    problems: list[FingerfitError] = []
+    problems = too_long(where, "study", Path(settings.study))
     try:
         get_solver(settings.solver)
     except FingerfitError as error:
@@ -249,6 +269,8 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
         for name in settings.model.material
         if name in settings.model.parameters
     ]
+    if not problems:
+        problems += _too_far_apart(settings, where)
     steps = settings.fit.steps or []
     for step in sorted({step for step in steps if steps.count(step) > 1}):
         problems.append(InputError(where, "fit.steps", f"step {step} twice", "each step once"))
@@ -264,6 +286,29 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
     for name in sorted({name for name in names if names.count(name) > 1}):
         problems.append(InputError(where, "fit.stages", f"{name} twice", "a name of its own for each stage"))
     return problems
+
+
+def too_long(where: Path | str, field: str, path: Path) -> list[FingerfitError]:
+    """A problem of a path with a name that no file can have."""
+    sizes = [size for part in path.parts if (size := len(part.encode())) > NAME]
+    return [InputError(where, field, f"a name of {size} bytes", f"at most {NAME}, as files have") for size in sizes[:1]]
+
+
+def _too_far_apart(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    """A problem of the largest mu, fixed or a bound, where it is out of reach of the smallest."""
+    model = settings.model
+    given = {f"model.material.{name}": value for name, value in model.material.items()}
+    for name, p in model.parameters.items():
+        given |= {f"model.parameters.{name}.lower": p.lower, f"model.parameters.{name}.upper": p.upper}
+    given = {field: value for field, value in given.items() if field.split(".")[2].partition("_")[0] == "mu"}
+    if not given:
+        return []
+    low, high = min(given, key=given.__getitem__), max(given, key=given.__getitem__)
+    most = RATIO * given[low]
+    if given[high] <= most:
+        return []
+    expected = f"at most {most:.3g} MPa: {RATIO:.2g} times {low}, where double precision ends"
+    return [InputError(where, high, f"{given[high]:g} MPa", expected)]
 
 
 def _wrong_stages(settings: Settings, where: Path | str) -> list[FingerfitError]:
@@ -302,9 +347,10 @@ def _is_constant(name: str) -> bool:
 def impossible(where: Path | str, field: str, quantity: str, value: float) -> list[FingerfitError]:
     """A problem where a constant of a material has a value that it cannot have."""
     low, high = LIMITS[quantity]
-    if low < value < high and not (quantity == "alpha" and value == 0):
+    if low < value < high and not (quantity == "alpha" and abs(value) < FLAT):
         return []
-    expected = {"mu": "above 0", "alpha": "not 0", "poisson": "between -1 and 0.5"}[quantity]
+    sizes = f"not 0: {FLAT:.2g} to {EXPONENT}, or as far below 0"
+    expected = {"mu": "above 0", "alpha": sizes, "poisson": "between -1 and 0.5"}[quantity]
     return [InputError(where, field, f"{value:g}", expected)]
 
 

@@ -14,12 +14,9 @@ from fingerfit.effects.sense import cure_of, unmet
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.fem.elements import ELEMENTS
 from fingerfit.mesh import Mesh
-from fingerfit.settings import CONFIG, MATERIAL, MeshSettings, Settings
+from fingerfit.settings import CONFIG, MATERIAL, MeshSettings, Settings, too_long
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study import Study
-
-NAME = 255
-"""Bytes of a file's name that Linux's file systems have."""
 
 
 def check_against_study(settings: Settings, study: Study, where: Path | str = CONFIG) -> None:
@@ -138,9 +135,9 @@ def check_data(settings: Settings, study: Study, data: Data) -> None:
 def _unusable_folder(settings: Settings, where: Path | str) -> list[FingerfitError]:
     """Problems of the folder of the results, which is made when the first of them is written."""
     results = Path(settings.results)
-    for key, name in (*(("results", part) for part in results.parts), ("model.name", settings.model.full_name)):
-        if len(name.encode()) > NAME:
-            return [InputError(where, key, f"a name of {len(name.encode())} bytes", f"at most {NAME}, as files have")]
+    for key, path in (("results", results), ("model.name", Path(settings.model.full_name))):
+        if problems := too_long(where, key, path):
+            return problems
     there = next((path for path in (results, *results.parents) if path.exists()), results)
     if there.exists() and not there.is_dir():
         return [InputError(where, "results", f"{there}, which is a file", "a folder")]

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from fingerfit.described import HEAD, Described, rows
-from fingerfit.settings import MeshSettings
+from fingerfit.settings import GRADING, MeshSettings
 from fingerfit.truth import BRIGHTEST, SHAPES
 
 PIXELS = 2**15 - 1
@@ -132,7 +132,7 @@ class MeshedDescription(_Solid):
 class MeshDescription(Strict, MeshSettings):
     """Mesh of a block or brick."""
 
-    grading: float = Field(ge=1.0, description=MeshSettings.model_fields["grading"].description)
+    grading: float = Field(ge=1.0, le=GRADING, description=MeshSettings.model_fields["grading"].description)
 
 
 class MaterialDescription(Strict):

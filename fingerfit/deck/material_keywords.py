@@ -172,7 +172,10 @@ def on_orientation(reading: Reading, card: Card) -> None:
 
 def on_solid_section(reading: Reading, card: Card) -> None:
     card.allow("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS")
-    thickness = next((card.number(row[0], line) for line, row in card.rows() if row and row[0]), 1.0)
+    rows = list(card.rows())
+    if len(rows) > 1:
+        raise card.error(", ".join(rows[1][1]), "one line of data: the thickness", rows[1][0])
+    thickness = next((card.number(row[0], line) for line, row in rows if row and row[0]), 1.0)
     elset = reading.find(reading.elsets, card.need("ELSET")) or card.need("ELSET")
     orientation = ""
     if "ORIENTATION" in card.options:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import keyword
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerfit.effects.contract import ACTS, NEEDS, Effect, EffectParameter
+from fingerfit.effects.expression import FUNCTIONS
 from fingerfit.effects.sense import IN_WORDS
 from fingerfit.errors import FingerfitError, InputError, Problems
 from fingerfit.keys import Keys, is_number, read_yaml, unknown_key
@@ -155,9 +157,11 @@ def _parameters(keys: Keys) -> tuple[EffectParameter, ...]:
 
 def _is_name(group: Keys, name: object, taken: Sequence[str] = ()) -> bool:
     """Whether a formula can name a number so; else it is noted."""
-    if isinstance(name, str) and name.isidentifier() and name not in taken:
+    reserved = keyword.iskeyword(name) or name in FUNCTIONS if isinstance(name, str) else False
+    if isinstance(name, str) and name.isidentifier() and name not in taken and not reserved:
         return True
-    group.wrong(str(name), name, "a name of its own of letters, digits and _, as formulas have it")
+    found = f"{name}, which means something else in formulas" if reserved else name
+    group.wrong(str(name), found, "a name of its own of letters, digits and _, as formulas have it")
     return False
 
 

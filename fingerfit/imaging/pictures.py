@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +15,7 @@ import numpy as np
 
 from fingerfit.errors import FingerfitError, InputError, LimitError
 from fingerfit.imaging.limits import check_files, check_memory
-from fingerfit.imaging.whole import refuse_damaged
+from fingerfit.imaging.whole import refuse_damaged, refuse_meta_header
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,10 @@ class Picture:
         index = self.to_index(points)
         low, high = index.min(axis=0), index.max(axis=0)
         size = np.array(self.values.shape[::-1])
-        first = np.clip(np.floor(low - share * (high - low)), 0, size - 1).astype(int)
-        last = np.clip(np.ceil(high + share * (high - low)) + 1, first + 1, size).astype(int)
+        with np.errstate(over="ignore"):  # a share beyond all numbers is the whole picture
+            wider = share * (high - low)
+        first = np.clip(np.floor(low - wider), 0, size - 1).astype(int)
+        last = np.clip(np.ceil(high + wider) + 1, first + 1, size).astype(int)
         window = tuple(slice(a, b) for a, b in zip(first[::-1], last[::-1], strict=True))
         origin = self.to_points(first[None].astype(float))[0]
         return Picture(self.values[window].copy(), self.spacing, origin, self.direction)
@@ -71,8 +75,13 @@ class Picture:
         for name in ("spacing", "origin", "direction"):
             own, its = getattr(self, name), getattr(other, name)
             if own.shape != its.shape or not np.allclose(own, its, atol=1e-6):
-                found.append(f"{name} {np.round(own, 6).tolist()}")
+                found.append(f"{name} {_rounded(own.tolist())}")
         return ", ".join(found)
+
+
+def _rounded(value: Any) -> Any:
+    """Numbers in lists with six decimals; of whatever size, other than by `numpy.round`."""
+    return [_rounded(inner) for inner in value] if isinstance(value, list) else round(value, 6)
 
 
 def read_picture(path: Path) -> Picture:
@@ -90,6 +99,8 @@ def read_picture(path: Path) -> Picture:
     if not path.exists():
         raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
     check_files(path)
+    if not path.is_dir():
+        refuse_meta_header(path)
     try:
         files = _series(path) if path.is_dir() else [str(path)]
         reader = sitk.ImageFileReader()
@@ -125,6 +136,10 @@ def read_picture(path: Path) -> Picture:
         raise InputError(path, "spacing", found, "finite numbers, a spacing above 0")
     if not np.isfinite(values).all():
         raise InputError(path, "picture", "NaN or infinite intensities", "finite intensities")
+    # squares of all pixels are added up, in double precision
+    largest, most = float(np.abs(values).max(initial=0.0)), math.sqrt(sys.float_info.max / max(values.size, 1))
+    if largest > most:
+        raise InputError(path, "picture", f"intensities up to {largest:.3g}", f"at most {most:.3g}, to be squared")
     if np.abs(direction.T @ direction - np.eye(dim)).max() > 1e-3:
         raise InputError(path, "direction", "axes that are not perpendicular", "an orthogonal direction matrix")
     if dim == 3 and np.linalg.det(direction) < 0:

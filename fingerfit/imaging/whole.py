@@ -9,6 +9,7 @@ from __future__ import annotations
 import gzip
 import itertools
 import math
+import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -112,16 +113,52 @@ def _check_nifti(path: Path, head: NiftiHeader | None) -> None:
         raise InputError(path, "picture", "NaN or infinite intensities", "finite intensities")
 
 
-def _meta(path: Path) -> None:
-    """MetaImage: numbers of the header, and the checksum of compressed pixels, which ITK does not compare."""
+def refuse_meta_header(path: Path) -> None:
+    """Refuse a MetaImage whose header lacks what it needs: ITK would tell that on standard error, in lines of its own.
+
+    Raises
+    ------
+    InputError
+        With the key of the header.
+    """
+    if path.suffix.lower() not in (".mha", ".mhd"):
+        return
+    keys, _ = _meta_keys(path)
+    if not keys.keys() & {"objecttype", "ndims", "dimsize"}:
+        return  # no MetaImage, which is told as of any other file
+
+    def wrong(key: str, expected: str) -> InputError:
+        return InputError(path, f"header, {key}", keys.get(key.lower(), "nothing") or "nothing", expected)
+
+    for key in ("NDims", "DimSize", "ElementType", "ElementDataFile"):
+        if not keys.get(key.lower()):
+            raise wrong(key, "a value, as in each MetaImage")
+    if keys["ndims"] not in map(str, range(1, _DIMS + 1)):
+        raise wrong("NDims", "2 or 3")
+    count, sizes = int(keys["ndims"]), keys["dimsize"].split()
+    if len(sizes) != count or not all(re.fullmatch(r"[0-9]+", size) and int(size) > 0 for size in sizes):
+        raise wrong("DimSize", f"{count} whole numbers above 0, as NDims says")
+
+
+_DIMS = 10
+"""Dimensions that ITK's reader of MetaImage has room for; what is no 2 or 3 of them is told with the picture."""
+
+
+def _meta_keys(path: Path) -> tuple[dict[str, str], int]:
+    """Keys of a MetaImage's header, in small letters, and where it ends."""
     keys: dict[str, str] = {}
     with path.open("rb") as file:
-        for line in file:
+        while line := file.readline(BLOCK):
             key, _, value = line.decode("latin-1").partition("=")
             keys[key.strip().lower()] = value.strip()
-            if key.strip().lower() == "elementdatafile":
+            if key.strip().lower() == "elementdatafile" or file.tell() > BLOCK:
                 break
-        start = file.tell()
+        return keys, file.tell()
+
+
+def _meta(path: Path) -> None:
+    """MetaImage: numbers of the header, and the checksum of compressed pixels, which ITK does not compare."""
+    keys, start = _meta_keys(path)
     for key in ("elementspacing", "elementsize", "offset", "position", "origin", "transformmatrix", "rotation"):
         _numbers(path, key, keys.get(key, ""), above="element" in key)
     local = keys.get("elementdatafile", "").upper() == "LOCAL"

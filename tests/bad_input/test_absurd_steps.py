@@ -95,7 +95,7 @@ CASES = {
     "a displacement of 1e308 m": (both(study(lambda d: d["units"].update(length="m")), text("4,2.0,", "4,1e308,")), "study/steps.csv: row 5, displacement: found 1e308; expected a number that is finite"),
     "a force of 1e308 N at another step": (text(",14.5", ",1e308"), "study/study.yaml: steps: found up to 1e+308 N and 2 mm, for which mu would be about"),
     "a force of 1e308 N that is prescribed": (both(FORCE, text(",14.5", ",1e308")), "study/study.yaml: steps: found up to 1e+308 N and 2 mm"),
-    "kN for N": (study(lambda d: d["units"].update(force="kN")), "study/study.yaml: steps: found up to 3.28e+04 N and 2 mm, for which mu would be about 25 MPa; expected forces and displacements for bounds that end at 0.5 MPa (config.yaml); look at units"),
+    "kN for N": (study(lambda d: d["units"].update(force="kN")), "study/study.yaml: steps: found up to 3.28e+04 N and 2 mm, for which mu would be about 25 MPa; expected forces and displacements for bounds that end at 0.5 MPa (config.yaml); look at units.force, units.length and steps.csv"),
     "mN for N": (study(lambda d: d["units"].update(force="mN")), "study/study.yaml: steps: found up to 0.0328 N and 2 mm, for which mu would be about 2.5e-05 MPa; expected forces and displacements for bounds that begin at 0.005 MPa"),
     "kN for N on a brick": (both(BRICK, study(lambda d: d["units"].update(force="kN"))), "study/study.yaml: steps: found up to 3.28e+04 N and 2 mm"),
     "kN for N on a mesh": (both(meshed, study(lambda d: d["units"].update(force="kN"))), "study/study.yaml: steps: found up to 3.28e+04 N and 2 mm"),

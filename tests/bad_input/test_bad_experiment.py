@@ -282,7 +282,7 @@ def test_an_error_of_the_deck_names_the_description(tmp_path):
 
 def test_a_body_without_solution_is_told_with_the_description(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    described(tmp_path, material__alpha=1e300)
+    described(tmp_path, displacement=[0.3, 11.9])
     assert main(["experiment", "experiment.yaml", "--out", "made"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("fingerfit: error: experiment.yaml: displacement: builtin: ")

@@ -260,7 +260,7 @@ CONTENTS = {
     "constant": (of("step_1", np.full(SHAPE, 7.0)), "step_1.nii.gz: picture: found all pixels 7; expected a picture that shows the body"),
     "nothing before compression": (of("before", np.zeros(SHAPE)), "before.nii.gz: picture: found all pixels 0"),
     "a step again": (copy("step_1.nii.gz", "step_2.nii.gz"), "step_2.nii.gz: picture: found the pixels of step_1.nii.gz; expected a picture of its own"),
-    "a step named twice": (shown_twice, "step_1.nii.gz: picture: found the pixels of step_1.nii.gz"),
+    "a step named twice": (shown_twice, "steps.csv: picture: found step_1.nii.gz at steps 1 and 2; expected a picture of its own"),
     "the picture before compression again": (copy("before.nii.gz", "step_1.nii.gz"), "step_1.nii.gz: picture: found the pixels of before.nii.gz"),
     "the same pixels in other bytes": (of("step_2", shown("step_1"), np.float32), "step_2.nii.gz: picture: found the pixels of step_1.nii.gz"),
     "a repetition without noise": (lambda p: [copy("before.nii.gz", "again.nii.gz")(p), repeats("again.nii.gz")(p)], "again.nii.gz: picture: found the pixels of before.nii.gz; expected a repetition"),

@@ -76,6 +76,7 @@ HOLE[3, 3] = -np.inf
 FLAT = np.full((30, 30), 7.0)
 LOUD = NOISE.copy()
 LOUD[3, 3] = 1e300
+SLOPE = np.add.outer(np.arange(30.0), np.arange(30.0))  # details along the diagonals are 0
 MANY = "100000 100000"
 CASES = [
     *(bad(name, instead(SECOND, make), "step_1.mha") for name, make in NOT_FILES.items()),
@@ -166,7 +167,12 @@ CASES = [
     other("DICOM: preamble only", "step_1.dcm", b"\0" * 128 + b"DICM"),
     bad("a folder without pictures", all_of(lambda place: (place / "study/series").mkdir(), swap("study/steps.csv", "step_1.mha", "series")), "series"),
     bad("a folder with text as DICOM", all_of(holds("study/series/a.dcm", b"hello\n"), swap("study/steps.csv", "step_1.mha", "series")), "series"),
-    bad("no noise to be estimated: no background", all_of(put("study/study.yaml", "body.width", 23), put("study/study.yaml", "body.origin", [-5, -5]), put("study/study.yaml", "body.layers.0.height", 17)), "noise|before.mha|body"),
+    fine("no background: noise is estimated from the finest details", all_of(put("study/study.yaml", "body.width", 23), put("study/study.yaml", "body.origin", [-5, -5]), put("study/study.yaml", "body.layers.0.height", 17))),
+    bad("no noise to be estimated: details without any", all_of(
+        *(put("study/study.yaml", key, value) for key, value in {"body.width": 23, "body.origin": [-5, -5], "body.layers.0.height": 17}.items()),
+        lambda place: [picture(place / f"study/{name}.mha", values=SLOPE + n) for n, name in enumerate(("before", "step_1", "step_2"))],
+        put(CONFIG, "fit.score", "likelihood"),
+    ), "pictures.noise"),
     bad("scale: off, with intensities to 4000", put("study/study.yaml", "pictures.scale", "off"), "pictures.scale"),
     bad("a volume is a plane", lambda place: picture(place / SECOND), "step_1.mha", place="volume"),
     bad("a volume of NaN", lambda place: picture(place / SECOND, values=np.full((12, 14, 16), np.nan), origin=np.full(3, -2.0)), "step_1.mha", place="volume"),

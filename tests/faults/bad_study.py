@@ -1,6 +1,6 @@
 """study.yaml: every key."""
 
-from battery import GONE, INF, NAN, bad, either, fine, put, values
+from battery import GONE, INF, NAN, bad, fine, put, values
 
 AREA = "study.yaml"
 FILE = "study/study.yaml"
@@ -16,7 +16,8 @@ CASES = [
     *of("tittle", "t"),
     *of("units", GONE, None, [], "mm", 3),
     *of("units.length", GONE, "inch", "MM", "", 3, ["mm"]),
-    *of("units.length", "um", "m", says=["picture", "mesh"]),  # the body lies beside the pictures then
+    *of("units.length", "m", says=["picture", "mesh"]),  # the body is larger than the pictures then
+    *of("units.length", "um", says=["before.mha", "units.length"]),  # and in no two pixels
     *of("units.force", GONE, "lbf", "n", 9.81),
     *of("units.time", GONE, "hours", {"s": 1}),
     *of("units.mass", "kg"),
@@ -81,7 +82,7 @@ CASES = [
     *of("boundary.indenter", {"kind": "glued", "nodes": "BOTTOM"}, says=["BOTTOM|indenter"], place="meshed"),
     *of("noise.points", GONE, 0, -1, NAN, place="points"),
     *of("noise.points", "estimated", says=["noise.points: found estimated, from 4 points a step"], place="points"),
-    *of("units.force", "kN", "mN", make=either),
+    *of("units.force", "kN", "mN"),  # a body of no such modulus
     fine("body.mesh: an empty set of node names", put(FILE, "boundary.base", {"kind": "held", "nodes": "bottom"}), place="meshed"),
     bad("pictures left out, the table names some", put(FILE, "pictures", GONE), "pictures"),
     bad("nothing but a title", lambda place: (place / FILE).write_text("title: t\n"), "study.yaml", "units", lines=5),

@@ -27,6 +27,7 @@ STUDY: dict[str, Any] = {
 }
 CONFIG: dict[str, Any] = {
     "study": "study",
+    "solver": "builtin",
     "model": {
         "material": {"alpha": 1.4, "poisson": 0.45},
         "mesh": {"element": "CPE4", "across": 3, "per_layer": 2},

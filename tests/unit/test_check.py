@@ -69,8 +69,8 @@ def test_a_template_that_names_what_is_not_there(place, capsys):
 
 @pytest.mark.parametrize(
     ("wrong", "told"),
-    [("*MATERAIL, NAME=M\n", r"solver builtin: line \d+, \*MATERAIL: found an unknown keyword"),
-     ("*BOUNDARY\nNOWHERE, 1\n", r"solver builtin: line \d+, \*BOUNDARY: found NOWHERE")],
+    [("*MATERAIL, NAME=M\n", r"deck of own\.inp\.j2 for solver builtin: line \d+, \*MATERAIL: found an unknown keyword"),
+     ("*BOUNDARY\nNOWHERE, 1\n", r"deck of own\.inp\.j2 for solver builtin: line \d+, \*BOUNDARY: found NOWHERE")],
 )  # fmt: skip
 def test_a_deck_that_the_solver_does_not_take(place, capsys, wrong, told):
     Path("study/own.inp.j2").write_text("{% include 'block.inp.j2' %}\n" + wrong)

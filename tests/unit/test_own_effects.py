@@ -81,6 +81,37 @@ def test_a_misspelt_name_in_a_part(study):
     assert "slop" in line
 
 
+def test_a_keyword_in_a_part_that_the_solver_does_not_have(study):
+    with pytest.raises(
+        FingerfitError, match=r"effects/mine\.inp\.j2: in the deck of .*, line \d+, \*SPRNG: found an unk"
+    ):
+        checked(study, "*SPRNG\n")
+
+
+@pytest.mark.parametrize(
+    ("what", "formula", "says"),
+    [
+        ("alpha", "0 * slope", "changes.alpha: found 0; expected not 0"),
+        ("poisson", "0.5 + slope", "changes.poisson: found 0.7; expected between -1 and 0.5"),
+        ("increment", "-slope", "changes.increment: found -0.2; expected above 0 and at most 1"),
+    ],
+)
+def test_a_constant_that_no_material_has(study, what, formula, says):
+    with pytest.raises(FingerfitError, match=re.escape(f"effects/mine.yaml: {says}")):
+        checked(study, changes={what: formula})
+
+
+def test_a_number_that_hides_what_its_formula_is_given(study):
+    with pytest.raises(FingerfitError, match=r"effects/mine\.yaml: changes\.field: found x in parameters or scan"):
+        checked(study, scan={"x": [1, 2]})
+
+
+@pytest.mark.parametrize("name", ["exp", "if"])
+def test_a_number_that_means_something_else(study, name):
+    with pytest.raises(FingerfitError, match=rf"scan\.{name}: found {name}, which means something else in formulas"):
+        checked(study, scan={name: [1, 2]})
+
+
 def test_a_part_without_an_effect(study):
     (study / "effects/mien.inp.j2").write_text("** nothing\n")
     line = told(study)
