@@ -15,6 +15,7 @@ from fingerfit.keys import Keys, read_yaml
 from fingerfit.study import ESTIMATED, Body, Chain, Layer, Noise, Step, Study, wrong_name
 from fingerfit.units import LENGTHS, factor
 
+KEYS = ("title", "units", "control", "steps", "pictures", "noise", "body", "boundary")
 COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
 
 
@@ -45,7 +46,9 @@ def load_study(path: Path) -> Study:
     keys = Keys(file, read_yaml(file), "", problems)
     if problems:
         raise Problems(problems)
-    keys.known("title", "units", "control", "steps", "pictures", "noise", "body", "boundary")
+    if not set(keys.data) & set(KEYS):
+        raise Problems([InputError(file, "file", "none of the keys of a study", "some of " + ", ".join(KEYS))])
+    keys.known(*KEYS)
     sizes = _units(keys)
     control = keys.choice("control", ("force", "displacement"))
     boundary = keys.mapping("boundary")
