@@ -31,7 +31,7 @@ def replaced(before, after):
     def edit(path):
         text = path.read_text(encoding="utf-8")
         assert before in text
-        path.write_text(text.replace(before, after), encoding="utf-8")
+        path.write_text(text.replace(before, after, 1), encoding="utf-8")
 
     return edit
 

@@ -25,6 +25,8 @@ def cut(path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
+ASKED = ("estimate.json", "table.txt", "figures/force.png", "diagnosis.json", "../ladder.json", "../report.html")
+"""What the targets ask for; the rest may stay deleted until something is made of it again."""
 DAMAGES = {
     "flipped": flip,
     "cut": cut,
@@ -51,7 +53,7 @@ def damaged(name, damage):
         DAMAGES[damage](path)
         if path.exists():  # a disk that fails does not change the time
             os.utime(path, ns=(kept.st_atime_ns, kept.st_mtime_ns))
-        found[:] = [path]
+        found[:] = [path] if path.exists() or name in ASKED else []
 
     def mends(place):
         for path in found:
