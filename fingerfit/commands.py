@@ -50,7 +50,7 @@ def simulate(args: argparse.Namespace) -> None:
 def prepare(args: argparse.Namespace) -> None:
     """Read and check the study, smooth and scale its pictures, make its meshes."""
     from fingerfit.errors import InputError
-    from fingerfit.files import keep_mesh
+    from fingerfit.files import keep_text
     from fingerfit.mesh_io import format_mesh
     from fingerfit.plausible import refuse_magnitudes
     from fingerfit.prepare import make_mesh, prepare
@@ -69,9 +69,9 @@ def prepare(args: argparse.Namespace) -> None:
     check_data(settings, study, data)
     for remark in data.remarks.splitlines():
         print(f"{study.path}: remark: {remark}", flush=True)
-    keep_mesh(args.mesh, format_mesh(mesh))
+    keep_text(args.mesh, format_mesh(mesh))
     if args.refined:
-        keep_mesh(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))
+        keep_text(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))
     data.save(args.out)
 
 

@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from fingerfit.checksums import intact
 from fingerfit.errors import FingerfitError
-from fingerfit.files import digest, intact, read_json, write_json
+from fingerfit.files import digest, read_json, write_json
 
 SETTLED = 2.0
 """Seconds from which on a file's times tell its changes apart: the coarsest clock of a file system, that of FAT."""
@@ -32,7 +33,7 @@ class Contents:
         return self._find(path, "digest", lambda: digest(path.read_bytes()), "")
 
     def intact(self, path: Path) -> bool:
-        """Whether a result is what was written, see `fingerfit.files.intact`; a missing one is."""
+        """Whether a result is what was written, see `fingerfit.checksums.intact`; a missing one is."""
         return self._find(path, "intact", lambda: intact(path), True)
 
     def of(self, paths: Iterable[Path]) -> str:

@@ -1,7 +1,7 @@
 """Reading regular files up to a size; writing that is never half done, beside the target and then renamed; checksums.
 
-What is kept carries the SHA-256 of its own bytes: JSON as a last key, an .npz as the comment of its archive, a mesh as
-a last comment line. So it stays one file, which Snakemake's cache can link, and no reader takes a damaged one.
+What is kept carries the SHA-256 of its own bytes: JSON as a last key, an .npz as the comment of its archive, a mesh or
+a page as a last comment line. So it stays one file, which Snakemake's cache can link, and no reader takes damage.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from fingerfit.checksums import END, KEY, LINES, intact, intact_json, seal, sha
 from fingerfit.errors import FingerfitError, InputError, LimitError, StateError
 
 DOCUMENT = 2**20
@@ -195,7 +196,7 @@ def _json(path: Path, data: object) -> str:
 def kept_json(path: Path, data: Mapping[str, Any]) -> str:
     """JSON of a mapping that is not empty, with the checksum of its text as a last key; errors name `path`."""
     head = _json(path, data).removesuffix("\n}")
-    return f"{head}{_KEY}{_sha(head)}{_END}"
+    return f"{head}{KEY}{sha(head)}{END}"
 
 
 def keep_json(path: Path, data: Mapping[str, Any]) -> None:
@@ -203,9 +204,9 @@ def keep_json(path: Path, data: Mapping[str, Any]) -> None:
     write_text(path, kept_json(path, data))
 
 
-def keep_mesh(path: Path, text: str) -> None:
-    """Write a mesh in ABAQUS keywords with a checksum, atomically; `check_kept` looks at it."""
-    write_text(path, f"{text}{_LINE}{_sha(text)}\n")
+def keep_text(path: Path, text: str) -> None:
+    """Write a mesh in ABAQUS keywords or a page with a checksum, atomically; `check_kept` looks at it."""
+    write_text(path, sha(text).join((text + LINES[path.suffix][0], LINES[path.suffix][1])))
 
 
 def write_npz(path: Path, arrays: Mapping[str, np.ndarray], compressed: bool = True) -> None:
@@ -219,16 +220,6 @@ def write_npz(path: Path, arrays: Mapping[str, np.ndarray], compressed: bool = T
     write_atomic(path, save)
 
 
-def seal(handle: IO[bytes]) -> None:
-    """Put the checksum of an .npz that was just written behind it."""
-    # an archive ends with the length of its comment, two bytes
-    handle.seek(-2, os.SEEK_END)
-    handle.write(_COMMENT.to_bytes(2, "little"))
-    length = handle.tell()
-    handle.seek(0)
-    handle.write(_PREFIX + _sha_of(handle, length).encode())
-
-
 def read_json(path: Path, kept: bool = True) -> Any:
     """Read a result that `keep_json` wrote; with `kept` false, JSON without a checksum.
 
@@ -240,7 +231,7 @@ def read_json(path: Path, kept: bool = True) -> Any:
     try:
         check_regular(path)
         text = Path(path).read_text(encoding="utf-8")
-        if kept and not _intact_json(text):
+        if kept and not intact_json(text):
             raise _damaged(path)
         data = json.loads(text)
     except InputError as error:
@@ -293,28 +284,6 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     return found
 
 
-def intact(path: Path) -> bool:
-    """Whether a result has the content that was written: .json, .npz or a mesh (.inp).
-
-    Raises
-    ------
-    FileNotFoundError
-        When it is not there.
-    """
-    try:
-        if path.suffix == ".npz":
-            return _intact_npz(path)
-        text = path.read_bytes().decode()
-    except FileNotFoundError:
-        raise
-    except (OSError, ValueError):
-        return False
-    if path.suffix == ".json":
-        return _intact_json(text)
-    head, mark, found = text.rpartition(_LINE)
-    return bool(mark) and found == f"{_sha(head)}\n"
-
-
 def check_kept(path: Path) -> None:
     """Refuse a result that is not what was written.
 
@@ -328,40 +297,6 @@ def check_kept(path: Path) -> None:
             raise _damaged(path)
     except FileNotFoundError as error:
         raise _missing(path) from error
-
-
-_KEY, _END = ',\n "checksum": "', '"\n}\n'
-_LINE = "** sha256 of the lines above: "
-_PREFIX = b"sha256 of the bytes before: "
-_COMMENT = len(_PREFIX) + 64
-"""Bytes of an archive's comment: 64 hexadecimal digits are a SHA-256."""
-
-
-def _sha(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _intact_json(text: str) -> bool:
-    head, mark, found = text.rpartition(_KEY)
-    return bool(mark) and found == f"{_sha(head)}{_END}"
-
-
-def _sha_of(handle: IO[bytes], left: int) -> str:
-    """SHA-256 of the next bytes of a file."""
-    total = hashlib.sha256()
-    while left and (part := handle.read(min(left, 1 << 20))):  # 1 MiB at a time: data may be as large as the memory
-        total.update(part)
-        left -= len(part)
-    return total.hexdigest()
-
-
-def _intact_npz(path: Path) -> bool:
-    length = path.stat().st_size - _COMMENT
-    if length <= 0:
-        return False
-    with path.open("rb") as handle:
-        found = _sha_of(handle, length)
-        return handle.read() == _PREFIX + found.encode()
 
 
 def _damaged(path: Path) -> StateError:

@@ -22,8 +22,11 @@ OWNER = "study.json"
 SHARED = ("sims", "meshes")
 """Folders beside those of the models."""
 DIAGNOSED = ("compare.npz", "diagnosis.npz", "diagnosis.json", "rung.json")
-KEPT = ("prepared.npz", "mesh.inp", "refined.inp", "rounds/*.json", "estimate.json", *DIAGNOSED, "simulations.json")
-"""Results of a model that are read again."""
+KEPT = (
+    "prepared.npz", "mesh.inp", "refined.inp", "rounds/*.json", "estimate.json", "figures/*.png", *DIAGNOSED,
+    "simulations.json",
+)  # fmt: skip
+"""Results of a model that can be told from damaged ones."""
 
 
 def study_folder(settings: Settings) -> Path:
@@ -159,8 +162,18 @@ def _damaged(settings: Settings, contents: Contents) -> Iterator[tuple[Path, ...
     """What is damaged, each with what must be made again with it."""
     study, model = study_folder(settings), model_folder(settings)
     files = [path for pattern in KEPT for path in sorted(model.glob(pattern))]
-    files += [path for pattern in ("ladder.json", "sims/*/solution.npz") for path in sorted(study.glob(pattern))]
+    files += [
+        path
+        for pattern in ("ladder.json", "report.html", "sims/*/solution.npz")
+        for path in sorted(study.glob(pattern))
+    ]
     yield from ((path,) for path in files if not contents.intact(path))
+    table, estimate = model / "table.txt", model / "estimate.json"
+    both = table.exists() and estimate.exists() and contents.intact(estimate)
+    if both and not contents.remember(
+        f"table {table}", contents.of([table, estimate]), partial(_tells, table, estimate)
+    ):
+        yield (table,)
     for mesh in sorted((study / "meshes").glob("*.inp")):
         if contents.digest(mesh) != mesh.stem:
             yield (mesh,)
@@ -168,6 +181,13 @@ def _damaged(settings: Settings, contents: Contents) -> Iterator[tuple[Path, ...
         solver = deck.with_name("solver.json")
         if not contents.remember(f"deck {deck}", contents.of([deck, solver]), partial(_is_named, deck, solver)):
             yield deck, solver  # the name is that of both
+
+
+def _tells(table: Path, estimate: Path) -> bool:
+    """Whether a table is that of an estimate."""
+    from fingerfit.report import table_of
+
+    return table.read_bytes() == table_of(read_json(estimate)).encode()
 
 
 def _is_named(deck: Path, solver: Path) -> bool:

@@ -15,7 +15,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from fingerfit import __version__
-from fingerfit.files import write_text
+from fingerfit.files import keep_text
 from fingerfit.page.inputs import Inputs, Model, read_inputs
 from fingerfit.page.ladder import constants_figures, ladder_figure, rung_label
 from fingerfit.page.panels import Panels
@@ -72,7 +72,7 @@ def write_page(study: Path, out: Path) -> None:
         script=Markup(script),
         stamp=stamp,
     )
-    write_text(out, text)
+    keep_text(out, text if text.endswith("\n") else text + "\n")
 
 
 def page_context(inputs: Inputs) -> dict[str, Any]:

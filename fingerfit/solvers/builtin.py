@@ -24,6 +24,7 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 # than many a solve
 _SOURCES = (
     *(f"{name}__init__.py" for name in ("", "deck/", "solvers/")),
+    "checksums.py",
     "errors.py",
     "files.py",
     "fem",

@@ -15,7 +15,7 @@ from fingerfit.data import Data
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
 from fingerfit.fields import fields, strains
-from fingerfit.files import keep_json, keep_mesh, write_npz, write_text
+from fingerfit.files import keep_json, keep_text, write_npz, write_text
 from fingerfit.imaging.pictures import read_picture
 from fingerfit.mesh_io import format_mesh, read_mesh
 from fingerfit.meshing import brick, layered_block
@@ -101,7 +101,7 @@ def made(tmp_path_factory):
     mesh, outcome = in_space(sim, values={"mu_top": 0.02, "mu_bottom": 0.05})
     outcome.save(sim / "solution.npz")
     model.mkdir()
-    keep_mesh(model / "mesh.inp", (sim / "mesh.inp").read_text(encoding="utf-8"))
+    keep_text(model / "mesh.inp", (sim / "mesh.inp").read_text(encoding="utf-8"))
     keep_json(model / "estimate.json", {"sim": "0123", "sim_mesh": "search", "parameters": {}})
     data = data_of(outcome)
     data.save(model / "prepared.npz")

@@ -9,7 +9,7 @@ import yaml
 
 from fingerfit.contents import Contents
 from fingerfit.errors import InputError, StateError
-from fingerfit.files import keep_json, keep_mesh, read_json, read_npz, write_json, write_npz, write_text
+from fingerfit.files import keep_json, keep_text, read_json, read_npz, write_json, write_npz, write_text
 from fingerfit.results import claim, in_order, mend, model_folder, refuse, study_folder
 from fingerfit.rounds import check_deck, simulation_name
 from fingerfit.settings import load_settings
@@ -132,7 +132,7 @@ def folder(place):
         elif name.endswith(".json"):
             keep_json(folder / name, {"a": [1.5, None], "b": {"word": "some"}})
         else:
-            keep_mesh(folder / name, "*NODE\n1, 0, 0\n")
+            keep_text(folder / name, "*NODE\n1, 0, 0\n")
     write_npz(folder / SIM / "solution.npz", {"a": np.arange(20.0)})
     write_text(folder / SIM / "deck.inp", DECK)
     write_json(folder / SIM / "solver.json", {**SOLVER, "includes": []})

@@ -13,8 +13,8 @@ import pytest
 import yaml
 from seeds import seed_of
 
+from fingerfit.checksums import intact
 from fingerfit.experiment import run_experiment
-from fingerfit.files import intact
 from fingerfit.sources import reached
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -47,8 +47,11 @@ try:
     STUDY_FILES = layout.study_files(Path(SETTINGS.study))
     FIGURE_NAMES = layout.figures(SETTINGS)
     CONTENTS.save()
+    SETTINGS_FILE = layout.write_settings(SETTINGS, results.model_folder(SETTINGS) / "settings.json")
 except FingerfitError as error:
     raise WorkflowError(str(error))
+except OSError as error:
+    raise WorkflowError(f"{error.filename or SETTINGS.results}: cannot be read or written: {error.strerror}")
 if DAMAGED and not REMOVES:
     raise WorkflowError("\n".join(DAMAGED))
 for line in DAMAGED:
@@ -59,7 +62,6 @@ STUDY = str(results.study_folder(SETTINGS))
 # rounds, estimate, figures
 MODEL = str(results.model_folder(SETTINGS))
 SIMS = f"{STUDY}/sims"
-SETTINGS_FILE = layout.write_settings(SETTINGS, Path(MODEL) / "settings.json")
 WALK = Walk(Path(STUDY), Path(MODEL))
 FIGURES = [f"{MODEL}/figures/{name}.png" for name in FIGURE_NAMES]
 MESHES = {"mesh": f"{MODEL}/mesh.inp"}
