@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+import shutil
 import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,6 +12,13 @@ from pathlib import Path
 MARK = "fingerfit: error: "
 """Before each error that the command line prints, and so the logs of jobs hold."""
 _STATUS = re.compile(r"returned non-zero exit status (\d+)|died with <Signals\.\w+: (\d+)>")
+_BEFORE = re.compile(
+    r"^InputFunctionException.*?^Error:\n +\w*(?:FingerfitError|InputError|LimitError|StateError|Problems): ([^\n]+)",
+    re.S | re.M,
+)
+"""An error of ours while Snakemake asks what a job needs: decks are written then."""
+SMALL = 1 << 20
+"""Bytes that are left on a disk where results no longer fit: those of the smallest studies are of this size."""
 _DUMPS = ("RuleException:", "Exiting because a job execution failed", "WorkflowError:\nAt least one job")
 
 
@@ -38,6 +46,8 @@ def why(rule: str, logs: Sequence[str], status: int = 0) -> list[str]:
         lines = [f"stopped unexpectedly: {written[-1].strip()}"]
     elif not lines:
         lines = ["ended without a message" + (f", exit status {status}" if status else ", perhaps killed")]
+        if path is not None and path.parent.is_dir() and (free := shutil.disk_usage(path.parent).free) < SMALL:
+            lines = [f"{lines[0]}; No space left on the disk? {free} bytes are free"]
     if path is not None:
         lines[-1] += f"; log: {path}"
     return [f"{rule}: {line}" for line in lines]
@@ -61,19 +71,22 @@ class Failures(logging.Handler):
         """Keep what a shell returned, which comes first, and tell the reason when the record of the job comes."""
         if str(getattr(getattr(record, "event", None), "value", "")) != "job_error":
             self._messages.append(record.getMessage())
+            if found := _BEFORE.search(record.getMessage()):
+                self._say(found[1])
             return
-        found = record.__dict__
-        logs, command = list(found.get("log") or []), str(found.get("shellcmd") or "")
+        job = record.__dict__
+        logs, command = list(job.get("log") or []), str(job.get("shellcmd") or "")
         status = _status([message for message in self._messages if logs and logs[0] in message])
         # a job whose output is shown as it comes has said why; who pressed Ctrl-C knows
         if "| tee " not in command and status not in (-signal.SIGINT, 128 + signal.SIGINT):
-            for line in why(str(found.get("rule_name")), logs, status):
+            for line in why(str(job.get("rule_name")), logs, status):
                 self._say(line)
 
     @staticmethod
     def shown(record: logging.LogRecord) -> bool:
         """Whether a message of Snakemake's is still to be shown: the ends of commands that failed are not."""
-        return not record.getMessage().startswith(_DUMPS)
+        message = record.getMessage()
+        return not (message.startswith(_DUMPS) or _BEFORE.search(message))
 
 
 def _status(messages: Sequence[str]) -> int:

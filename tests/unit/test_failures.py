@@ -69,3 +69,21 @@ def test_other_messages_are_shown():
         "MissingInputException in rule a",
     ):
         assert Failures.shown(logging.makeLogRecord({"msg": text}))
+
+
+def test_an_error_before_a_job_is_one_line():
+    """Decks are written while Snakemake asks what a job needs; words that Snakemake 9.27 gave for a full disk."""
+    said = []
+    failures = Failures(said.append)
+    dump = (
+        'InputFunctionException in rule default in file "Snakefile", line 5:\nError:\n'
+        "  FingerfitError: sims/a/deck.inp: cannot be written: No space left on device\nWildcards:\n\nTraceback:\n  File"
+    )
+    record = logging.LogRecord("snakemake", logging.ERROR, "", 0, dump, None, None)
+    failures.emit(record)
+    assert said == ["sims/a/deck.inp: cannot be written: No space left on device"]
+    assert not Failures.shown(record)
+    # of others all is shown
+    other = logging.LogRecord("snakemake", logging.ERROR, "", 0, dump.replace("FingerfitError", "KeyError"), None, None)
+    failures.emit(other)
+    assert len(said) == 1 and Failures.shown(other)
