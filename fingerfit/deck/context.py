@@ -10,7 +10,7 @@ import numpy as np
 from fingerfit.deck.patch import ball, half_tube
 from fingerfit.effects.catalogue import catalogue
 from fingerfit.effects.contract import Effect
-from fingerfit.effects.expression import evaluate, joined
+from fingerfit.effects.expression import evaluate
 from fingerfit.effects.observe import places
 from fingerfit.errors import InputError
 from fingerfit.fem.elements import ELEMENTS
@@ -105,7 +105,7 @@ def _changed(
             continue
         try:
             with np.errstate(all="ignore"):  # what comes out is told, not how
-                value = evaluate(effect.changes[what], joined({**names, what: value}, effect.own(values)))
+                value = evaluate(effect.changes[what], {**names, what: value, **effect.own(values)})
             if not np.isfinite(value).all():
                 raise ValueError(f"{effect.changes[what]!r} is not finite everywhere")
         except ValueError as error:

@@ -96,19 +96,6 @@ def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
     return found
 
 
-def joined(given: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """What a formula may name: what it is given, and the numbers of its effect.
-
-    Raises
-    ------
-    ValueError
-        For a number with the name of something that is given: no formula could mean both.
-    """
-    if twice := sorted(given.keys() & own.keys()):
-        raise ValueError(f"{twice[0]} in parameters or scan, which formulas here have already")
-    return {**given, **own}
-
-
 def _double(value: Any) -> Any:
     return np.asarray(value, dtype=float) if np.ndim(value) else float(value)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.effects.contract import Effect
-from fingerfit.effects.expression import evaluate, joined
+from fingerfit.effects.expression import evaluate
 from fingerfit.errors import InputError
 
 
@@ -65,7 +65,7 @@ class Observation:
                 known, shape = np.isfinite(value), np.shape(value)
                 with np.errstate(all="ignore"):  # what comes out is told, not how
                     own = effect.own(self.values)
-                    value = evaluate(effect.observes[what], joined({**names, what: value}, own))
+                    value = evaluate(effect.observes[what], {**names, what: value, **own})
                 if np.shape(value) not in ((), shape):
                     raise ValueError(f"{effect.observes[what]!r} has {np.shape(value)} numbers, not {shape}")
                 if not np.isfinite(np.broadcast_to(value, shape)[known]).all():

@@ -35,7 +35,7 @@ CASES = [
     *of("parameters.size.step", GONE, 0, 9, NAN, "x", -3),
     *of("parameters.size.scale", 1),
     *(
-        (either if name in ("_", "größe") else bad)(f"a number named {name!r}", put(FILE, "parameters", {**EFFECT["parameters"], name: SIZE}), "own.yaml", "parameters|scan|changes")
+        (either if name in ("x", "_", "größe") else bad)(f"a number named {name!r}", put(FILE, "parameters", {**EFFECT["parameters"], name: SIZE}), "own.yaml", "parameters|scan|changes")
         for name in ("exp", "x", "place", "a b", "", 3, "if", "a.b", "_", "größe")
     ),
     *of("scan", 3, [1, 2], "place"),

@@ -75,7 +75,7 @@ def hangs(place):
     (place / "faulty").unlink()
 
 
-SAYS = ("calculix|ccx|solver", "error|WorkflowError")
+SAYS = ("(simulate|propose|prepare): .*(calculix|ccx|solver)", "log: ")
 FAULTS = [
     *(Fault(name, fails(does), "study", says=SAYS, other=True, needs=without_ccx) for name, does in WAYS.items()),
     Fault("hangs, and the run is ended", hangs, "study", other=True, needs=without_ccx),

@@ -101,11 +101,6 @@ def test_a_constant_that_no_material_has(study, what, formula, says):
         checked(study, changes={what: formula})
 
 
-def test_a_number_that_hides_what_its_formula_is_given(study):
-    with pytest.raises(FingerfitError, match=r"effects/mine\.yaml: changes\.field: found x in parameters or scan"):
-        checked(study, scan={"x": [1, 2]})
-
-
 @pytest.mark.parametrize("name", ["exp", "if"])
 def test_a_number_that_means_something_else(study, name):
     with pytest.raises(FingerfitError, match=rf"scan\.{name}: found {name}, which means something else in formulas"):

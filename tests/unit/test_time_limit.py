@@ -38,7 +38,7 @@ def test_the_limit_reaches_the_solver_and_nothing_is_kept(slow_ccx, tmp_path, ca
     command = ["simulate", str(deck), "--solver", "solver.json", "--out", "solution.npz", "--time-limit", "1"]
     assert main(command) == 1
     lines = capsys.readouterr().err.splitlines()
-    assert lines == [f"fingerfit: error: {slow_ccx}: time_limit: not finished after 1 s, ended"]
+    assert lines == [f"fingerfit: error: calculix: {deck}: {slow_ccx}: time_limit: not finished after 1 s, ended"]
     assert not (tmp_path / "solution.npz").exists()
 
 
