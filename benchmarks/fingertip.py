@@ -28,16 +28,16 @@ from running import ROOT, machine
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
+from fingerfit.core.files import write_text
 from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import render_deck
-from fingerfit.files import write_text
-from fingerfit.mesh_io import format_mesh
-from fingerfit.refine import around_best, minimum
-from fingerfit.results import model_folder
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, solve_missing
+from fingerfit.fit.refine import around_best, minimum
+from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.provenance.results import model_folder
+from fingerfit.settings.config import load_settings
 from fingerfit.solvers.builtin import BuiltinSolver
-from fingerfit.study import Body, Layer, Noise, Step, Study
+from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 STUDY = ROOT / "studies/fingertip"
 CACHE = ROOT / "benchmarks/.cache/fingertip"

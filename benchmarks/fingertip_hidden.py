@@ -24,12 +24,12 @@ from running import ROOT, machine
 from fingerfit.anatomy.finger import PULP, finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
-from fingerfit.errors import FingerfitError
-from fingerfit.experiment import read_truth, solve, write_study
-from fingerfit.files import write_json, write_text
-from fingerfit.mesh_io import format_mesh
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin
+from fingerfit.core.errors import FingerfitError
+from fingerfit.core.files import write_json, write_text
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.fit.simulate import begin
+from fingerfit.settings.config import load_settings
+from fingerfit.virtual.experiment import read_truth, solve, write_study
 
 CACHE = ROOT / "benchmarks/.cache/fingertip_hidden"
 EPIDERMIS, TISSUE, DERMIS = 0.138, 0.00798, 0.04

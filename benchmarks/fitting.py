@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fingerfit.course import next_round
-from fingerfit.fit import Fit
-from fingerfit.report import estimate_of
-from fingerfit.rounds import Round
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, solve_missing
+from fingerfit.fit.course import next_round
+from fingerfit.fit.estimate import estimate_of
+from fingerfit.fit.problem import Fit
+from fingerfit.fit.rounds import Round
+from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.settings.config import load_settings
 
 ROOT = Path(__file__).resolve().parent.parent
 CACHE = ROOT / "benchmarks/.cache"

@@ -21,19 +21,19 @@ from typing import Any
 import numpy as np
 import yaml
 
-from fingerfit.data import Data
-from fingerfit.diagnose import Examination
-from fingerfit.effects.catalogue import catalogue
-from fingerfit.errors import FingerfitError, SolverError
-from fingerfit.examine import Examined, added, errors, examine
-from fingerfit.experiment import Solved, Truth, read_truth, solve, write_study
-from fingerfit.files import digest, write_json, write_text
-from fingerfit.fit import Fit
-from fingerfit.refine import minimum
-from fingerfit.report import estimate_of
-from fingerfit.rounds import Round
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, run_fit
+from fingerfit.core.errors import FingerfitError, SolverError
+from fingerfit.core.files import digest, write_json, write_text
+from fingerfit.diagnosis.examination import Examination
+from fingerfit.diagnosis.examine import Examined, added, errors, examine
+from fingerfit.fit.estimate import estimate_of
+from fingerfit.fit.problem import Fit
+from fingerfit.fit.refine import minimum
+from fingerfit.fit.rounds import Round
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.model.catalogue import catalogue
+from fingerfit.settings.config import load_settings
+from fingerfit.study.data import Data
+from fingerfit.virtual.experiment import Solved, Truth, read_truth, solve, write_study
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent

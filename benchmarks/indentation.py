@@ -20,8 +20,8 @@ from running import ROOT, Run, machine, run_solver
 
 from fingerfit.deck.reader import read_deck
 from fingerfit.fem.newton import Load, Newton, State
+from fingerfit.solvers.analysis import model_of
 from fingerfit.solvers.contract import Outcome
-from fingerfit.solvers.model import Model
 
 HEAD = f"""# Indentation of a finger-like body
 
@@ -117,7 +117,7 @@ def measure(case: Case, known: dict[tuple, Run], threads: int) -> dict:
 def settle(path: Path, outcome: Outcome, count: int) -> float:
     """How far the built-in solver moves any of the first `count` nodes from another one's answers to a deck, mm."""
     deck = read_deck(path)
-    model, largest = Model(deck, path, averaged=False), 0.0
+    model, largest = model_of(deck, path, averaged=False), 0.0
     for step, moved, way in zip(deck.steps, outcome.displacement, outcome.indenter, strict=False):
         load = Load(np.zeros(model.size), np.zeros(model.size))
         held = np.zeros(model.size, dtype=bool)

@@ -21,11 +21,11 @@ from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.shape import Anatomy
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture
-from fingerfit.mesh import Block, Mesh
+from fingerfit.mesh.mesh import Block, Mesh
+from fingerfit.mesh.tetrahedra import corners, faces_on, outer_faces
 from fingerfit.morph.distance import surface_distance
 from fingerfit.morph.morph import morph
 from fingerfit.morph.render import frame_around, render
-from fingerfit.tetrahedra import corners, faces_on, outer_faces
 
 VOXEL = 0.234
 """mm."""

@@ -17,9 +17,9 @@ import yaml
 from fitting import CACHE, ROOT, fit_study
 from scipy.stats import t as student
 
-from fingerfit.experiment import Solved, Truth, read_truth, solve, write_study
-from fingerfit.files import digest
+from fingerfit.core.files import digest
 from fingerfit.imaging.pictures import Picture
+from fingerfit.virtual.experiment import Solved, Truth, read_truth, solve, write_study
 
 DESCRIPTION = ROOT / "studies/phantom/experiment.yaml"
 

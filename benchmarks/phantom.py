@@ -20,15 +20,15 @@ import numpy as np
 import yaml
 from fitting import CACHE, ROOT, Fitted, fit_study, processor_time
 
+from fingerfit.core.files import write_text
+from fingerfit.core.folders import template_folders
 from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import render_deck
-from fingerfit.files import write_text
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import layered_block
+from fingerfit.mesh.blocks import layered_block
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
-from fingerfit.study import Body, Layer, Noise, Step, Study
-from fingerfit.templates import template_folders
+from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 PHANTOM = ROOT / "studies/phantom"
 TRUTH = yaml.safe_load((PHANTOM / "sealed/truth.yaml").read_text(encoding="utf-8"))

@@ -16,11 +16,11 @@ import numpy as np
 from running import ROOT, Run, difference, machine, run_solver
 
 from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import render_deck
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import layered_block
+from fingerfit.mesh.blocks import layered_block
 from fingerfit.solvers.builtin import BuiltinSolver
-from fingerfit.study import Body, Layer, Noise, Step, Study
+from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 LAYERS = (("top", 4.0), ("middle", 4.0), ("bottom", 4.0))
 MU = {"mu_top": 2.11e-2, "mu_middle": 3.57e-2, "mu_bottom": 6.56e-2}

@@ -17,12 +17,12 @@ import numpy as np
 from running import ROOT, machine
 
 from fingerfit.anatomy.finger import finger_mesh
+from fingerfit.forward.predict import MARGIN
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.similarity import nmi, ssd
 from fingerfit.imaging.warp import _search, _winners, backward_map, spline_coefficients, warp
-from fingerfit.mesh import Mesh
-from fingerfit.meshing import brick
-from fingerfit.predict import MARGIN
+from fingerfit.mesh.blocks import brick
+from fingerfit.mesh.mesh import Mesh
 
 SIZE = (40.0, 18.0, 16.0)
 WHOLE, HALF = (256, 128, 128), (128, 64, 64)

@@ -9,7 +9,7 @@ import traceback
 from pathlib import Path
 
 from fingerfit import __version__, commands
-from fingerfit.errors import FingerfitError
+from fingerfit.core.errors import FingerfitError
 
 
 def _count(text: str) -> int:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fingerfit.fit import Fit
-    from fingerfit.settings import Settings
+    from fingerfit.fit.problem import Fit
+    from fingerfit.settings.config import Settings
 
 
 def show_deck(args: argparse.Namespace) -> None:
@@ -29,9 +29,9 @@ def show_deck(args: argparse.Namespace) -> None:
 
 def simulate(args: argparse.Namespace) -> None:
     """Solve one deck."""
-    from fingerfit.errors import StateError
-    from fingerfit.files import read_record
-    from fingerfit.rounds import check_deck
+    from fingerfit.core.errors import StateError
+    from fingerfit.core.files import read_record
+    from fingerfit.fit.rounds import check_deck
     from fingerfit.solvers.registry import get_solver
 
     wanted = read_record(args.solver, "name", kept=False)
@@ -49,13 +49,13 @@ def simulate(args: argparse.Namespace) -> None:
 
 def prepare(args: argparse.Namespace) -> None:
     """Read and check the study, smooth and scale its pictures, make its meshes."""
-    from fingerfit.errors import InputError
-    from fingerfit.files import keep_text
-    from fingerfit.mesh_io import format_mesh
-    from fingerfit.plausible import refuse_magnitudes
-    from fingerfit.prepare import make_mesh, prepare
-    from fingerfit.settings_check import check_against_study, check_data, check_effects
-    from fingerfit.study_file import load_study
+    from fingerfit.core.errors import InputError
+    from fingerfit.core.files import keep_text
+    from fingerfit.deck.mesh_file import format_mesh
+    from fingerfit.fit.check import check_against_study, check_data, check_effects
+    from fingerfit.prepare.plausible import refuse_magnitudes
+    from fingerfit.prepare.prepare import make_mesh, prepare
+    from fingerfit.study.reader import load_study
 
     settings = _checked(args.settings)
     study = load_study(Path(settings.study))
@@ -77,17 +77,17 @@ def prepare(args: argparse.Namespace) -> None:
 
 def _checked(path: Path) -> Settings:
     """Settings with all checks: from config.yaml, or the JSON that the workflow wrote of it."""
-    from fingerfit.files import read_json
-    from fingerfit.settings import load_settings
+    from fingerfit.core.files import read_json
+    from fingerfit.settings.config import load_settings
 
     return load_settings(read_json(path), path) if path.suffix == ".json" else load_settings(path)
 
 
 def _fit(args: argparse.Namespace, settings: Settings | None = None) -> Fit:
-    from fingerfit.choices import read_checked
-    from fingerfit.data import Data
-    from fingerfit.files import check_kept
-    from fingerfit.fit import Fit
+    from fingerfit.core.files import check_kept
+    from fingerfit.fit.problem import Fit
+    from fingerfit.settings.choices import read_checked
+    from fingerfit.study.data import Data
 
     if settings is None and args.settings.suffix == ".json":
         settings = read_checked(args.settings)  # as the workflow wrote them
@@ -101,8 +101,8 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> Fit:
 
 def propose(args: argparse.Namespace) -> None:
     """Score the last round and ask for the next guesses."""
-    from fingerfit.course import next_round
-    from fingerfit.rounds import Round
+    from fingerfit.fit.course import next_round
+    from fingerfit.fit.rounds import Round
 
     fit = _fit(args)
     current = next_round(fit, Round.load(args.last) if args.last else None, args.threads)
@@ -120,9 +120,9 @@ def propose(args: argparse.Namespace) -> None:
 
 def estimate(args: argparse.Namespace) -> None:
     """Constants with their standard errors."""
-    from fingerfit.files import keep_json, write_text
-    from fingerfit.report import estimate_of, table_of
-    from fingerfit.rounds import Round, asked_for
+    from fingerfit.core.files import keep_json, write_text
+    from fingerfit.fit.estimate import estimate_of, table_of
+    from fingerfit.fit.rounds import Round, asked_for
 
     fit, last = _fit(args), Round.load(args.last)
     fit.predict_all(last.batch, args.threads)
@@ -133,19 +133,19 @@ def estimate(args: argparse.Namespace) -> None:
 
 def plot(args: argparse.Namespace) -> None:
     """Figures of a finished fit."""
-    from fingerfit.plots import plot_fit
-    from fingerfit.rounds import Round
+    from fingerfit.fit.rounds import Round
+    from fingerfit.report.plots import plot_fit
 
     plot_fit(_fit(args), Round.load(args.last), args.out)
 
 
 def diagnose(args: argparse.Namespace) -> None:
     """Say where a fitted model fails and which effect is missing."""
-    from fingerfit.examine import examine
-    from fingerfit.files import keep_json, read_record
-    from fingerfit.findings import count_simulations, rung_of, write_compare, write_diagnosis
-    from fingerfit.prepare import prepare
-    from fingerfit.rounds import Round, asked_for
+    from fingerfit.core.files import keep_json, read_record
+    from fingerfit.diagnosis.examine import examine
+    from fingerfit.fit.rounds import Round, asked_for
+    from fingerfit.prepare.prepare import prepare
+    from fingerfit.report.findings import count_simulations, rung_of, write_compare, write_diagnosis
 
     fit, last = _fit(args, _checked(args.settings)), Round.load(args.last)
     smooth, crop = fit.settings.fit.smooth, fit.settings.fit.crop
@@ -168,7 +168,7 @@ def diagnose(args: argparse.Namespace) -> None:
 
 def export(args: argparse.Namespace) -> None:
     """Write the results of a model for other programs."""
-    from fingerfit.export import export
+    from fingerfit.report.export import export
 
     out = args.out or args.model / "export"
     print(f"{len(export(args.model, out))} files in {out}")
@@ -176,14 +176,14 @@ def export(args: argparse.Namespace) -> None:
 
 def add(args: argparse.Namespace) -> None:
     """Add an effect to config.yaml."""
-    from fingerfit.climb import add, run_again
+    from fingerfit.diagnosis.ladder import add, run_again
 
     print(f"{add(args.config, args.effect)}; now: {run_again(args.config)}")
 
 
 def drop(args: argparse.Namespace) -> None:
     """Take an effect out of config.yaml."""
-    from fingerfit.climb import drop, run_again
+    from fingerfit.diagnosis.ladder import drop, run_again
 
     print(f"{drop(args.config, args.effect)}; now: {run_again(args.config)}")
 
@@ -192,8 +192,8 @@ def discover(args: argparse.Namespace) -> None:
     """Climb the ladder until nothing is missing."""
     import functools
 
-    from fingerfit.climb import discover
-    from fingerfit.settings import load_settings
+    from fingerfit.diagnosis.ladder import discover
+    from fingerfit.settings.config import load_settings
 
     load_settings(args.config)  # what is wrong with it is said here in one line, not by the workflow
     discover(args.config, args.cores, functools.partial(print, flush=True))
@@ -201,9 +201,9 @@ def discover(args: argparse.Namespace) -> None:
 
 def effects(args: argparse.Namespace) -> None:
     """List the effects that are known."""
-    from fingerfit.effects.catalogue import as_lines, catalogue
-    from fingerfit.errors import InputError
-    from fingerfit.study_file import study_path
+    from fingerfit.core.errors import InputError
+    from fingerfit.model.catalogue import as_lines, catalogue
+    from fingerfit.study.reader import study_path
 
     if args.study and not (study_path(args.study).is_file() and study_path(args.study).name == "study.yaml"):
         raise InputError(args.study, "study", "no study.yaml", "the folder of a study")
@@ -213,9 +213,9 @@ def effects(args: argparse.Namespace) -> None:
 
 def ladder(args: argparse.Namespace) -> None:
     """Put the rungs of a study together, and write the page."""
-    from fingerfit.files import keep_json
-    from fingerfit.findings import ladder
-    from fingerfit.page import write_page
+    from fingerfit.core.files import keep_json
+    from fingerfit.report.findings import ladder
+    from fingerfit.report.page import write_page
 
     study = args.out.parent
     found = ladder(study, args.settings)
@@ -227,8 +227,8 @@ def ladder(args: argparse.Namespace) -> None:
 
 def check(args: argparse.Namespace) -> None:
     """Say what was understood of a study."""
-    from fingerfit.check import check_study
-    from fingerfit.errors import InputError
+    from fingerfit.check.check import check_study
+    from fingerfit.core.errors import InputError
 
     if args.picture is not None and args.picture.suffix.lower() != ".png":
         raise InputError("--picture", "name", args.picture, "one that ends in .png")
@@ -237,7 +237,7 @@ def check(args: argparse.Namespace) -> None:
 
 def experiment(args: argparse.Namespace) -> None:
     """Make a study by a virtual experiment."""
-    from fingerfit.experiment import run_experiment
+    from fingerfit.virtual.experiment import run_experiment
 
     run_experiment(args.description, args.out)
 
@@ -254,9 +254,9 @@ def morph(args: argparse.Namespace) -> None:
     """Bring a finger's mesh to a subject."""
     from fingerfit.anatomy.description import read_finger, tissues_of
     from fingerfit.anatomy.fixtures import add_fixtures
-    from fingerfit.files import write_text
+    from fingerfit.core.files import write_text
+    from fingerfit.deck.mesh_file import format_mesh
     from fingerfit.imaging.pictures import read_picture
-    from fingerfit.mesh_io import format_mesh
     from fingerfit.morph.morph import labelled, morph
 
     subject = read_picture(args.volume)
@@ -269,10 +269,10 @@ def morph(args: argparse.Namespace) -> None:
 
 def docs(args: argparse.Namespace) -> None:
     """Write the schema of config.yaml, and the tables of its keys and those of experiment.yaml."""
-    from fingerfit import truth_keys
-    from fingerfit.errors import InputError
-    from fingerfit.files import write_json, write_text
-    from fingerfit.settings import describe, schema
+    from fingerfit.core.errors import InputError
+    from fingerfit.core.files import write_json, write_text
+    from fingerfit.settings.config import describe, schema
+    from fingerfit.virtual import keys as truth_keys
 
     if not (args.folder / "workflow/schemas").is_dir():
         raise InputError(args.folder, "folder", "no workflow/schemas", "the folder of the project")

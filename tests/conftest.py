@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from seeds import VARIABLE, generator, project_seed
 
-from fingerfit.course import next_round
+from fingerfit.core.files import write_text
 from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import render_deck
-from fingerfit.files import write_text
-from fingerfit.fit import Fit
-from fingerfit.mesh import Mesh
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import layered_block
-from fingerfit.rounds import Round
-from fingerfit.simulate import solve_missing
-from fingerfit.study import Body, Layer, Noise, Step, Study
+from fingerfit.fit.course import next_round
+from fingerfit.fit.problem import Fit
+from fingerfit.fit.rounds import Round
+from fingerfit.fit.simulate import solve_missing
+from fingerfit.mesh.blocks import layered_block
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 ROOT = Path(__file__).resolve().parent.parent
 # What takes longest comes first, so that no process is left alone with it at the end.

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from fingerfit import plots
+from fingerfit.fit.estimate import plots
 
 
 def recorded(patch: pytest.MonkeyPatch) -> dict[str, Figure]:

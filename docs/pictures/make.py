@@ -22,9 +22,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from PIL import Image
 
-from fingerfit.plots import draw_mesh, extent, save
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, solve_missing
+from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.report.drawing import draw_mesh, extent, save
+from fingerfit.settings.config import load_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 GUESS = {"mu_top": 0.05, "mu_middle": 0.05, "mu_bottom": 0.05}

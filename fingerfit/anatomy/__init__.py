@@ -1,0 +1,1 @@
+"""The reference finger and other bodies from a few lengths."""

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from fingerfit.anatomy.surface import vertex_normals
-from fingerfit.fem.shapes import EDGES, simplex
-from fingerfit.mesh import Block, Mesh
-from fingerfit.tetrahedra import corners, faces_on, outer_faces, volumes
+from fingerfit.mesh.mesh import Block, Mesh
+from fingerfit.mesh.shapes import EDGES, simplex
+from fingerfit.mesh.tetrahedra import corners, faces_on, outer_faces, volumes
 
 _LEAST = 0.2
 """Smallest Jacobian of a curved element, relative to that of the one with straight edges."""

@@ -10,12 +10,12 @@ import numpy as np
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
-from fingerfit.errors import FingerfitError, InputError, Problems
-from fingerfit.files import write_text
-from fingerfit.keys import Keys, read_yaml
-from fingerfit.mesh import Mesh
-from fingerfit.mesh_io import format_mesh, read_mesh
-from fingerfit.tetrahedra import quality
+from fingerfit.core.errors import FingerfitError, InputError, Problems
+from fingerfit.core.files import write_text
+from fingerfit.core.keys import Keys, read_yaml
+from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.mesh.tetrahedra import quality
 
 
 def read_anatomy(path: Path) -> Anatomy:

@@ -7,9 +7,9 @@ import numpy as np
 from fingerfit.anatomy.curved import curved
 from fingerfit.anatomy.shape import Anatomy, bone_capsule, is_nail, map_bone, map_skin, skin_capsule
 from fingerfit.anatomy.surface import boundary_loop, fill_ring, load_netgen, triangulate, vertex_normals
-from fingerfit.errors import InputError, SolverError
-from fingerfit.mesh import Block, Mesh
-from fingerfit.tetrahedra import faces_on, oriented, outer_faces, to_quadratic
+from fingerfit.core.errors import InputError, SolverError
+from fingerfit.mesh.mesh import Block, Mesh
+from fingerfit.mesh.tetrahedra import faces_on, oriented, outer_faces, to_quadratic
 
 ELEMENTS = ("C3D4", "C3D4H", "C3D10", "C3D10H")
 SKIN, BONE = 0.87, 0.83

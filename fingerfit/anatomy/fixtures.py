@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerfit.errors import InputError
-from fingerfit.mesh import Mesh
-from fingerfit.tetrahedra import faces_on, nodes_on, resting
+from fingerfit.core.errors import InputError
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.mesh.tetrahedra import faces_on, nodes_on, resting
 
 RADIUS = 2.5
 """Of the hemispherical indenter, mm (Tada, Nagai and Maeno 2006)."""

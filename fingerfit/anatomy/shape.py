@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from fingerfit.errors import InputError
-from fingerfit.units import LENGTHS
+from fingerfit.core.errors import InputError
+from fingerfit.core.units import LENGTHS
 
 NAIL_END = 1.5
 """mm between the nail's end and the tip."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.anatomy.shape import Capsule
-from fingerfit.errors import SolverError
+from fingerfit.core.errors import SolverError
 
 
 def load_netgen() -> Any:

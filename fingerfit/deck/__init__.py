@@ -1,0 +1,1 @@
+"""Templates to decks, decks to data, meshes to files and back."""

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerfit.errors import InputError, LimitError
-from fingerfit.files import MESH, check_regular, megabytes, read_bytes
+from fingerfit.core.errors import InputError, LimitError
+from fingerfit.core.files import MESH, check_regular, megabytes, read_bytes
 
 _BLOCK = 4096
 """Bytes that each file counts for at least, as on a disk: else a file could include empty ones without end."""
@@ -111,7 +111,7 @@ def read_cards(path: Path) -> Iterator[Card]:
     Raises
     ------
     InputError
-        For files that cannot be read, include themselves, or are more than `fingerfit.files.MESH` bytes in all.
+        For files that cannot be read, include themselves, or are more than `fingerfit.core.files.MESH` bytes in all.
     """
     return _cards(path, (), _Budget(path))
 

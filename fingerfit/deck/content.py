@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.mesh import Mesh
+from fingerfit.mesh.mesh import Mesh
 
 NodeAxis = tuple[int, int]
 """Node and axis, zero-based; axes from 3 are rotations."""

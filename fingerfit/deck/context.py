@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.patch import ball, half_tube
-from fingerfit.effects.catalogue import catalogue
-from fingerfit.effects.contract import Effect
-from fingerfit.effects.expression import evaluate
-from fingerfit.effects.observe import places
-from fingerfit.errors import InputError
-from fingerfit.fem.elements import ELEMENTS
-from fingerfit.mesh import Mesh
-from fingerfit.study import Study
-from fingerfit.tetrahedra import nodes_on, resting
+from fingerfit.mesh.elements import ELEMENTS
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.mesh.tetrahedra import nodes_on, resting
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.effect import Effect
+from fingerfit.model.formulas import evaluate
+from fingerfit.model.observation import places
+from fingerfit.study.study import Study
 
 QUANTITIES = ("mu", "alpha", "poisson")
 """Constants of a layer; a guess or the fixed constants give each, for all layers or as ``mu_top`` for one."""

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from fingerfit.core.files import MESH, megabytes
 from fingerfit.deck.cards import Card, squeeze
 from fingerfit.deck.state import Handler, Key, Reading, readable
-from fingerfit.fem.elements import ELEMENTS
-from fingerfit.files import MESH, megabytes
+from fingerfit.mesh.elements import ELEMENTS
 
 OTHERS = {"R2D2": 2, "RAX2": 2, "R3D3": 3, "R3D4": 4, "SPRING1": 1, "SPRING2": 2}
 """Elements without a mesh of their own: of rigid bodies, and springs; with their number of nodes."""

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck import material_keywords, mesh_keywords, step_keywords
 from fingerfit.deck.cards import Card, read_cards, squeeze
 from fingerfit.deck.content import Deck, DeckStep, Rigid, Section, Spring
 from fingerfit.deck.state import SNEG, SPOS, Handler, Key, Reading, readable
-from fingerfit.errors import InputError
-from fingerfit.mesh import Mesh
+from fingerfit.mesh.mesh import Mesh
 
 __all__ = ["IGNORED", "Deck", "DeckStep", "Section", "read_deck", "read_deck_mesh"]
 
@@ -229,14 +229,14 @@ class _Faces:
     def _count(self, number: int) -> int:
         """Number of faces of an element."""
         if not self._counts:
-            from fingerfit.fem.faces import faces_of
+            from fingerfit.mesh.faces import faces_of
 
             self._counts = [n for block in self.mesh.blocks for n in [len(faces_of(block.element))] * len(block.nodes)]
         return self._counts[number]
 
     def _all_free(self) -> set[tuple[int, int]]:
         if self._free is None:
-            from fingerfit.fem.faces import faces_of
+            from fingerfit.mesh.faces import faces_of
 
             seen: dict[frozenset[int], list[tuple[int, int]]] = {}
             number = 0

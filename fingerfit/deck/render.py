@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fingerfit.beside import apart
-from fingerfit.errors import FingerfitError, InputError, LimitError
-from fingerfit.files import DOCUMENT, TABLE, check_regular, megabytes, read_text
-from fingerfit.templates import OURS
+from fingerfit.core.errors import FingerfitError, InputError, LimitError
+from fingerfit.core.files import DOCUMENT, TABLE, check_regular, megabytes, read_text
+from fingerfit.core.folders import OURS
+from fingerfit.core.processes import apart
 
 if TYPE_CHECKING:
     from jinja2.sandbox import SandboxedEnvironment

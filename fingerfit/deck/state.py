@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.cards import Card
 from fingerfit.deck.content import ContactPair, DeckStep, Law, NodeAxis, Orientation, Section, Surface, Tie
-from fingerfit.errors import InputError
-from fingerfit.fem.elements import ELEMENTS
-from fingerfit.mesh import Block, Mesh
+from fingerfit.mesh.elements import ELEMENTS
+from fingerfit.mesh.mesh import Block, Mesh
 
 Key = int | tuple[str, int]
 """Label, or instance and label."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.deck.content import Deck, DeckStep, Law, NodeAxis, Surface
-from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS
+from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS
 
 _PER_LINE = 12
 

@@ -1,0 +1,1 @@
+"""The built-in solver's numerics: assembly, constraints, contact, Newton; no decks, no files."""

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, STRESS, rule, shape
 from fingerfit.fem.pressure import Lead, projection
 from fingerfit.fem.response import Points, divided
+from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, STRESS, rule, shape
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Body:
     Parameters
     ----------
     element : str
-        Type, one of `fingerfit.fem.elements.ELEMENTS`.
+        Type, one of `fingerfit.mesh.elements.ELEMENTS`.
     points : ndarray, shape (nodes, dim)
         Reference positions, mm.
     connectivity : ndarray, shape (elements, nodes per element)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.fem.faces import Faces, area_vectors
+from fingerfit.mesh.faces import Faces, area_vectors
 
 _NEAREST = 16
 """Facets that are looked at for each point: those with the nearest centres."""
@@ -63,7 +63,7 @@ class Facets:
     points : ndarray, shape (nodes, dim)
         Reference positions, mm.
     facets : ndarray of int, shape (facets, dim)
-        Nodes, in the order of `fingerfit.fem.faces.area_vectors`.
+        Nodes, in the order of `fingerfit.mesh.faces.area_vectors`.
 
     Raises
     ------

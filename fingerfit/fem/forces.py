@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.fem.faces import Faces, area_vectors, cell_rule, cell_shape
 from fingerfit.fem.system import Contribution
+from fingerfit.mesh.faces import Faces, area_vectors, cell_rule, cell_shape
 
 
 class Springs:

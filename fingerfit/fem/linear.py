@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fingerfit.errors import SolverError
+from fingerfit.core.errors import SolverError
 from fingerfit.fem.assembly import Body
 
 T = TypeVar("T")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerfit.fem.elements import ELEMENTS
+from fingerfit.mesh.elements import ELEMENTS
 
 
 def projection(element: str, xi: np.ndarray, weight: np.ndarray) -> np.ndarray | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.fem.faces import Faces, cell_shape
+from fingerfit.mesh.faces import Faces, cell_shape
 
 
 def tie_nodes(

@@ -1,0 +1,1 @@
+"""Pictures: reading, preprocessing, warp, similarity, registration, noise, sections."""

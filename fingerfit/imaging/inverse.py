@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from fingerfit.fem.elements import ELEMENTS, distance, middle, shape
+from fingerfit.mesh.elements import ELEMENTS, distance, middle, shape
 
 _ITERATIONS = 12
 _FAR = 3.0

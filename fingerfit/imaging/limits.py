@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from fingerfit.errors import LimitError
-from fingerfit.files import check_regular, free_memory, megabytes
+from fingerfit.core.errors import LimitError
+from fingerfit.core.files import check_regular, free_memory, megabytes
 
 _HEAD = 2**16
 """Bytes of a file in which a header of text is looked for; MetaImage's and NRRD's have some hundred."""

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fingerfit.errors import InputError
+from fingerfit.core.errors import InputError
 
 _BITS = {2: 8, 4: 16, 8: 32, 16: 32, 64: 64, 256: 8, 512: 16, 768: 32, 1024: 64, 1280: 64}
 """Of the codes of scalar types that ITK reads."""

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.errors import FingerfitError, InputError, LimitError
+from fingerfit.core.errors import FingerfitError, InputError, LimitError
 from fingerfit.imaging.limits import check_files, check_memory
 from fingerfit.imaging.whole import refuse_damaged, refuse_meta_header
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerfit.fem.shapes import EDGES
 from fingerfit.imaging.inverse import local_coordinates
 from fingerfit.imaging.raster import distances, scan, slabs
+from fingerfit.mesh.shapes import EDGES
 
 INSIDE = 5e-7
 """Barycentric coordinates down to minus this count as inside, as in `inverse`."""

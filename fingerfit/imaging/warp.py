@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fingerfit.fem.elements import ELEMENTS, distance, rule, shape
 from fingerfit.imaging.inverse import bulge, interpolate, local_coordinates
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import reach_of, smooth
 from fingerfit.imaging.tetrahedra import Claims, Tetrahedra, border_faces
-from fingerfit.mesh import Mesh
+from fingerfit.mesh.elements import ELEMENTS, distance, rule, shape
+from fingerfit.mesh.mesh import Mesh
 
 _DEEP = 1 - 1e-3
 _PAIRS = 4_000_000

@@ -18,7 +18,7 @@ from typing import IO
 
 import numpy as np
 
-from fingerfit.errors import InputError
+from fingerfit.core.errors import InputError
 from fingerfit.imaging.nifti import NiftiHeader, read_header
 
 BLOCK = 1 << 20

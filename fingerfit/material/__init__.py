@@ -1,0 +1,1 @@
+"""Energies, stresses and tangents by stretches."""

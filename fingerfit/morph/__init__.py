@@ -1,1 +1,1 @@
-"""From the mesh of a reference body to that of a subject: registration, repair, accuracy."""
+"""A reference mesh brought to a subject's volume."""

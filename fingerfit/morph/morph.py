@@ -10,15 +10,15 @@ import numpy as np
 
 from fingerfit.anatomy.curved import bone_faces, ease
 from fingerfit.anatomy.surface import vertex_normals
-from fingerfit.errors import InputError
+from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture
-from fingerfit.mesh import Mesh
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.mesh.tetrahedra import Quality, corners, faces_on, quality
 from fingerfit.morph.edges import CLEAR, Profiles, find_border, find_layers
 from fingerfit.morph.register import Deformation, Registration, register
 from fingerfit.morph.render import frame_around, render
 from fingerfit.morph.repair import mend, spread
 from fingerfit.morph.straight import straightened
-from fingerfit.tetrahedra import Quality, corners, faces_on, quality
 
 INTENSITY = {"EPIDERMIS": 0.45, "SUBCUTANEOUS": 0.9, "DISTAL": 0.65, "MIDDLE": 0.65, "NAIL": 0.15}
 """Of tissues in a T1-weighted MR volume, roughly; a registration by correlation wants no more."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.errors import InputError
+from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture
 
 METRICS = ("correlation", "ssd", "mutual_information")

@@ -8,10 +8,10 @@ from itertools import product
 
 import numpy as np
 
-from fingerfit.errors import InputError
+from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.warp import backward_map
-from fingerfit.mesh import Mesh
+from fingerfit.mesh.mesh import Mesh
 
 
 def frame_around(mesh: Mesh, spacing: float, margin: float) -> Picture:

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.errors import SolverError
-from fingerfit.fem.shapes import EDGES
-from fingerfit.mesh import Mesh
-from fingerfit.tetrahedra import corners, radius_ratio
+from fingerfit.core.errors import SolverError
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.mesh.shapes import EDGES
+from fingerfit.mesh.tetrahedra import corners, radius_ratio
 
 WORST = 0.02
 """Radius ratio below which an element is mended."""

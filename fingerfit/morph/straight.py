@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fingerfit.anatomy.curved import bone_faces, bone_nodes, edges_of, middles, with_straight_edges
-from fingerfit.mesh import Block, Mesh
-from fingerfit.tetrahedra import corners, faces_on, oriented, outer_faces, radius_ratio
+from fingerfit.mesh.mesh import Block, Mesh
+from fingerfit.mesh.tetrahedra import corners, faces_on, oriented, outer_faces, radius_ratio
 
 _CORNERS = ((0, 4, 6, 7), (1, 5, 4, 8), (2, 6, 5, 9), (3, 7, 8, 9))
 _AROUND = {(4, 9): (5, 6, 7, 8), (5, 7): (4, 6, 9, 8), (6, 8): (4, 5, 9, 7)}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerfit.errors import InputError
-from fingerfit.files import read_text, write_text
+from fingerfit.core.errors import InputError
+from fingerfit.core.files import read_text, write_text
 
 DIAMETER, HEIGHT = 50.0, 30.0
 """Of the cylinders, mm."""

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerfit.errors import InputError
-from fingerfit.files import read_text, write_text
-from fingerfit.mesh import Block, Mesh
-from fingerfit.mesh_io import format_mesh
+from fingerfit.core.errors import InputError
+from fingerfit.core.files import read_text, write_text
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.mesh.mesh import Block, Mesh
 
 FRAMES = (6, 12, 18, 24, 30, 36, 42, 49)
 """Of the fifty, those that become steps: as far apart as the authors' filter in time is wide."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerfit.guess import Parameter
+from fingerfit.model.parameters import Parameter
 from fingerfit.search.stages import MET, Point, Space, Stage, run_stage
 
 __all__ = ["Evaluation", "Plan", "Proposal", "Stage", "propose"]

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerfit.guess import DIGITS, Parameter, round_value
+from fingerfit.model.parameters import DIGITS, Parameter, round_value
 from fingerfit.search.simplex import Request, Simplex, downhill
 
 Point = tuple[float, ...]

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.core.errors import InputError, SolverError
 from fingerfit.deck.cards import Card, read_cards
 from fingerfit.deck.content import Deck
 from fingerfit.deck.dialect import to_abaqus
 from fingerfit.deck.reader import read_deck
-from fingerfit.errors import InputError, SolverError
-from fingerfit.fem.elements import ELEMENTS
+from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.solvers.abaqus_fil import FilIncrement, read_fil
 from fingerfit.solvers.answer import by_node, check_balance, ended, verify
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerfit.errors import InputError
-from fingerfit.files import read_bytes
+from fingerfit.core.errors import InputError
+from fingerfit.core.files import read_bytes
 from fingerfit.solvers.process import most_results
 
 Item = int | float | str

@@ -33,6 +33,16 @@ class StepResult:
     iterations: int
 
 
+def model_of(deck: Deck, path: Path, averaged: bool = True) -> Model:
+    """The model of a deck with its contacts; parameters and errors as of `Model`."""
+    model = Model(deck, path, averaged)
+    if deck.contacts:
+        from fingerfit.solvers.contacts import add_contacts
+
+        add_contacts(model)
+    return model
+
+
 def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepResult]:
     """Solve a deck step by step, up to the first step that does not converge.
 
@@ -41,7 +51,7 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepRes
     InputError
         For what does not fit together, before the first step.
     """
-    model = Model(deck, path, averaged)
+    model = model_of(deck, path, averaged)
     newton: Newton | None = None
     for step in deck.steps:
         prescribed = np.zeros(model.size, dtype=bool)

@@ -12,8 +12,8 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from fingerfit.core.errors import SolverError
 from fingerfit.deck.content import Deck, DeckStep
-from fingerfit.errors import SolverError
 from fingerfit.solvers.contract import Outcome
 
 DIGITS = 1e-6

@@ -10,26 +10,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fingerfit import __version__
-from fingerfit.errors import InputError
-from fingerfit.fem.elements import ELEMENTS
-from fingerfit.files import digest
+from fingerfit.core.errors import InputError
+from fingerfit.core.files import digest
+from fingerfit.core.folders import PACKAGE
+from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 from fingerfit.solvers.needs import FEATURES
 
 if TYPE_CHECKING:
     from fingerfit.deck.content import Deck
 
-_PACKAGE = Path(__file__).resolve().parent.parent
 # all that `solve` can reach, and this file; held against the imports by a test, because to follow them takes longer
 # than many a solve
 _SOURCES = (
-    *(f"{name}__init__.py" for name in ("", "deck/", "solvers/")),
-    "checksums.py",
-    "errors.py",
-    "files.py",
+    *(f"{name}__init__.py" for name in ("", "core/", "deck/", "mesh/", "solvers/")),
+    *(f"core/{name}.py" for name in ("checksums", "errors", "files")),
+    *(f"mesh/{name}.py" for name in ("elements", "faces", "mesh", "shapes")),
     "fem",
     "material",
-    "mesh.py",
     *(f"deck/{name}.py" for name in ("cards", "content", "state", "reader")),
     *(f"deck/{name}_keywords.py" for name in ("mesh", "material", "model", "step")),
     *(f"solvers/{name}.py" for name in ("builtin", "analysis", "model", "contacts", "contract")),
@@ -40,9 +38,9 @@ _SOURCES = (
 def _fingerprint() -> str:
     parts: list[str | bytes] = []
     for name in _SOURCES:
-        path = _PACKAGE / name
+        path = PACKAGE / name
         for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            parts += [file.relative_to(_PACKAGE).as_posix(), file.read_bytes()]
+            parts += [file.relative_to(PACKAGE).as_posix(), file.read_bytes()]
     return digest(*parts)
 
 
@@ -69,11 +67,11 @@ class BuiltinSolver:
     def check(self, deck: Path) -> None:
         """Read the deck; InputError for what is not understood."""
         from fingerfit.deck.reader import read_deck
-        from fingerfit.solvers.model import Model
+        from fingerfit.solvers.analysis import model_of
 
         read = read_deck(deck)
         _indenter(read, deck)
-        model = Model(read, deck, self.averaged)
+        model = model_of(read, deck, self.averaged)
         prescribed = np.zeros(model.size, dtype=bool)
         for node, axis in read.steps[0].displacement:
             if model.dof(node, axis) >= 0:

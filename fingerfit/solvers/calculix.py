@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.core.errors import SolverError
 from fingerfit.deck.cards import Card, read_cards, squeeze
 from fingerfit.deck.content import Deck
 from fingerfit.deck.reader import read_deck
-from fingerfit.errors import SolverError
 from fingerfit.solvers.answer import DIGITS, by_node, check_balance, counted_steps, ended, verify
 from fingerfit.solvers.calculix_output import diverged, finished, not_understood, read_dat, reason
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome

@@ -8,9 +8,9 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
+from fingerfit.core.errors import SolverError
 from fingerfit.deck.cards import squeeze
 from fingerfit.deck.reader import IGNORED
-from fingerfit.errors import SolverError
 
 HARMLESS = frozenset({"INTERNAL", "UNSORTED"})
 """Parameters that change no answer."""

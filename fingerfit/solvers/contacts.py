@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.content import Law, Rigid, Surface
-from fingerfit.errors import InputError
 from fingerfit.fem.contact import Interaction, RigidContact
-from fingerfit.fem.faces import collect_faces, depth_behind, sample_faces
 from fingerfit.fem.facets import Facets, cut_faces, rigid_faces
 from fingerfit.fem.surfaces import Plane, RigidSurface, Round
-
-if TYPE_CHECKING:
-    from fingerfit.solvers.model import Model
-
+from fingerfit.mesh.faces import collect_faces, depth_behind, sample_faces
+from fingerfit.solvers.model import Model
 
 _HARD = 100.0
 """Stiffness of hard contact over that of the elements behind it."""

@@ -8,8 +8,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fingerfit.errors import StateError
-from fingerfit.files import read_npz, write_npz
+from fingerfit.core.errors import StateError
+from fingerfit.core.files import read_npz, write_npz
 
 CONVERGED = "converged"
 DIVERGED = "diverged"

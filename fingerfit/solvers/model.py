@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.content import Deck, Rigid
-from fingerfit.errors import InputError
 from fingerfit.fem.assembly import Body
-from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, rule
 from fingerfit.fem.system import System
 from fingerfit.material.spread import spread, structure_of
+from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, rule
 
 
 @dataclass(frozen=True)
@@ -224,8 +224,8 @@ class Model:
 
     def _settle_ties(self) -> list[tuple[int, list[tuple[int, float]]]]:
         """Nodes that are tied to others, with weights; they are put on the master's faces where a tie adjusts."""
-        from fingerfit.fem.faces import collect_faces
         from fingerfit.fem.ties import tie_nodes
+        from fingerfit.mesh.faces import collect_faces
 
         found = []
         points = self.deck.mesh.points.copy()
@@ -259,7 +259,7 @@ class Model:
                 self._tie(node * self.dim + axis, [(n * self.dim + axis, w) for n, w in weights])
 
     def faces(self, surface: str) -> list[tuple[str, np.ndarray, int, float]]:
-        """Faces of a surface as `fingerfit.fem.faces.collect_faces` takes them."""
+        """Faces of a surface as `fingerfit.mesh.faces.collect_faces` takes them."""
         return self._described(self.deck.surfaces[surface].faces)
 
     def _described(self, faces: list[tuple[int, int]]) -> list[tuple[str, np.ndarray, int, float]]:
@@ -277,7 +277,7 @@ class Model:
 
     def nodes_of(self, surface: str) -> np.ndarray:
         """Nodes of a surface."""
-        from fingerfit.fem.faces import faces_of
+        from fingerfit.mesh.faces import faces_of
 
         nodes = [*self.deck.surfaces[surface].nodes, *(n for f in self.deck.surfaces[surface].facets for n in f)]
         for kind, connectivity, face, _ in self.faces(surface):
@@ -295,8 +295,8 @@ class Model:
             self.terms.append(Springs(first, second, np.array([s.stiffness for s in deck.springs])))
         loaded = list(dict.fromkeys(face for step in deck.steps for face in step.pressure))
         if loaded:
-            from fingerfit.fem.faces import collect_faces
             from fingerfit.fem.forces import Pressure
+            from fingerfit.mesh.faces import collect_faces
 
             sizes: dict[int, list[tuple[int, int]]] = {}
             for key, described in zip(loaded, self._described(loaded), strict=True):
@@ -307,7 +307,3 @@ class Model:
                 self.pressures.append((term, keys))
                 if self.finite:
                     self.terms.append(term)
-        if deck.contacts:
-            from fingerfit.solvers.contacts import add_contacts
-
-            add_contacts(self)

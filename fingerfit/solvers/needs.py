@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.content import Deck
-from fingerfit.errors import InputError
 from fingerfit.solvers.contract import Capabilities
 
 FEATURES = frozenset(

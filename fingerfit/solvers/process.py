@@ -12,9 +12,9 @@ import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from fingerfit.core.errors import InputError, SolverError
+from fingerfit.core.files import check_regular, free_memory, read_bytes
 from fingerfit.deck.cards import Card
-from fingerfit.errors import InputError, SolverError
-from fingerfit.files import check_regular, free_memory, read_bytes
 
 LOG = "output.log"
 """Where a program's output goes, in the folder that it runs in."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from typing import TYPE_CHECKING
 
-from fingerfit.errors import FingerfitError
+from fingerfit.core.errors import FingerfitError
 from fingerfit.solvers.contract import Solver
 
 if TYPE_CHECKING:

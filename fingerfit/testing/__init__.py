@@ -1,1 +1,1 @@
-"""Conformance suites that adapters of other packages subclass in their own tests."""
+"""Suites that adapters of other packages subclass in their tests."""

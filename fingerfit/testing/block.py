@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerfit.fem.elements import ELEMENTS
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.material.ogden import Ogden
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.elements import ELEMENTS
 
 MATERIAL = Ogden((0.03,), (1.4,), (0.7,))
 SIZE, DEPTH = 10.0, 2.0

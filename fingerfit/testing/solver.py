@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fingerfit.core.errors import FingerfitError, InputError, SolverError
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import read_deck
-from fingerfit.errors import FingerfitError, InputError, SolverError
-from fingerfit.fem.elements import ELEMENTS
-from fingerfit.mesh_io import format_mesh
+from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome, Solver
 from fingerfit.solvers.needs import FEATURES
 from fingerfit.testing.block import CHANGES, SIZE, homogeneous_force, write_block

@@ -11,8 +11,8 @@ import yaml
 from blocks import FIT, MODEL, STUDY
 
 from fingerfit.cli import main
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import brick, layered_block
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.mesh.blocks import brick, layered_block
 
 TABLE = "step,displacement,force\n1,0.5,7.0\n2,1.0,14.5\n3,1.5,22.8\n4,2.0,32.8\n"
 
@@ -167,9 +167,9 @@ def test_the_remark_reaches_the_estimate(place, capsys):
     """The table and estimate.json say what `prepare` saw."""
     from conftest import all_rounds
 
-    from fingerfit.report import estimate_of, table_of
-    from fingerfit.settings import load_settings
-    from fingerfit.simulate import begin
+    from fingerfit.fit.estimate import estimate_of, table_of
+    from fingerfit.fit.simulate import begin
+    from fingerfit.settings.config import load_settings
 
     text("3,1.5,22.8", "3,1.5,3.8")(place)
     fit, _ = begin(load_settings(place / "config.yaml"), place / "work")
@@ -182,9 +182,9 @@ def test_the_remark_reaches_the_estimate(place, capsys):
 
 def test_the_simple_formula_is_right_within_its_factor(place):
     """The modulus that a glued block needs, against the built-in solver: within a factor of 3, where 9.8 is refused."""
-    from fingerfit.plausible import SLIP, needed_modulus
+    from fingerfit.prepare.plausible import SLIP, needed_modulus
     from fingerfit.solvers.builtin import BuiltinSolver
-    from fingerfit.study import Body, Layer, Noise, Study
+    from fingerfit.study.study import Body, Layer, Noise, Study
     from fingerfit.testing.block import DEPTH, MATERIAL, SIZE, write_block
 
     assert pytest.approx(9.80665) == SLIP

@@ -11,13 +11,14 @@ import pytest
 import yaml
 from seeds import seed_of
 
-from fingerfit import files, scan
 from fingerfit.cli import main
-from fingerfit.errors import FingerfitError, InputError, Problems
-from fingerfit.experiment import add_noise, run_experiment, solve
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import brick
-from fingerfit.truth_file import read_truth
+from fingerfit.core import files
+from fingerfit.core.errors import FingerfitError, InputError, Problems
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.mesh.blocks import brick
+from fingerfit.virtual import scan
+from fingerfit.virtual.experiment import add_noise, run_experiment, solve
+from fingerfit.virtual.file import read_truth
 
 ROOT = Path(__file__).resolve().parents[2]
 GONE = object()
@@ -350,7 +351,7 @@ def test_no_memory_for_the_solution_is_told(tmp_path, monkeypatch):
     def fail(*args, **options):
         raise MemoryError
 
-    monkeypatch.setattr("fingerfit.experiment.make_mesh", fail)
+    monkeypatch.setattr("fingerfit.virtual.experiment.make_mesh", fail)
     with pytest.raises(
         InputError, match=r"experiment.yaml: mesh: found no memory for its solution; expected a coarser"
     ):

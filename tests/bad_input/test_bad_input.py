@@ -18,8 +18,8 @@ from figures import check_file, corners, images, legend_of, recorded
 from scipy.ndimage import gaussian_filter
 from seeds import generator
 
-from fingerfit.checksums import seal
 from fingerfit.cli import main
+from fingerfit.core.checksums import seal
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.solvers.builtin import BuiltinSolver
 

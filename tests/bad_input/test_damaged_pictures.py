@@ -194,7 +194,7 @@ def test_a_damaged_file_is_told(place, name, capfd):
     path = place / f"study/step_2{ending}"
     path.write_bytes(change(path.read_bytes()))
     if ending in (".png", ".bmp", ".jpg", ".tif", ".vtk"):  # formats without a place: alone
-        from fingerfit.errors import InputError
+        from fingerfit.core.errors import InputError
 
         with pytest.raises(InputError) as caught:
             read_picture(path)
@@ -307,7 +307,7 @@ def test_whole_pictures_are_fine_and_in_order(place, ending, shape, capsys):
 
 def test_a_large_file_is_looked_through_in_blocks(place, monkeypatch):
     """NaN and the end are found wherever the borders of the blocks are."""
-    from fingerfit.errors import InputError
+    from fingerfit.core.errors import InputError
     from fingerfit.imaging import whole
 
     make(place, ".nii.gz", np.float32)
@@ -357,7 +357,7 @@ def test_noise_alone_is_no_remark():
 @pytest.mark.parametrize("ending", [".nii", ".nii.gz", ".hdr", ".mha", ".nrrd", ".tif", ".bmp"])
 def test_whatever_bytes_there_are_it_is_one_line(place, ending):
     """Bytes of the header changed and ends cut at random: told as an error of the file, or not at all."""
-    from fingerfit.errors import InputError
+    from fingerfit.core.errors import InputError
     from fingerfit.imaging.whole import refuse_damaged
 
     make(place, ending, np.uint8 if ending == ".bmp" else np.float32)

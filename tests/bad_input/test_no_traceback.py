@@ -12,21 +12,21 @@ from seeds import generator
 
 from fingerfit import cli
 from fingerfit.cli import main
-from fingerfit.effects.catalogue import catalogue
-from fingerfit.effects.expression import evaluate
-from fingerfit.errors import FingerfitError, InputError, Problems, StateError
-from fingerfit.experiment import _as_measured
-from fingerfit.files import keep_json, read_json, read_npz, read_record, write_json, write_npz
-from fingerfit.judge import Judge
-from fingerfit.page.inputs import read_inputs
+from fingerfit.core.errors import FingerfitError, InputError, Problems, StateError
+from fingerfit.core.files import keep_json, read_json, read_npz, read_record, write_json, write_npz
+from fingerfit.diagnosis.residual import Patches
+from fingerfit.diagnosis.score_test import Judge
+from fingerfit.diagnosis.verdict import Refit, _rival
+from fingerfit.fit.check import check_data
+from fingerfit.fit.estimate import estimate_of
+from fingerfit.fit.rounds import Round
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.formulas import evaluate
 from fingerfit.recipes.ecoflex import make_study
-from fingerfit.report import estimate_of
-from fingerfit.residual import Patches
-from fingerfit.rounds import Round
-from fingerfit.settings import load_settings
-from fingerfit.settings_check import check_data
-from fingerfit.simulate import begin, run_fit
-from fingerfit.verdict import Refit, _rival
+from fingerfit.report.page.inputs import read_inputs
+from fingerfit.settings.config import load_settings
+from fingerfit.virtual.experiment import _as_measured
 
 
 def write(folder, steps=STEPS, study=STUDY, model=MODEL, fit=FIT):
@@ -155,7 +155,7 @@ class Sensor:
 @pytest.mark.parametrize("formula", ["0 * force", "1 / (force - 1)", "nonsense"])
 def test_a_sensor_that_shows_no_straight_line(place, monkeypatch, formula):
     truth = Sensor(place, formula)
-    monkeypatch.setattr("fingerfit.experiment._present", lambda truth: list(truth.effects.values()))
+    monkeypatch.setattr("fingerfit.virtual.experiment._present", lambda truth: list(truth.effects.values()))
     with pytest.raises(InputError, match=r"effect sensor: changes.force: found .*; expected a straight line in force"):
         _as_measured(truth, np.ones(2))
 

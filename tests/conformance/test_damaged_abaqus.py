@@ -8,7 +8,7 @@ import pytest
 from conftest import ROOT
 from fil import FIL
 
-from fingerfit.errors import InputError, SolverError
+from fingerfit.core.errors import InputError, SolverError
 from fingerfit.solvers.abaqus_fil import read_fil
 from fingerfit.solvers.answer import by_node
 from fingerfit.testing.damage import DAMAGES

@@ -73,7 +73,9 @@ def test_what_the_example_lacks_is_refused(installed, tmp_path):
 
 
 def test_effects_of_a_package_are_known_without_running_it(effects):
-    code = "import sys; from fingerfit.effects.catalogue import catalogue; catalogue(); print('lab_effects' in sys.modules)"
+    code = (
+        "import sys; from fingerfit.model.catalogue import catalogue; catalogue(); print('lab_effects' in sys.modules)"
+    )
     assert ask(code, effects).stdout.strip() == "False"
     listed = fingerfit(effects, "effects")
     assert "return_spring: a spring that draws the indenter back" in listed.stdout

@@ -10,8 +10,8 @@ import pytest
 from conftest import phantom
 from fil import FIL
 
+from fingerfit.core.errors import InputError, SolverError
 from fingerfit.deck.reader import read_deck
-from fingerfit.errors import InputError, SolverError
 from fingerfit.solvers.abaqus import AbaqusSolver
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.calculix import CalculixSolver

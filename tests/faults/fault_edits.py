@@ -107,7 +107,7 @@ def code_edited(file, before, after):
 
 
 CODE = {
-    "the score": ("fingerfit/score.py", "\n\ndef score(", "\n\nWEIGHT = 1\n\n\ndef score("),
+    "the score": ("fingerfit/forward/score.py", "\n\ndef score(", "\n\nWEIGHT = 1\n\n\ndef score("),
     "a material": ("fingerfit/material/ogden.py", '"""', '"""Edited. '),
 }
 FAULTS = [

@@ -180,16 +180,16 @@ exit 0
 
 def deck(place: Path) -> None:
     """A deck of the body in the plane, and what solvers that stand in for CalculiX and ABAQUS answer to it."""
+    from fingerfit.core.files import write_json
+    from fingerfit.deck.mesh_file import format_mesh
     from fingerfit.deck.reader import read_deck
-    from fingerfit.decks import make_deck
-    from fingerfit.effects.catalogue import catalogue
-    from fingerfit.files import write_json
-    from fingerfit.mesh_io import format_mesh
-    from fingerfit.prepare import make_mesh
-    from fingerfit.settings import load_settings
+    from fingerfit.forward.decks import make_deck
+    from fingerfit.model.catalogue import catalogue
+    from fingerfit.prepare.prepare import make_mesh
+    from fingerfit.settings.config import load_settings
     from fingerfit.solvers.analysis import run_steps
     from fingerfit.solvers.builtin import BuiltinSolver
-    from fingerfit.study_file import load_study
+    from fingerfit.study.reader import load_study
 
     plane(place)
     settings = load_settings(place / "config.yaml").model_copy(update={"study": str(place / "study")})

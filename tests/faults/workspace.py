@@ -19,7 +19,7 @@ import yaml
 from battery import CLEAR, COLUMNS, NEITHER, ROWS
 from places import EXPERIMENT, ROOT, dump
 
-from fingerfit.experiment import run_experiment
+from fingerfit.virtual.experiment import run_experiment
 
 HEALED = "healed"
 LONG = 300.0

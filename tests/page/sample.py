@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 from seeds import generator
 
-from fingerfit.files import keep_json, write_npz
+from fingerfit.core.files import keep_json, write_npz
 
 WIDTH = HEIGHT = 12.0
 LAYERS = ("top", "middle", "bottom")

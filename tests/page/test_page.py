@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from fingerfit.errors import StateError
-from fingerfit.files import keep_json, read_json
-from fingerfit.page import ladder_figure, write_page
-from fingerfit.page.inputs import read_inputs
+from fingerfit.core.errors import StateError
+from fingerfit.core.files import keep_json, read_json
+from fingerfit.report.page import ladder_figure, write_page
+from fingerfit.report.page.inputs import read_inputs
 
 _spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
 sample = importlib.util.module_from_spec(_spec)

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from seeds import generator
 
-from fingerfit.files import keep_json, write_npz
+from fingerfit.core.files import keep_json, write_npz
 from fingerfit.imaging.pictures import Picture
-from fingerfit.meshing import brick
-from fingerfit.page import write_page
-from fingerfit.page.figures import stiffness_in_space
-from fingerfit.page.inputs import read_compare
-from fingerfit.page.regions import places as rows
-from fingerfit.page.views import COUNTS, cuts_at, cuts_of, views_of
-from fingerfit.slices import border_triangles
+from fingerfit.imaging.sections import border_triangles
+from fingerfit.mesh.blocks import brick
+from fingerfit.report.page import write_page
+from fingerfit.report.page.figures import stiffness_in_space
+from fingerfit.report.page.inputs import read_compare
+from fingerfit.report.page.regions import places as rows
+from fingerfit.report.page.views import COUNTS, cuts_at, cuts_of, views_of
 
 SIZE = np.array([10.0, 8.0, 6.0])
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

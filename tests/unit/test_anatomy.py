@@ -11,12 +11,12 @@ from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import CLEARANCE, add_fixtures
 from fingerfit.anatomy.shape import Anatomy
 from fingerfit.cli import main
-from fingerfit.errors import InputError
-from fingerfit.files import write_text
-from fingerfit.mesh_io import format_mesh, read_mesh
-from fingerfit.meshing import brick
+from fingerfit.core.errors import InputError
+from fingerfit.core.files import write_text
+from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.mesh.blocks import brick
+from fingerfit.mesh.tetrahedra import corners, faces_on, outer_faces, quality, radius_ratio, volumes
 from fingerfit.morph.distance import surface_distance
-from fingerfit.tetrahedra import corners, faces_on, outer_faces, quality, radius_ratio, volumes
 
 COARSE = 3.0
 

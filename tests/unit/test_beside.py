@@ -5,8 +5,8 @@ import signal
 
 import pytest
 
-from fingerfit.beside import apart, side_by_side
-from fingerfit.errors import FingerfitError, InputError, Problems
+from fingerfit.core.errors import FingerfitError, InputError, Problems
+from fingerfit.core.processes import apart, side_by_side
 
 
 @pytest.mark.parametrize("processes", [1, 2, 3, 9])

@@ -13,14 +13,14 @@ from blocks import FIT, MESH, MODEL, STEPS, STUDY
 from conftest import ROOT
 from matplotlib.quiver import Quiver
 
-from fingerfit.check import check_study
+from fingerfit.check.check import check_study
+from fingerfit.check.expect import expected
+from fingerfit.check.overview import figure_study
 from fingerfit.cli import main
-from fingerfit.expect import expected
-from fingerfit.overview import figure_study
-from fingerfit.prepare import make_mesh, prepare
-from fingerfit.settings import MeshSettings, load_settings
-from fingerfit.simulate import begin, run_fit
-from fingerfit.study_file import load_study
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.prepare.prepare import make_mesh, prepare
+from fingerfit.settings.config import MeshSettings, load_settings
+from fingerfit.study.reader import load_study
 
 CONFIG = {"study": "study", "model": MODEL, "fit": FIT}
 SIMPLEX = {"name": "independent", "kind": "independent", "tolx": 1e-3, "tolf": 1e-3}

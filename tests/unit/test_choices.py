@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fingerfit.choices import read_checked
-from fingerfit.errors import StateError
-from fingerfit.files import keep_json, read_json
-from fingerfit.layout import write_settings
-from fingerfit.settings import load_settings
+from fingerfit.core.errors import StateError
+from fingerfit.core.files import keep_json, read_json
+from fingerfit.provenance.stages import write_settings
+from fingerfit.settings.choices import read_checked
+from fingerfit.settings.config import load_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 EFFECTS = {"tilt": {"slope": 0.01}, "inclusion": {"across": 0.3}}
@@ -61,6 +61,8 @@ def test_what_the_workflow_did_not_write_is_told(tmp_path, damage):
 
 def test_rounds_do_not_need_pydantic_or_scipy():
     """Their import takes longer than the scores of a round."""
-    program = "import sys, fingerfit.choices, fingerfit.course; print(*{'pydantic', 'scipy'} & set(sys.modules))"
+    program = (
+        "import sys, fingerfit.settings.choices, fingerfit.fit.course; print(*{'pydantic', 'scipy'} & set(sys.modules))"
+    )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""

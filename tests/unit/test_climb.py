@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from fingerfit import layout
 from fingerfit.cli import main
-from fingerfit.climb import add, drop
-from fingerfit.errors import FingerfitError, InputError
-from fingerfit.files import keep_json, write_text
-from fingerfit.settings import load_settings
+from fingerfit.core.errors import FingerfitError, InputError
+from fingerfit.core.files import keep_json, write_text
+from fingerfit.diagnosis.ladder import add, drop
+from fingerfit.provenance import stages
+from fingerfit.settings.config import load_settings
 
 CONFIG = """\
 # a comment at the top
@@ -189,13 +189,13 @@ def test_the_command_prints_one_line(config, capsys):
 
 def test_without_effects_nothing_is_warm(config):
     settings = load_settings(config)
-    assert layout.warm(settings) is settings
+    assert stages.warm(settings) is settings
 
 
 def test_without_the_parents_estimate_it_is_one_line(config):
     add(config, "tilt")
     with pytest.raises(InputError) as caught:
-        layout.warm(load_settings(config))
+        stages.warm(load_settings(config))
     line = str(caught.value)
     assert line == (
         "config.yaml: model.effects.tilt: found tilt, but no results/study/base/estimate.json;"
@@ -206,7 +206,7 @@ def test_without_the_parents_estimate_it_is_one_line(config):
 def test_effects_with_all_their_numbers_need_no_estimate_before(config):
     plain = load_settings(config).starts()
     write_text(config, with_effects(effects="  effects:\n    tilt: {slope: 0.01}\n    base_slip: {compliance: 3}\n"))
-    found = layout.warm(load_settings(config)).starts()
+    found = stages.warm(load_settings(config)).starts()
     assert found == plain | {"tilt.slope": 0.01, "base_slip.compliance": 3}
 
 
@@ -218,10 +218,10 @@ def test_the_search_starts_at_the_parents_estimate(config, tmp_path):
     values = {"mu_top": 0.031, "mu_bottom": 0.062, "tilt.slope": 0.017}
     parameters = {name: {"value": value} for name, value in values.items()}
     keep_json(tmp_path / "results/study/base+tilt/estimate.json", {"parameters": parameters})
-    found = layout.warm(load_settings(config)).starts()
+    found = stages.warm(load_settings(config)).starts()
     wanted = values | {"inclusion.contrast": 0.7, "inclusion.along": 0.3, "inclusion.across": 0.15}
     assert found == pytest.approx(wanted)
-    assert str(layout.model_folder(load_settings(config))) == "results/study/base+tilt+inclusion"
+    assert str(stages.model_folder(load_settings(config))) == "results/study/base+tilt+inclusion"
 
 
 # --- what is told
@@ -264,7 +264,7 @@ def test_a_misspelt_study_is_named(config, tmp_path):
     assert str(caught.value) == f"{mine}: study: found stdy; expected the folder of a study"
     mine.write_text(with_effects(effects="  effects:\n    tilt: {}\n").replace("study: study", "study: stdy"))
     with pytest.raises(InputError) as caught:
-        layout.check_model(load_settings(mine), mine)
+        stages.check_model(load_settings(mine), mine)
     assert str(caught.value) == f"{mine}: study: found stdy; expected the folder of a study"
 
 

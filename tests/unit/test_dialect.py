@@ -5,11 +5,11 @@ import pytest
 from blocks import CUBE
 
 from fingerfit.cli import main
+from fingerfit.core.errors import InputError
 from fingerfit.deck.cards import read_cards
 from fingerfit.deck.dialect import to_abaqus
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.write import format_deck
-from fingerfit.errors import InputError
 from fingerfit.solvers.builtin import BuiltinSolver
 
 BLOCK = f"""\

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from fingerfit.errors import InputError
+from fingerfit.core.errors import InputError
 from fingerfit.recipes.ecoflex import make_study, read_test
-from fingerfit.study_file import load_study
+from fingerfit.study.reader import load_study
 
 DATA = Path(__file__).resolve().parents[3] / "shared/real/ecoflex_compression/EF10_50T"
 

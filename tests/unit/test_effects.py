@@ -9,20 +9,20 @@ import pytest
 from conftest import LAYERS, MU, ROOT, phantom
 from scipy.special import erf
 
+from fingerfit.core.errors import InputError, Problems
+from fingerfit.core.files import write_text
+from fingerfit.core.folders import OURS
 from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import render_deck
-from fingerfit.effects.catalogue import catalogue, chosen
-from fingerfit.effects.expression import evaluate
-from fingerfit.effects.observe import Observation
-from fingerfit.errors import InputError, Problems
-from fingerfit.files import write_text
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import layered_block
-from fingerfit.predict import since_first_picture
+from fingerfit.forward.predict import since_first_picture
+from fingerfit.mesh.blocks import layered_block
+from fingerfit.model.catalogue import catalogue, chosen
+from fingerfit.model.formulas import evaluate
+from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.solvers.registry import get_solver
-from fingerfit.study import Step
-from fingerfit.templates import OURS
+from fingerfit.study.study import Step
 
 EFFECTS = catalogue()
 MESH = layered_block(12.0, LAYERS, 4, 2, "CPE8H")

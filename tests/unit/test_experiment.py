@@ -9,10 +9,10 @@ import yaml
 from scipy.interpolate import CubicSpline
 from seeds import seed_of
 
-from fingerfit.errors import InputError, Problems
-from fingerfit.experiment import FULL_SCALE, add_noise, read_truth, run_experiment, solve, write_study
+from fingerfit.core.errors import InputError, Problems
 from fingerfit.imaging.pictures import read_picture
-from fingerfit.study_file import load_study
+from fingerfit.study.reader import load_study
+from fingerfit.virtual.experiment import FULL_SCALE, add_noise, read_truth, run_experiment, solve, write_study
 
 DESCRIPTION = {
     "title": "small",
@@ -137,7 +137,7 @@ def test_a_failure_leaves_nothing(truth, solved, tmp_path, monkeypatch):
     def fail(*args, **options):
         raise OSError("no space")
 
-    monkeypatch.setattr("fingerfit.experiment.write_picture", fail)
+    monkeypatch.setattr("fingerfit.virtual.experiment.write_picture", fail)
     with pytest.raises(OSError, match="no space"):
         write_study(truth, solved, tmp_path / "s")
     assert list(tmp_path.iterdir()) == []

@@ -11,16 +11,16 @@ import pytest
 from seeds import generator
 
 from fingerfit.cli import main
-from fingerfit.data import Data
+from fingerfit.core.files import keep_json, keep_text, write_npz, write_text
 from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh, read_mesh
 from fingerfit.deck.render import render_deck
-from fingerfit.fields import fields, strains
-from fingerfit.files import keep_json, keep_text, write_npz, write_text
 from fingerfit.imaging.pictures import read_picture
-from fingerfit.mesh_io import format_mesh, read_mesh
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.report.fields import fields, strains
 from fingerfit.solvers.builtin import BuiltinSolver
-from fingerfit.study import Body, Layer, Noise, Step, Study
+from fingerfit.study.data import Data
+from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 ROOT = Path(__file__).resolve().parents[2]
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -236,7 +236,7 @@ def test_residual_displacements_are_vectors_at_points(made):
 
 
 def test_a_study_of_forces_alone_has_its_errors_by_step(made):
-    from fingerfit.export import read_results, write_tables
+    from fingerfit.report.export import read_results, write_tables
 
     folder = made[0]
     found = read_results(folder.parent)
@@ -300,7 +300,7 @@ def test_before_the_diagnosis_there_is_nothing_to_export(tmp_path, capsys):
 
 
 def test_a_state_before_the_first_picture_counts_for_stress_only(tmp_path, made):
-    from fingerfit.export import read_results, write_fields
+    from fingerfit.report.export import read_results, write_fields
 
     folder, _, outcome, _ = made
     found = read_results(folder.parent)

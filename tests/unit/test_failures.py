@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fingerfit.failures import Failures
+from fingerfit.provenance.failures import Failures
 
 COMMAND = "exec python -P -m fingerfit simulate deck.inp 2> {log}"
 

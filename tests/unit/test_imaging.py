@@ -5,13 +5,13 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from skimage.metrics import normalized_mutual_information
 
-from fingerfit.errors import InputError
+from fingerfit.core.errors import InputError
 from fingerfit.imaging.noise import add_rician, estimate_noise, noise_of_repeats
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.similarity import joint_histogram, nmi, ssd
 from fingerfit.imaging.warp import Probe, backward_map, sample, spline_coefficients, warp
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
 
 
 def grid(count, dim=2, size=14.0):

@@ -7,18 +7,19 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fingerfit import inputs, layout, templates
-from fingerfit.contents import Contents
-from fingerfit.files import write_text
-from fingerfit.inputs import study_files, template_files
-from fingerfit.settings import load_settings
+from fingerfit.core import folders
+from fingerfit.core.contents import Contents
+from fingerfit.core.files import write_text
+from fingerfit.provenance import inputs, stages
+from fingerfit.provenance.inputs import study_files, template_files
+from fingerfit.settings.config import load_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 MU = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
 
 
 def made_from(config="config.yaml"):
-    return layout.made_from(load_settings(Path(config)), Contents())
+    return stages.made_from(load_settings(Path(config)), Contents())
 
 
 @pytest.fixture
@@ -75,7 +76,7 @@ RENDERED = {"study/own.inp.j2", "study/part.inc", "study/effects/mine.yaml", "..
 
 def test_all_that_a_study_names_is_found(place):
     assert {os.path.relpath(path) for path in study_files(Path("study"))} == READ
-    own = {os.path.relpath(path) for path in template_files(Path("study")) if not path.is_relative_to(templates.OURS)}
+    own = {os.path.relpath(path) for path in template_files(Path("study")) if not path.is_relative_to(folders.OURS)}
     assert own == RENDERED
 
 
@@ -87,7 +88,7 @@ def test_another_content_runs_the_right_stages_again(place, name):
     write_text(path, text + ("# one line more" if name.endswith(".yaml") else "\n"))
     after = made_from()
     changed = {stage for stage in before if before[stage] != after[stage]}
-    every = set(layout.STAGES)
+    every = set(stages.STAGES)
     assert changed == (every if name in READ else every - {"prepare"})
     write_text(path, text)
     assert made_from() == before
@@ -113,7 +114,7 @@ def test_neither_times_nor_the_place_count(place, tmp_path, monkeypatch):
 def test_effects_of_installed_packages_count(place, tmp_path, monkeypatch):
     write_text(tmp_path / "lab_effects/effects/spring.yaml", "title: spring")
     write_text(tmp_path / "lab_effects/effects/spring.inp.j2", "*SPRING")
-    monkeypatch.setattr(templates, "offered", lambda: (tmp_path / "lab_effects",))
+    monkeypatch.setattr(folders, "offered", lambda: (tmp_path / "lab_effects",))
     before = made_from()
     for name in ("spring.yaml", "spring.inp.j2"):
         write_text(tmp_path / "lab_effects/effects" / name, "title: another")
@@ -124,11 +125,11 @@ def test_effects_of_installed_packages_count(place, tmp_path, monkeypatch):
 
 def test_our_templates_count_and_those_of_the_page_for_the_page_alone(place, tmp_path, monkeypatch):
     shutil.copytree(ROOT / "templates", tmp_path / "templates")
-    for module in (templates, inputs):
+    for module in (folders, inputs):
         monkeypatch.setattr(module, "OURS", tmp_path / "templates")
-    for name, stages in (
-        ("block.inp.j2", set(layout.STAGES) - {"prepare"}),
-        ("effects/tilt.yaml", set(layout.STAGES) - {"prepare"}),
+    for name, affected in (
+        ("block.inp.j2", set(stages.STAGES) - {"prepare"}),
+        ("effects/tilt.yaml", set(stages.STAGES) - {"prepare"}),
         ("report/page.js", {"ladder"}),
         ("report/glance.html.j2", {"ladder"}),
     ):
@@ -136,7 +137,7 @@ def test_our_templates_count_and_those_of_the_page_for_the_page_alone(place, tmp
         path = tmp_path / "templates" / name
         write_text(path, path.read_text(encoding="utf-8") + "\n")
         after = made_from()
-        assert {stage for stage in before if before[stage] != after[stage]} == stages
+        assert {stage for stage in before if before[stage] != after[stage]} == affected
 
 
 def test_contents_are_read_again_when_a_file_may_have_changed(tmp_path):
@@ -154,11 +155,11 @@ def test_contents_are_read_again_when_a_file_may_have_changed(tmp_path):
 def test_a_file_that_has_not_changed_is_not_read_again(tmp_path, monkeypatch):
     path, kept = tmp_path / "a", tmp_path / "known.json"
     path.write_text("one")
-    monkeypatch.setattr("fingerfit.contents.SETTLED", -1.0)
+    monkeypatch.setattr("fingerfit.core.contents.SETTLED", -1.0)
     first = Contents(kept)
     found = first.digest(path)
     first.save()
-    monkeypatch.setattr("fingerfit.contents.digest", None)
+    monkeypatch.setattr("fingerfit.core.contents.digest", None)
     assert Contents(kept).digest(path) == found
     monkeypatch.undo()
     path.write_text("longer")

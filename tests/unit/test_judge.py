@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fingerfit.judge import Judge, likeness
+from fingerfit.diagnosis.score_test import Judge, likeness
 
 VALUES, OWN = 60, 3
 WIDE = np.full(2, np.inf)

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from fingerfit import simulate
-from fingerfit.errors import FingerfitError
+from fingerfit.core.errors import FingerfitError
+from fingerfit.fit.problem import simulate
 
 
 def test_a_killed_solve_is_told(tmp_path, monkeypatch):

@@ -4,10 +4,10 @@ import copy
 
 import pytest
 
-from fingerfit.files import keep_json
-from fingerfit.findings import ladder, made_with
-from fingerfit.layout import write_settings
-from fingerfit.settings import load_settings
+from fingerfit.core.files import keep_json
+from fingerfit.provenance.stages import write_settings
+from fingerfit.report.findings import ladder, made_with
+from fingerfit.settings.config import load_settings
 
 CONFIG = {
     "study": "study",

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerfit.mesh_check import faults_of_mesh
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.check import faults_of_mesh
 
 WHERE = Path("mesh.inp")
 

@@ -6,10 +6,10 @@ import meshio
 import numpy as np
 import pytest
 
-from fingerfit.errors import InputError
-from fingerfit.mesh import Block
-from fingerfit.mesh_io import format_mesh, read_mesh
-from fingerfit.meshing import brick, layered_block
+from fingerfit.core.errors import InputError
+from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.mesh import Block
 
 LAYERS = [("top", 4.0), ("bottom", 8.0)]
 

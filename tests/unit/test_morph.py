@@ -8,10 +8,11 @@ from seeds import generator, seed_of
 
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.shape import Anatomy
-from fingerfit.errors import InputError, SolverError
+from fingerfit.core.errors import InputError, SolverError
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture
-from fingerfit.meshing import brick
+from fingerfit.mesh.blocks import brick
+from fingerfit.mesh.tetrahedra import corners, faces_on, radius_ratio, to_quadratic, volumes
 from fingerfit.morph.distance import surface_distance
 from fingerfit.morph.edges import Profiles, find_border, find_layers
 from fingerfit.morph.morph import INTENSITY, labelled, morph
@@ -19,7 +20,6 @@ from fingerfit.morph.register import Registration, register, tip_of
 from fingerfit.morph.render import frame_around, render
 from fingerfit.morph.repair import mend, spread
 from fingerfit.morph.straight import straightened
-from fingerfit.tetrahedra import corners, faces_on, radius_ratio, to_quadratic, volumes
 
 VOXEL = 0.3
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fingerfit.errors import SolverError, StateError
-from fingerfit.files import write_npz
+from fingerfit.core.errors import SolverError, StateError
+from fingerfit.core.files import write_npz
 from fingerfit.solvers.answer import ended
 from fingerfit.solvers.calculix_output import diverged, finished, read_dat
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome

@@ -8,13 +8,13 @@ import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 from conftest import ROOT
 
-from fingerfit.check import own_effects
+from fingerfit.check.check import own_effects
+from fingerfit.core.errors import FingerfitError
 from fingerfit.deck.context import deck_context
-from fingerfit.errors import FingerfitError
-from fingerfit.prepare import make_mesh
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, solve_missing
-from fingerfit.study_file import load_study
+from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.prepare.prepare import make_mesh
+from fingerfit.settings.config import load_settings
+from fingerfit.study.reader import load_study
 
 OWN = {
     "title": "softer on one side",

@@ -5,12 +5,12 @@ import pytest
 import yaml
 from seeds import generator
 
-from fingerfit.errors import InputError, Problems
+from fingerfit.core.errors import InputError, Problems
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.imaging.preprocess import noise_after_resizing, resize, smooth
-from fingerfit.meshing import brick
-from fingerfit.pictured import prepare_pictures
-from fingerfit.study_file import load_study
+from fingerfit.mesh.blocks import brick
+from fingerfit.prepare.pictures import prepare_pictures
+from fingerfit.study.reader import load_study
 
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 SIZE = (8.0, 6.0, 5.0)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fingerfit.errors import SolverError
+from fingerfit.core.errors import SolverError
 from fingerfit.solvers.process import run
 
 RUNS = """

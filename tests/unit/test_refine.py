@@ -6,16 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fingerfit.data import Data
-from fingerfit.errors import StateError
-from fingerfit.estimate import LinearModel, coordinates, moved, sensitivity_values
-from fingerfit.fit import FINAL, REFINED, SEARCH, SENSITIVITY
-from fingerfit.guess import Parameter
-from fingerfit.meshing import brick, layered_block
-from fingerfit.refine import ADDED, ORDER, Minimum, around_best, finest, mesh_error, minimum, refine_round
-from fingerfit.rounds import Asked, Round
-from fingerfit.score import Prediction, score
+from fingerfit.core.errors import StateError
+from fingerfit.fit.linear import LinearModel, coordinates, moved, sensitivity_values
+from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY
+from fingerfit.fit.refine import ADDED, ORDER, Minimum, around_best, finest, mesh_error, minimum, refine_round
+from fingerfit.fit.rounds import Asked, Round
+from fingerfit.forward.score import Prediction, score
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.model.parameters import Parameter
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
+from fingerfit.study.data import Data
 
 PARAMETERS = (Parameter("mu_top", "MPa", 1e-3, 1.0, 0.1), Parameter("poisson", "1", 0.3, 0.5, 0.4, log=False))
 LAYERS = [("top", 6.0), ("bottom", 6.0)]

@@ -7,15 +7,15 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from seeds import generator
 
-from fingerfit.data import Data
+from fingerfit.diagnosis.residual import Patches, Reader, residual_of
+from fingerfit.forward.score import Prediction
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.registration import FEWEST, FLOOR, means, register
 from fingerfit.imaging.warp import Probe, backward_map, sample, spline_coefficients, warp
-from fingerfit.meshing import brick, layered_block
-from fingerfit.residual import Patches, Reader, residual_of
-from fingerfit.score import Prediction
+from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.solvers.contract import CONVERGED, Outcome
+from fingerfit.study.data import Data
 
 SIZE, ACROSS = 96, 4
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
-from fingerfit.errors import InputError
-from fingerfit.meshing import layered_block
-from fingerfit.study import Body, Layer, Noise, Step, Study
+from fingerfit.mesh.blocks import layered_block
+from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 ROOT = Path(__file__).resolve().parents[2]
 LAYERS = (("top", 4.0), ("bottom", 8.0))

@@ -6,11 +6,11 @@ import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 
-from fingerfit.effects.catalogue import catalogue
-from fingerfit.findings import at_bounds
-from fingerfit.report import estimate_of, table_of
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, run_fit
+from fingerfit.fit.estimate import estimate_of, table_of
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.model.catalogue import catalogue
+from fingerfit.report.findings import at_bounds
+from fingerfit.settings.config import load_settings
 
 ENTRY = {
     "value": 0.01, "unit": "1/mm", "standard_error": 0.0, "mesh_error": 0.0, "interval95": [0.01, 0.01],

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import yaml
 
-from fingerfit.contents import Contents
-from fingerfit.errors import InputError, StateError
-from fingerfit.files import keep_json, keep_text, read_json, read_npz, write_json, write_npz, write_text
-from fingerfit.results import claim, in_order, mend, model_folder, refuse, study_folder
-from fingerfit.rounds import check_deck, simulation_name
-from fingerfit.settings import load_settings
+from fingerfit.core.contents import Contents
+from fingerfit.core.errors import InputError, StateError
+from fingerfit.core.files import keep_json, keep_text, read_json, read_npz, write_json, write_npz, write_text
+from fingerfit.fit.rounds import check_deck, simulation_name
+from fingerfit.provenance.results import claim, in_order, mend, model_folder, refuse, study_folder
+from fingerfit.settings.config import load_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))

@@ -9,16 +9,16 @@ from scipy.special import erf
 from scipy.stats import rice
 from seeds import seed_of
 
-from fingerfit.errors import InputError, Problems
-from fingerfit.experiment import FULL_SCALE, add_noise, read_truth, run_experiment, solve, write_study
-from fingerfit.files import write_text
+from fingerfit.core.errors import InputError, Problems
+from fingerfit.core.files import write_text
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.imaging.pictures import read_picture
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import brick
-from fingerfit.prepare import make_mesh
-from fingerfit.scan import sample_places
-from fingerfit.settings import MeshSettings
-from fingerfit.study_file import load_study
+from fingerfit.mesh.blocks import brick
+from fingerfit.prepare.prepare import make_mesh
+from fingerfit.settings.config import MeshSettings
+from fingerfit.study.reader import load_study
+from fingerfit.virtual.experiment import FULL_SCALE, add_noise, read_truth, run_experiment, solve, write_study
+from fingerfit.virtual.scan import sample_places
 
 SIZE = [12.0, 10.0, 8.0]
 DESCRIPTION = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from fingerfit.guess import Parameter
+from fingerfit.model.parameters import Parameter
 from fingerfit.search import Evaluation, Plan, Stage, propose
 from fingerfit.search.simplex import downhill
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 from seeds import generator
 
-from fingerfit.guess import Parameter, round_value
+from fingerfit.model.parameters import Parameter, round_value
 from fingerfit.search import Evaluation, Plan, Stage, propose
 from fingerfit.search.stages import Space, Tie
 

@@ -4,14 +4,14 @@ import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 
-from fingerfit import layout
 from fingerfit.cli import main
-from fingerfit.climb import add
-from fingerfit.effects.catalogue import catalogue
-from fingerfit.effects.contract import NEEDS
-from fingerfit.effects.sense import IN_WORDS, MEASURED
-from fingerfit.errors import FingerfitError
-from fingerfit.settings import load_settings
+from fingerfit.core.errors import FingerfitError
+from fingerfit.diagnosis.ladder import add
+from fingerfit.model.applicable import IN_WORDS, MEASURED
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.effect import NEEDS
+from fingerfit.provenance import stages
+from fingerfit.settings.config import load_settings
 
 REFUSED = {
     "friction": "friction, which changes nothing in the deck of this study; expected an effect on what block.inp.j2 has",
@@ -60,14 +60,14 @@ def test_add_refuses_it(folder, name):
 def test_settings_that_name_it_are_refused(folder, name):
     config = configure(folder, **{name: {}})
     with pytest.raises(FingerfitError) as caught:
-        layout.check_model(load_settings(config), config)
+        stages.check_model(load_settings(config), config)
     assert str(caught.value).startswith(f"{config}: model.effects.{name}: found {REFUSED[name]}")
 
 
 def test_each_refused_effect_is_a_line(folder):
     config = configure(folder, friction={}, skin={"contrast": 0.1}, relaxation={})
     with pytest.raises(FingerfitError) as caught:
-        layout.check_model(load_settings(config), config)
+        stages.check_model(load_settings(config), config)
     assert len(str(caught.value).splitlines()) == 2
 
 
@@ -81,7 +81,7 @@ def test_nothing_is_written_by_prepare(folder, capsys):
 def test_those_that_make_sense_are_taken(folder):
     for name in ("skin", "base_slip", "second_term"):
         assert f"added {name}" in add(folder / "mine.yaml", name)
-    layout.check_model(load_settings(folder / "mine.yaml"))
+    stages.check_model(load_settings(folder / "mine.yaml"))
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fingerfit.errors import Problems
-from fingerfit.keys import read_yaml
-from fingerfit.layout import check_model
-from fingerfit.settings import Settings, describe, load_settings, schema
+from fingerfit.core.errors import Problems
+from fingerfit.core.keys import read_yaml
+from fingerfit.provenance.stages import check_model
+from fingerfit.settings.config import Settings, describe, load_settings, schema
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = read_yaml(ROOT / "config.yaml")

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from seeds import generator
 
+from fingerfit.core.errors import InputError
+from fingerfit.core.folders import template_folders
 from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh, read_mesh
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.render import render_deck
-from fingerfit.effects.catalogue import catalogue
-from fingerfit.errors import InputError
 from fingerfit.imaging.points import estimate_covariance
-from fingerfit.mesh_io import format_mesh, read_mesh
-from fingerfit.prepare import make_mesh, prepare
+from fingerfit.model.catalogue import catalogue
+from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.recipes.skin import FRAMES, make_study, membrane, read_numbers
-from fingerfit.study_file import load_study
-from fingerfit.templates import template_folders
+from fingerfit.study.reader import load_study
 
 DATA = Path(__file__).resolve().parents[3] / "shared/real/skin_extension"
 STUDY = Path(__file__).resolve().parents[2] / "studies/skin"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fingerfit.imaging.pictures import Picture
-from fingerfit.meshing import brick
-from fingerfit.slices import section, slice_at, slices_through, spread_slices
+from fingerfit.imaging.sections import section, slice_at, slices_through, spread_slices
+from fingerfit.mesh.blocks import brick
 
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 

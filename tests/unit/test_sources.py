@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from fingerfit import layout, sources
-from fingerfit.contents import Contents
-from fingerfit.inputs import page_files
+from fingerfit.core.contents import Contents
+from fingerfit.provenance import sources, stages
+from fingerfit.provenance.inputs import page_files
+from fingerfit.provenance.sources import reached
 from fingerfit.solvers import builtin
-from fingerfit.sources import reached
 
 ROOT = Path(__file__).resolve().parents[2]
 # of commands.py, what a stage's command calls beside itself
@@ -62,23 +62,23 @@ def expected(stage):
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """A copy of the package whose files can be edited; its fingerprints are those that `layout` finds."""
+    """A copy of the package whose files can be edited; its fingerprints are those that `stages` finds."""
     shutil.copytree(ROOT / "fingerfit", tmp_path / "fingerfit", ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(sources, "PACKAGE", tmp_path / "fingerfit")
-    for cached in (sources._modules, sources._tree, sources._imports_of, layout.fingerprint):
+    for cached in (sources._modules, sources._tree, sources._imports_of, stages.fingerprint):
         cached.cache_clear()
     yield tmp_path / "fingerfit"
-    for cached in (sources._modules, sources._tree, sources._imports_of, layout.fingerprint):
+    for cached in (sources._modules, sources._tree, sources._imports_of, stages.fingerprint):
         cached.cache_clear()
 
 
 def fingerprints():
-    layout.fingerprint.cache_clear()
-    return {stage: layout.fingerprint(stage) for stage in layout.STAGES}
+    stages.fingerprint.cache_clear()
+    return {stage: stages.fingerprint(stage) for stage in stages.STAGES}
 
 
 def test_an_edited_module_changes_the_stages_that_reach_it_and_no_others(project):
-    wanted = {stage: expected(stage) for stage in layout.STAGES}
+    wanted = {stage: expected(stage) for stage in stages.STAGES}
     assert all(len(modules) > 30 for modules in wanted.values())
     before = fingerprints()
     for name, path in files().items():
@@ -95,24 +95,24 @@ def test_an_edited_module_changes_the_stages_that_reach_it_and_no_others(project
 
 
 @pytest.mark.parametrize(
-    ("name", "stages"),
+    ("name", "affected"),
     [
         ("deck.context", {"prepare", "propose", "estimate", "plot", "diagnose", "ladder"}),
-        ("tetrahedra", {"prepare", "propose", "estimate", "plot", "diagnose", "ladder"}),
-        ("designs", {"diagnose", "ladder"}),
-        ("settings", {"prepare", "propose", "estimate", "plot", "diagnose", "ladder"}),
+        ("mesh.tetrahedra", {"prepare", "propose", "estimate", "plot", "diagnose", "ladder"}),
+        ("diagnosis.designs", {"diagnose", "ladder"}),
+        ("settings.config", {"prepare", "propose", "estimate", "plot", "diagnose", "ladder"}),
     ],
 )
-def test_modules_that_were_forgotten(name, stages):
+def test_modules_that_were_forgotten(name, affected):
     """Editing one of these ran nothing again when the sources were listed by hand."""
-    found = {stage for stage in layout.STAGES if f"fingerfit.{name}" in reached("fingerfit.commands", stage).modules}
-    assert found == stages
+    found = {stage for stage in stages.STAGES if f"fingerfit.{name}" in reached("fingerfit.commands", stage).modules}
+    assert found == affected
 
 
 def test_a_command_changes_its_own_stage_alone(project):
     before, path = fingerprints(), project / "commands.py"
     text = path.read_text(encoding="utf-8")
-    for old, stages in (
+    for old, affected in (
         ('"""Figures of a finished fit."""', {"plot"}),
         ('"""Bring a finger\'s mesh to a subject."""', set()),
         ("    files = {", {"propose", "estimate", "plot", "diagnose"}),  # of a function that they call
@@ -124,7 +124,7 @@ def test_a_command_changes_its_own_stage_alone(project):
         for cached in (sources._tree, sources._imports_of):
             cached.cache_clear()
         after = fingerprints()
-        assert {stage for stage in before if after[stage] != before[stage]} == stages
+        assert {stage for stage in before if after[stage] != before[stage]} == affected
 
 
 def test_the_built_in_solver_is_known_by_all_that_its_answer_comes_from():
@@ -146,11 +146,11 @@ def test_the_built_in_solver_is_known_by_all_that_its_answer_comes_from():
 def test_imports_are_followed_once_for_the_same_sources(tmp_path, monkeypatch):
     """Nothing is parsed when Snakemake starts and no source has changed since the last time."""
     first = Contents(tmp_path / "known.json")
-    found = layout.fingerprints(first)
+    found = stages.fingerprints(first)
     first.save()
-    monkeypatch.setattr(layout, "reached", None)
-    layout.fingerprint.cache_clear()
-    assert layout.fingerprints(Contents(tmp_path / "known.json")) == found
+    monkeypatch.setattr(stages, "reached", None)
+    stages.fingerprint.cache_clear()
+    assert stages.fingerprints(Contents(tmp_path / "known.json")) == found
 
 
 def test_the_page_depends_on_all_of_its_templates():

@@ -10,8 +10,8 @@ from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.tetrahedra import Claims, border_faces
 from fingerfit.imaging.warp import _search, _winners, backward_map, sample, spline_coefficients, warp
-from fingerfit.mesh import Block, Mesh
-from fingerfit.meshing import brick
+from fingerfit.mesh.blocks import brick
+from fingerfit.mesh.mesh import Block, Mesh
 
 KINDS = ("C3D4", "C3D10")
 TILTED = np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
@@ -84,7 +84,7 @@ def places(frame):
 
 def surface(mesh, u, kind):
     """Points of the deformed sides of the brick, from the shape functions of the elements."""
-    from fingerfit.fem.elements import shape
+    from fingerfit.mesh.elements import shape
 
     line = np.linspace(0.0, 1.0, 25)
     s, t = (g.ravel() for g in np.meshgrid(line, line))

@@ -7,8 +7,8 @@ import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 
 from fingerfit.cli import main
-from fingerfit.layout import STAGES, settings_of
-from fingerfit.settings import load_settings
+from fingerfit.provenance.stages import STAGES, settings_of
+from fingerfit.settings.config import load_settings
 from fingerfit.solvers.calculix import TIME_LIMIT
 from fingerfit.solvers.registry import get_solver
 from fingerfit.testing.solver import write_block
@@ -53,9 +53,9 @@ def test_it_is_no_part_of_the_identity(slow_ccx, tmp_path):
 
 
 def test_inside_one_process_it_counts_too(slow_ccx, tmp_path, capsys):
-    from fingerfit.course import next_round
-    from fingerfit.errors import SolverError
-    from fingerfit.simulate import begin, solve_missing
+    from fingerfit.core.errors import SolverError
+    from fingerfit.fit.course import next_round
+    from fingerfit.fit.simulate import begin, solve_missing
 
     fit, _ = begin(load_settings(settings(tmp_path, time_limit=1)), tmp_path / "work")
     batch = next_round(fit, None).batch[:1]
@@ -66,7 +66,7 @@ def test_inside_one_process_it_counts_too(slow_ccx, tmp_path, capsys):
 
 @pytest.mark.parametrize("limit", [0, -3, 1.5, True, "1 h"])
 def test_what_is_no_limit_is_refused(tmp_path, limit):
-    from fingerfit.errors import Problems
+    from fingerfit.core.errors import Problems
 
     with pytest.raises(Problems, match="time_limit: found"):
         load_settings(settings(tmp_path, time_limit=limit))

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import t as student
 from seeds import generator
 
-from fingerfit.guess import Parameter
-from fingerfit.uncertainty import as_json, gradient_and_hessian, identifiability, minimise, repeat, summarise
+from fingerfit.fit.intervals import as_json, gradient_and_hessian, identifiability, minimise, repeat, summarise
+from fingerfit.model.parameters import Parameter
 
 A = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
 LOG = tuple(Parameter(name, "MPa", 1e-3, 1.0, 0.1) for name in ("mu_a", "mu_b", "mu_c"))

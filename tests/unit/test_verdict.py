@@ -8,11 +8,10 @@ from scipy.special import chdtri
 from scipy.stats import binom, chi2, norm
 from seeds import generator
 
-from fingerfit.diagnose import Look, alike, summary
-from fingerfit.effects.catalogue import catalogue
-from fingerfit.judge import Judge
-from fingerfit.suspects import Suspect
-from fingerfit.verdict import (
+from fingerfit.diagnosis.candidates import Suspect
+from fingerfit.diagnosis.examination import Look, alike, summary
+from fingerfit.diagnosis.score_test import Judge
+from fingerfit.diagnosis.verdict import (
     LEVEL,
     TRIED,
     Refit,
@@ -25,6 +24,7 @@ from fingerfit.verdict import (
     threshold,
     to_refit,
 )
+from fingerfit.model.catalogue import catalogue
 
 EFFECTS = catalogue()
 VALUES, OWN, TESTS = 300, 3, 20

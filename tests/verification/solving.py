@@ -5,7 +5,6 @@ import numpy as np
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.write import format_deck
 from fingerfit.fem.assembly import Body
-from fingerfit.fem.elements import ELEMENTS, rule
 from fingerfit.fem.newton import Load, Newton
 from fingerfit.fem.system import System
 from fingerfit.fem.volume import AveragedVolume
@@ -17,6 +16,7 @@ from fingerfit.material.ogden import Ogden
 from fingerfit.material.prony import Prony
 from fingerfit.material.spread import spread
 from fingerfit.material.yeoh import Yeoh
+from fingerfit.mesh.elements import ELEMENTS, rule
 from fingerfit.solvers.analysis import run_steps
 
 AXIS = (0.6, 0.48, 0.64)

@@ -13,9 +13,9 @@ import pytest
 from conftest import ROOT
 from solving import solve_deck
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.reader import read_deck
-from fingerfit.errors import InputError
-from fingerfit.fem.elements import ELEMENTS
+from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.solvers.abaqus_fil import read_fil
 
 SHARED = Path(os.environ.get("FINGERFIT_SHARED", ROOT.parent / "shared")) / "abaqus"

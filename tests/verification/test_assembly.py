@@ -6,12 +6,12 @@ from seeds import generator
 from solving import MATERIALS, parts_of
 
 from fingerfit.fem.assembly import Body
-from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, rule, shape
 from fingerfit.fem.rigid import rotation_matrix
 from fingerfit.fem.volume import AveragedVolume
 from fingerfit.material.ogden import Ogden
 from fingerfit.material.spread import spread
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, rule, shape
 
 MATERIAL = Ogden((0.03,), (1.4,), (0.6,))
 

@@ -5,16 +5,16 @@ import pytest
 from scipy.sparse import csr_matrix
 from solving import solve_deck
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.content import Surface
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.write import format_deck
-from fingerfit.errors import InputError
 from fingerfit.fem.contact import Interaction, RigidContact
-from fingerfit.fem.faces import faces_of
 from fingerfit.fem.surfaces import Plane, Round
-from fingerfit.mesh import Mesh
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.faces import faces_of
+from fingerfit.mesh.mesh import Mesh
 from fingerfit.solvers.contacts import rigid_surface
 
 AXIS = np.array([0.6, 0.0, 0.8])

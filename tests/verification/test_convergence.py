@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from solving import parts_of, solve
 
-from fingerfit.fem.elements import AXISYMMETRIC, ELEMENTS, STRESS, shape
 from fingerfit.fem.linear import LinearBody, LinearTerm
 from fingerfit.material.elastic import Elastic
 from fingerfit.material.neo_hooke import NeoHooke
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, STRESS, shape
 
 C10, D, YOUNG, POISSON = 0.4, 0.8, 1.0, 0.35
 WAVES = np.array([[1.5, 0.8, -0.6], [0.7, -1.2, 0.9], [-0.5, 1.0, 1.3]])

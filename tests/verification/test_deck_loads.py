@@ -5,8 +5,8 @@ import pytest
 from blocks import CUBE, RECTANGLE
 from solving import solve_deck
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.reader import read_deck
-from fingerfit.errors import InputError
 
 SQUARE = f"""{RECTANGLE}*ELEMENT, TYPE=CPE4, ELSET=E
 1, 1, 2, 3, 4

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from solving import solve_deck
 
-from fingerfit.errors import InputError
-from fingerfit.fem.faces import faces_of
-from fingerfit.meshing import brick, layered_block
+from fingerfit.core.errors import InputError
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.faces import faces_of
 
 DECK = """*PART, NAME=BODY
 *NODE, NSET=ALL

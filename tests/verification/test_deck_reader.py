@@ -7,15 +7,15 @@ from scipy.optimize import brentq, fsolve
 from solving import solve_deck
 
 from fingerfit.cli import main
+from fingerfit.core.errors import InputError
 from fingerfit.deck import model_keywords
 from fingerfit.deck.cards import read_cards
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import IGNORED, LATER, read_deck
-from fingerfit.errors import InputError
 from fingerfit.material.holzapfel import Holzapfel
 from fingerfit.material.prony import Prony
 from fingerfit.material.yeoh import Yeoh
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import brick
+from fingerfit.mesh.blocks import brick
 from fingerfit.solvers.process import write_cards
 
 SQUARE = f"""{RECTANGLE}*ELEMENT, TYPE=CPS4, ELSET=E

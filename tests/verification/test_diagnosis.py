@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from seeds import seed_of
 
-from fingerfit.designs import designs, half_indenter, separation
-from fingerfit.diagnose import Examination, anchor_of, best_places, stiffness_map, try_suspects
-from fingerfit.experiment import read_truth, solve, write_study
-from fingerfit.files import write_json
-from fingerfit.fit import SEARCH
-from fingerfit.judge import Judge
-from fingerfit.refine import finest
-from fingerfit.residual import common_modes
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, run_fit, solve_missing
-from fingerfit.suspects import suspects
+from fingerfit.core.files import write_json
+from fingerfit.diagnosis.candidates import suspects
+from fingerfit.diagnosis.designs import designs, half_indenter, separation
+from fingerfit.diagnosis.examination import Examination, anchor_of, best_places, stiffness_map, try_suspects
+from fingerfit.diagnosis.residual import common_modes
+from fingerfit.diagnosis.score_test import Judge
+from fingerfit.fit.problem import SEARCH
+from fingerfit.fit.refine import finest
+from fingerfit.fit.simulate import begin, run_fit, solve_missing
+from fingerfit.settings.config import load_settings
+from fingerfit.virtual.experiment import read_truth, solve, write_study
 
 PLACE = (0.32, 0.42)
 NAMES = ("inclusion", "tilt", "misregistration", "gradient")

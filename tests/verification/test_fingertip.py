@@ -11,20 +11,20 @@ import pytest
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
+from fingerfit.core.errors import InputError
 from fingerfit.deck.cards import read_cards
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.dialect import to_abaqus
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.render import render_deck
 from fingerfit.deck.write import format_deck
-from fingerfit.effects.catalogue import catalogue
-from fingerfit.errors import InputError
-from fingerfit.mesh_io import format_mesh
+from fingerfit.model.catalogue import catalogue
 from fingerfit.solvers.abaqus import AbaqusSolver
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.calculix import CalculixSolver
 from fingerfit.solvers.contract import CONVERGED
-from fingerfit.study import Body, Layer, Noise, Step, Study
+from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 ROOT = Path(__file__).resolve().parents[2]
 TEMPLATES = ROOT / "templates"

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from seeds import generator
 
-from fingerfit.examine import errors, examine
-from fingerfit.fit import Fit
-from fingerfit.mesh_io import format_mesh
-from fingerfit.prepare import make_mesh, prepare
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.diagnosis.examine import errors, examine
+from fingerfit.fit.problem import Fit
+from fingerfit.fit.simulate import run_fit
+from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.recipes.ecoflex import make_study, spread_of
-from fingerfit.settings import load_settings
-from fingerfit.simulate import run_fit
-from fingerfit.study_file import load_study
+from fingerfit.settings.config import load_settings
+from fingerfit.study.reader import load_study
 
 CONFIG = Path(__file__).resolve().parents[2] / "studies/ecoflex/fixed.yaml"
 MU, ALPHA = 0.01, 2.0

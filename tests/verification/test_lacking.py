@@ -7,21 +7,21 @@ import pytest
 import yaml
 from blocks import FIT, MESH, MODEL, STUDY
 
-from fingerfit.climb import add
-from fingerfit.course import next_round
+from fingerfit.core.errors import InputError
+from fingerfit.core.files import write_json
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import read_deck
-from fingerfit.errors import InputError
-from fingerfit.examine import examine
-from fingerfit.files import write_json
-from fingerfit.findings import write_diagnosis
-from fingerfit.mesh_io import format_mesh
-from fingerfit.meshing import layered_block
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, run_fit
+from fingerfit.diagnosis.candidates import suspects, untestable
+from fingerfit.diagnosis.examine import examine
+from fingerfit.diagnosis.ladder import add
+from fingerfit.fit.course import next_round
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.mesh.blocks import layered_block
+from fingerfit.report.findings import write_diagnosis
+from fingerfit.settings.config import load_settings
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.calculix import CalculixSolver
 from fingerfit.solvers.needs import FEATURES, refuse_lacking
-from fingerfit.suspects import suspects, untestable
 
 STEPS = "step,displacement,force,time\n1,0.4,10.0,10\n2,0.8,21.0,20\n3,1.2,32.0,30\n"
 MESHLESS = {key: value for key, value in MODEL.items() if key != "mesh"}

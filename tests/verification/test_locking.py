@@ -7,7 +7,7 @@ from solving import parts_of, solve
 from fingerfit.fem.linear import LinearBody, LinearTerm
 from fingerfit.material.elastic import Elastic
 from fingerfit.material.neo_hooke import NeoHooke
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
 
 MATERIAL = NeoHooke(0.4, (2 / 400.0,))  # nu = 0.499
 IN_PLANE_STRESS, INCOMPRESSIBLE = 23.96, 16.442

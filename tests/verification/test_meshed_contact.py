@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from solving import solve_deck
 
-from fingerfit.errors import InputError
-from fingerfit.fem.faces import Faces, collect_faces, faces_of
+from fingerfit.core.errors import InputError
 from fingerfit.fem.facets import Facets, cut_faces
 from fingerfit.fem.surfaces import Plane, Round
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.faces import Faces, collect_faces, faces_of
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.contract import CONVERGED
 

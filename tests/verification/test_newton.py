@@ -6,7 +6,7 @@ from scipy.special import ellipe, ellipk
 from solving import parts_of, solve
 
 from fingerfit.material.neo_hooke import NeoHooke
-from fingerfit.meshing import layered_block
+from fingerfit.mesh.blocks import layered_block
 
 RUBBER = NeoHooke(0.5, (0.02,))
 

@@ -6,16 +6,16 @@ from blocks import STUDY
 from conftest import all_rounds
 from seeds import seed_of
 
-from fingerfit import layout
-from fingerfit.climb import add
-from fingerfit.examine import examine
-from fingerfit.files import keep_json, read_json
-from fingerfit.findings import count_simulations, write_diagnosis
-from fingerfit.fit import Fit
-from fingerfit.report import estimate_of
-from fingerfit.rounds import asked_for
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, solve_missing
+from fingerfit.core.files import keep_json, read_json
+from fingerfit.diagnosis.examine import examine
+from fingerfit.diagnosis.ladder import add
+from fingerfit.fit.estimate import estimate_of
+from fingerfit.fit.problem import Fit
+from fingerfit.fit.rounds import asked_for
+from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.provenance import stages
+from fingerfit.report.findings import count_simulations, write_diagnosis
+from fingerfit.settings.config import load_settings
 
 NOISE = {"force": 0.02, "displacement": 0.0001}
 MOVED = [0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6]
@@ -57,8 +57,8 @@ def folder(tmp_path, monkeypatch):
 
 def diagnosed(folder):
     """Fit and diagnosis of a model; how many simulations the fit ran, and as the rung counts them."""
-    settings = layout.warm(load_settings(folder / "config.yaml"))
-    model = layout.model_folder(settings)
+    settings = stages.warm(load_settings(folder / "config.yaml"))
+    model = stages.model_folder(settings)
     fit, everything = begin(settings, folder / "results/study")
     last, run = all_rounds(fit, model / "rounds")
     own = set(asked_for(model / f"rounds/{last.number}.json"))

@@ -6,11 +6,11 @@ from conftest import LAYERS, phantom
 
 from fingerfit.fem.system import System
 from fingerfit.material.ogden import Ogden
-from fingerfit.meshing import brick, layered_block
+from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.calculix import CalculixSolver
 from fingerfit.solvers.contract import CONVERGED, DIVERGED
-from fingerfit.study import Body, Layer, Noise, Step, Study
+from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 ALIKE = {"mu": 0.03}
 

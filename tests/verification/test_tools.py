@@ -6,8 +6,8 @@ import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 from conftest import ROOT, phantom
 
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, solve_missing
+from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.settings.config import load_settings
 from fingerfit.solvers.builtin import BuiltinSolver
 
 POINTS = "x,y,ux,uy\n3,2,0,-0.1\n9,6,0,-0.2\n"

@@ -14,10 +14,10 @@ import pytest
 import yaml
 from seeds import seed_of
 
-from fingerfit import layout
-from fingerfit.experiment import run_experiment
-from fingerfit.files import read_json
-from fingerfit.settings import load_settings
+from fingerfit.core.files import read_json
+from fingerfit.provenance import stages
+from fingerfit.settings.config import load_settings
+from fingerfit.virtual.experiment import run_experiment
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
@@ -270,7 +270,7 @@ def test_no_rule_reads_what_is_sealed(place, monkeypatch):
     """The workflow's own record of its inputs, and the list that its rules take them from."""
     monkeypatch.chdir(place)
     assert (place / "study/sealed/truth.yaml").exists()
-    files = layout.study_files(Path(load_settings(Path("config.yaml")).study))
+    files = stages.study_files(Path(load_settings(Path("config.yaml")).study))
     assert "study/study.yaml" in files
     assert not [path for path in files if "sealed" in path]
     records = [

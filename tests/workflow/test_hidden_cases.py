@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 from test_hidden import CONFIG, DESCRIPTION
 
-from fingerfit.examine import Examined, added, examine
-from fingerfit.experiment import read_truth, solve, write_study
-from fingerfit.files import write_json
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, run_fit
+from fingerfit.core.files import write_json
+from fingerfit.diagnosis.examine import Examined, added, examine
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.settings.config import load_settings
+from fingerfit.virtual.experiment import read_truth, solve, write_study
 
 WAVES = """\
 title: stiff and soft fields like a chessboard

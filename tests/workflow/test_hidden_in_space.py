@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from seeds import seed_of
 
-from fingerfit import examine
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
-from fingerfit.diagnose import stiffness_map
-from fingerfit.examine import errors
-from fingerfit.experiment import run_experiment
-from fingerfit.files import write_json, write_text
-from fingerfit.mesh_io import format_mesh
-from fingerfit.settings import load_settings
-from fingerfit.simulate import begin, run_fit
-from fingerfit.suspects import suspects
-from fingerfit.verdict import decide
+from fingerfit.core.files import write_json, write_text
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.diagnosis import examine
+from fingerfit.diagnosis.candidates import suspects
+from fingerfit.diagnosis.examination import stiffness_map
+from fingerfit.diagnosis.examine import errors
+from fingerfit.diagnosis.verdict import decide
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.settings.config import load_settings
+from fingerfit.virtual.experiment import run_experiment
 
 pytest.importorskip("netgen")
 pytestmark = pytest.mark.slow

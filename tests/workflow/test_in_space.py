@@ -19,14 +19,14 @@ from figures import (
 from seeds import seed_of
 
 from fingerfit.cli import main
-from fingerfit.data import Data
-from fingerfit.files import read_json
-from fingerfit.fit import Fit
-from fingerfit.layout import figures
-from fingerfit.refine import finest
-from fingerfit.settings import load_settings
-from fingerfit.slices import slices_through
-from fingerfit.volumes import chosen_slices, frame_of
+from fingerfit.core.files import read_json
+from fingerfit.fit.problem import Fit
+from fingerfit.fit.refine import finest
+from fingerfit.imaging.sections import slices_through
+from fingerfit.provenance.stages import figures
+from fingerfit.report.volumes import chosen_slices, frame_of
+from fingerfit.settings.config import load_settings
+from fingerfit.study.data import Data
 
 TRUTH = {"mu_top": 0.03, "mu_bottom": 0.012}
 DESCRIPTION = {

@@ -13,9 +13,9 @@ import pytest
 import yaml
 from seeds import seed_of
 
-from fingerfit.checksums import intact
-from fingerfit.experiment import run_experiment
-from fingerfit.sources import reached
+from fingerfit.core.checksums import intact
+from fingerfit.provenance.sources import reached
+from fingerfit.virtual.experiment import run_experiment
 
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("Snakefile", "workflow", "profiles", "templates", "fingerfit")
@@ -125,7 +125,7 @@ def place(made, tmp_path):
 def test_what_a_command_loads_is_what_its_stage_depends_on(made):
     for stage in ("prepare", "propose", "estimate", "plot"):
         loaded = set((made / "loaded" / stage).read_text(encoding="utf-8").split())
-        assert "fingerfit.files" in loaded
+        assert "fingerfit.core.files" in loaded
         assert loaded - {"fingerfit.cli", "fingerfit.commands", "fingerfit.__main__"} <= set(
             reached("fingerfit.commands", stage).modules
         )
@@ -146,9 +146,9 @@ def test_a_copy_recomputes_nothing_and_an_edit_what_depends_on_it(made, tmp_path
     table = "subject1/test/steps.csv"
     for name, rules in (
         ("fingerfit/deck/context.py", {"prepare", *proposing}),
-        ("fingerfit/tetrahedra.py", {"prepare", *proposing}),
-        ("fingerfit/plots.py", {"plot"}),
-        ("fingerfit/designs.py", set()),
+        ("fingerfit/mesh/tetrahedra.py", {"prepare", *proposing}),
+        ("fingerfit/report/plots.py", {"plot"}),
+        ("fingerfit/diagnosis/designs.py", set()),
         ("templates/loading/displacement.inp.j2", proposing),
         ("templates/report/page.js", set()),
         (table, {"prepare", *proposing}),

@@ -21,14 +21,14 @@ from figures import check_deformed, check_forces, check_pictures, check_search, 
 from matplotlib.image import imread
 from seeds import seed_of
 
-from fingerfit.data import Data
-from fingerfit.experiment import run_experiment
-from fingerfit.files import read_json
-from fingerfit.fit import Fit
-from fingerfit.plots import plot_fit
-from fingerfit.refine import finest
-from fingerfit.rounds import Round
-from fingerfit.settings import load_settings
+from fingerfit.core.files import read_json
+from fingerfit.fit.problem import Fit
+from fingerfit.fit.refine import finest
+from fingerfit.fit.rounds import Round
+from fingerfit.report.plots import plot_fit
+from fingerfit.settings.config import load_settings
+from fingerfit.study.data import Data
+from fingerfit.virtual.experiment import run_experiment
 
 ROOT = Path(__file__).resolve().parents[2]
 DESCRIPTION = {

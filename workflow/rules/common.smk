@@ -6,14 +6,14 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
-from fingerfit import layout, results
-from fingerfit.errors import FingerfitError
-from fingerfit.failures import Failures
-from fingerfit.rounds import Walk
-from fingerfit.settings import load_settings
+from fingerfit.provenance import results, stages
+from fingerfit.core.errors import FingerfitError
+from fingerfit.provenance.failures import Failures
+from fingerfit.fit.rounds import Walk
+from fingerfit.settings.config import load_settings
 
 # jobs run the Python and the fingerfit that read this, or those of a conda environment and this fingerfit
-PATHS = {"PATH": Path(sys.executable).parent, "PYTHONPATH": layout.PACKAGE.parent}
+PATHS = {"PATH": Path(sys.executable).parent, "PYTHONPATH": stages.PACKAGE.parent}
 os.environ.update({name: os.pathsep.join(filter(None, [str(path), os.getenv(name)])) for name, path in PATHS.items()})
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -34,20 +34,20 @@ if DISCOVERS and (workflow.config_settings.config or len(workflow.configfiles) >
 REMOVES = not workflow.output_settings.dryrun
 try:
     SETTINGS = load_settings(config, CONFIG)
-    layout.check_model(SETTINGS, CONFIG)
+    stages.check_model(SETTINGS, CONFIG)
     CONTENTS = results.claim(SETTINGS)
-    SETTINGS = layout.warm(SETTINGS, CONFIG)
+    SETTINGS = stages.warm(SETTINGS, CONFIG)
     # a job of a cluster reads this while others write
     DAMAGED = results.mend(SETTINGS, CONTENTS, REMOVES) if workflow.is_main_process else []
     if workflow.is_main_process:
         results.in_order(SETTINGS)
-    PARTS = {stage: layout.settings_of(SETTINGS, stage) for stage in layout.STAGES}
-    CODE = layout.fingerprints(CONTENTS)
-    MADE_FROM = layout.made_from(SETTINGS, CONTENTS)
-    STUDY_FILES = layout.study_files(Path(SETTINGS.study))
-    FIGURE_NAMES = layout.figures(SETTINGS)
+    PARTS = {stage: stages.settings_of(SETTINGS, stage) for stage in stages.STAGES}
+    CODE = stages.fingerprints(CONTENTS)
+    MADE_FROM = stages.made_from(SETTINGS, CONTENTS)
+    STUDY_FILES = stages.study_files(Path(SETTINGS.study))
+    FIGURE_NAMES = stages.figures(SETTINGS)
     CONTENTS.save()
-    SETTINGS_FILE = layout.write_settings(SETTINGS, results.model_folder(SETTINGS) / "settings.json")
+    SETTINGS_FILE = stages.write_settings(SETTINGS, results.model_folder(SETTINGS) / "settings.json")
 except FingerfitError as error:
     raise WorkflowError(str(error))
 except OSError as error:
@@ -65,7 +65,7 @@ SIMS = f"{STUDY}/sims"
 WALK = Walk(Path(STUDY), Path(MODEL))
 FIGURES = [f"{MODEL}/figures/{name}.png" for name in FIGURE_NAMES]
 MESHES = {"mesh": f"{MODEL}/mesh.inp"}
-if layout.has_refined(SETTINGS):
+if stages.has_refined(SETTINGS):
     MESHES["refined"] = f"{MODEL}/refined.inp"
 MESH_OPTIONS = " ".join(f"--{name} {path}" for name, path in MESHES.items())
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.reader import Deck, read_deck
-from fingerfit.errors import InputError
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 from fingerfit.solvers.needs import refuse_lacking
 from smallfem.program import Program

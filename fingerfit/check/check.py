@@ -1,0 +1,332 @@
+"""What was understood of a study, for a person to read before a fit."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fingerfit.core.errors import FingerfitError, InputError, Problems, SolverError
+from fingerfit.core.files import write_text
+from fingerfit.core.keys import read_yaml
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.fit.check import changes_the_deck, check_against_study, check_data, check_effects
+from fingerfit.forward.decks import make_deck, refusal
+from fingerfit.imaging.pictures import Picture, read_picture
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.applicable import unmet
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.effect import Effect
+from fingerfit.model.observation import Observation
+from fingerfit.prepare.plausible import refuse_magnitudes
+from fingerfit.prepare.prepare import make_mesh, prepare
+from fingerfit.settings.choices import CONFIG
+from fingerfit.settings.config import MATERIAL, FitSettings, MeshSettings, Settings, impossible, load_settings
+from fingerfit.study.reader import load_study, study_path
+from fingerfit.study.study import Study
+
+if TYPE_CHECKING:
+    from fingerfit.study.data import Data
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a check has read.
+
+    Parameters
+    ----------
+    path : Path
+        Study, as it was named.
+    study : Study
+    settings : Settings or None
+        None where no settings are for this study.
+    source : str
+        Where they are from, in words.
+    mesh : Mesh
+        Of the search; without settings a coarse one of the same shape.
+    data : Data
+        All that was measured, prepared.
+    """
+
+    path: Path
+    study: Study
+    settings: Settings | None
+    source: str
+    mesh: Mesh
+    data: Data
+
+
+def check_study(path: Path, config: Path | None = None, picture: Path | None = None, solve: bool = True) -> str:
+    """Do everything that comes before the second simulation of a fit, and describe it.
+
+    Parameters
+    ----------
+    path : Path
+        Study.
+    config : Path or None
+        Settings: they give mesh, constants, template and solver. None for those in the study's folder, or else for
+        config.yaml in the working directory where it names this study; where neither does, the study is checked alone.
+    picture : Path or None
+        Where to draw mesh, sets and points.
+    solve : bool
+        Whether the start of the search is simulated.
+
+    Raises
+    ------
+    FingerfitError
+        Listing every problem.
+    """
+    study = load_study(path)
+    settings, where, source = settings_for(path, config)
+    if settings is None:
+        mesh = make_mesh(study, _coarse(study))
+        steps, smooth, crop = None, *(FitSettings.model_fields[name].default for name in ("smooth", "crop"))
+    else:
+        check_against_study(settings, study, where)
+        mesh = make_mesh(study, settings.model.mesh)
+        if settings.model.refined is not None or study.body.refined is not None:
+            make_mesh(study, settings.model.refined, finer=True)
+        check_effects(settings, study, mesh, where)
+        steps, smooth, crop = settings.fit.steps, settings.fit.smooth, settings.fit.crop
+    data = prepare(study, mesh, steps, smooth, crop)
+    if settings is not None:
+        check_data(settings, study, data)
+        refuse_magnitudes(settings, study, mesh, where)
+    checked = Checked(path, study, settings, source, mesh, data)
+    lines = [line for remark in REMARKS for line in remark(checked)]
+    if settings is not None:
+        from fingerfit.check.trial import try_out
+
+        lines += ["", *try_out(settings, study, mesh, data, solve)]
+    if picture is not None:
+        from fingerfit.check.overview import figure_study
+        from fingerfit.report.drawing import save
+
+        save(figure_study(study, mesh, data), picture)
+        lines.append(f"drawn: {picture}")
+    return "\n".join(lines)
+
+
+def settings_for(path: Path, config: Path | None) -> tuple[Settings | None, Path, str]:
+    """Settings for a study, their file, and where they are from in words.
+
+    Parameters
+    ----------
+    path : Path
+        Study.
+    config : Path or None
+        As for `check_study`.
+
+    Raises
+    ------
+    InputError
+        For settings of another study that were asked for, or that lie in this one's folder.
+    """
+    folder, own, here = study_path(path).parent, study_path(path).parent / CONFIG, Path(CONFIG)
+    if config is None and not os.path.lexists(own):
+        there = read_yaml(here) if os.path.lexists(here) else None
+        other = there.get("study") if isinstance(there, dict) else None
+        if there is None or (isinstance(other, str) and not _same(Path(other), folder)):
+            found = "there is no config.yaml" if there is None else f"config.yaml is for {other}"
+            return None, here, f"none: {found}, so mesh, constants, template and solver are not checked"
+        config = here
+    config = config or own
+    settings = load_settings(config)
+    if not _same(Path(settings.study), folder):
+        raise InputError(config, "study", settings.study, f"{path}, the study that is checked, or other settings")
+    return settings, config, str(config)
+
+
+def _same(study: Path, folder: Path) -> bool:
+    """Whether a study is the one in a folder."""
+    return os.path.realpath(study_path(study).parent) == os.path.realpath(folder)
+
+
+def _coarse(study: Study) -> MeshSettings | None:
+    """A mesh that says where the body is, no more."""
+    if study.body.mesh is not None:
+        return None
+    return MeshSettings(element="C3D8" if study.body.brick else "CPE4", across=4, per_layer=2)
+
+
+def _study(checked: Checked) -> list[str]:
+    study = checked.study
+    return [
+        f"{study_path(checked.path)}: {study.title}",
+        f"settings: {checked.source}",
+        f"control: {study.control}; base {study.base}, indenter {study.indenter}",
+    ]
+
+
+def _body(checked: Checked) -> list[str]:
+    study, mesh = checked.study, checked.mesh
+    thick = f", thickness {study.thickness:g} mm" if mesh.dim == 2 else ""
+    lines = [f"body: layers {', '.join(study.layer_names)} (from the indenter down){thick}"]
+    if checked.settings is not None or study.body.mesh is not None:
+        lines.append(f"mesh: {len(mesh.points)} nodes, {mesh.element_count} {mesh.blocks[0].element}")
+    return lines
+
+
+def _steps(checked: Checked) -> list[str]:
+    return ["", _table(checked.study), ""]
+
+
+def _noise(checked: Checked) -> list[str]:
+    data = checked.data
+    return [
+        f"noise: force {np.max(data.force_noise):.3g} N, displacement {data.displacement_noise:.3g} mm"
+        + (f", points {data.points_noise:.3g} mm" if len(data.points) else "")
+    ]
+
+
+def _pictures(checked: Checked) -> list[str]:
+    study, data = checked.study, checked.data
+    if study.before is None or not len(data.measured):
+        return []
+    frame = read_picture(study.before)
+    size = " x ".join(map(str, frame.values.shape[::-1]))
+    spacing = " x ".join(f"{s:.4g}" for s in frame.spacing)
+    return [
+        f"pictures: {size} pixels of {spacing} mm{_turn(frame)},"
+        f" noise {100 * data.picture_noise:.2g} % of the brightest",
+        "prepared, in this order:",
+        *(f"  {line}" for line in data.history.splitlines()),
+    ]
+
+
+def _told(checked: Checked) -> list[str]:
+    return [f"remark: {line}" for line in checked.data.remarks.splitlines()]
+
+
+def _effects(checked: Checked) -> list[str]:
+    if checked.settings is None:
+        return []
+    return own_effects(checked.settings, checked.study, checked.mesh)
+
+
+def _identifiable(checked: Checked) -> list[str]:
+    if checked.settings is None:
+        return []
+    pictures, kind = bool(len(checked.data.measured)), checked.settings.fit.score
+    if checked.study.control == "displacement" and pictures and kind != "likelihood":
+        return ["identifiable: only ratios of stiffness, since the force is prescribed nowhere and not in the score"]
+    if not checked.study.body.thick:
+        return ["identifiable: only stiffness times thickness, since the thickness is not known"]
+    return ["identifiable: stiffness itself, since the force is prescribed or in the score"]
+
+
+def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
+    """A line for each effect of the study's own folder, after its formulas and its part were tried at a small size.
+
+    Raises
+    ------
+    Problems
+        With one line for each that cannot be read, or whose formulas or part name what is not there.
+    """
+    folder = Path(settings.study) / "effects"
+    known = catalogue(Path(settings.study))
+    problems: list[FingerfitError] = [
+        InputError(part, "file", "no .yaml beside it", f"{name}, or no such part")
+        for part in sorted(folder.glob("*.inp.j2"))
+        if not (folder / (name := f"{part.name.removesuffix('.inp.j2')}.yaml")).exists()
+    ]
+    lines = []
+    for path in sorted(folder.glob("*.yaml")):
+        effect = known[path.stem]
+        lacking = unmet(effect, study, mesh.dim)
+        try:
+            use = (
+                f"needs {' and '.join(lacking)}: not tested here" if lacking else _tried(settings, study, mesh, effect)
+            )
+        except InputError as error:
+            own = error.where == f"effect {effect.name}"
+            problems.append(InputError(path, error.field, error.found, error.expected) if own else error)
+        else:
+            lines.append(f"effect {effect.name}: {effect.title}; {use}")
+    if problems:
+        raise Problems(problems)
+    return lines
+
+
+def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
+    """What an effect at the size of a first look changes."""
+    sizes = {effect.key(p.name): p.null + p.step for p in effect.parameters}
+    values = {**settings.starts(), **effect.places()[0], **sizes}
+    found = []
+    if changes_the_deck(settings, study, mesh, effect):
+        found.append("the deck")
+        _taken(settings, study, mesh, effect, values)
+    seen = Observation.of([effect], values, mesh.body, len(study.steps))
+    if seen is not None:
+        seen.shift(1)
+        seen.intensity(np.zeros(1), 1, *mesh.body[:1].T)
+        for name in ("force", "displacement"):
+            seen.conjugate(np.zeros(len(study.steps)), name)
+        found.append(", ".join(effect.observes))
+    return f"changes {' and '.join(found)}" if found else "changes nothing in this study: not tested here"
+
+
+def _taken(settings: Settings, study: Study, mesh: Mesh, effect: Effect, values: Mapping[str, float]) -> None:
+    """Refuse constants that a material cannot have, increments that are none, and a deck that the solver does not take.
+
+    Where the solver is not there, that is told with the start of the fit.
+    """
+    known = catalogue(Path(settings.study))
+    where, guess = f"effect {effect.name}", {**settings.fixed(), **values}
+    context = deck_context(study, mesh, "mesh", guess, settings.model.material, known)
+    for layer in context["layers"]:
+        for quantity in MATERIAL:
+            if wrong := impossible(where, f"changes.{quantity}", quantity, layer[quantity]):
+                raise wrong[0]
+    increment = float(context["increment"])
+    if not 0 < increment <= 1:
+        raise InputError(where, "changes.increment", f"{increment:g}", "above 0 and at most 1, the whole step")
+    start = {**values, **effect.null()}
+    with_it, without = (make_deck(settings, study, mesh, "mesh", one, known) for one in (values, start))
+    template = settings.model.template
+    with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
+        file = Path(name) / "mesh.inp"
+        write_text(file, format_mesh(mesh))
+        refused = refusal(settings.solver, template, with_it, file, "mesh")
+        if refused is None or refusal(settings.solver, template, without, file, "mesh"):
+            return  # what is not the effect's is told with the start of the fit
+        part = Path(settings.study) / effect.part if effect.part else None
+        place = part if part and part.exists() else where
+        raise InputError(place, f"in the {refused.where}, {refused.field}", refused.found, refused.expected)
+
+
+def _turn(frame: Picture) -> str:
+    """How the axes of a picture lie in space, where they are not simply its axes."""
+    if np.allclose(frame.direction, np.eye(frame.dim), atol=1e-6):
+        return ""
+    axes = ["(" + ", ".join(f"{x:.3g}" for x in axis) + ")" for axis in np.round(frame.direction.T, 6) + 0.0]
+    return f" along {', '.join(axes)}"
+
+
+def _table(study: Study) -> str:
+    rows = [f"{'step':>5}{'time s':>9}{'displacement mm':>17}{'force N':>10}  picture"]
+    for step in study.steps:
+        cells = [f"{v:.4g}" if v is not None else "-" for v in (step.time, step.displacement, step.force)]
+        name = step.picture.name if step.picture else "-"
+        rows.append(f"{step.number:>5}{cells[0]:>9}{cells[1]:>17}{cells[2]:>10}  {name}")
+    return "\n".join(rows)
+
+
+REMARKS: tuple[Callable[[Checked], list[str]], ...] = (
+    _study,
+    _body,
+    _steps,
+    _noise,
+    _pictures,
+    _told,
+    _effects,
+    _identifiable,
+)
+"""What is told, in this order; each may raise what makes a fit impossible."""

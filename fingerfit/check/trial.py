@@ -1,0 +1,188 @@
+"""A fit tried out: its first deck rendered and shown to the solver, its first simulation run as by the workflow."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from fingerfit.check.expect import expected
+from fingerfit.core.errors import FingerfitError, InputError, Problems
+from fingerfit.core.files import write_text
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.fit.problem import FINAL, REFINED, SEARCH, Fit
+from fingerfit.fit.rounds import Asked, write_folders
+from fingerfit.forward.decks import make_deck
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.prepare.prepare import make_mesh
+from fingerfit.settings.config import Settings
+from fingerfit.solvers.contract import CONVERGED
+from fingerfit.solvers.registry import get_solver
+from fingerfit.study.data import Data
+from fingerfit.study.study import Study
+
+BETWEEN = 0.05
+"""Seconds that Snakemake takes between two rounds (benchmarks/phantom.md)."""
+GROWTH = {2: 1.5, 3: 2.0}
+"""Exponent of the work to factorise the system of a mesh in its nodes, in the plane and in space: nested dissection
+(George 1973). Assembly grows less."""
+
+
+def try_out(settings: Settings, study: Study, mesh: Mesh, data: Data, solve: bool) -> list[str]:
+    """Lines on solver, deck, the simulation of the start, and what the fit will take.
+
+    Parameters
+    ----------
+    settings : Settings
+    study : Study
+    mesh : Mesh
+        Of the search.
+    data : Data
+    solve : bool
+        Whether the start is simulated; else there is nothing to derive minutes from.
+
+    Raises
+    ------
+    Problems, InputError
+        For a template that cannot be rendered, or a deck that the solver does not take.
+    SolverError
+        When the solver is not there, or cannot be run.
+    """
+    with tempfile.TemporaryDirectory(prefix="fingerfit-") as name:
+        fit = _fit(settings, study, mesh, data, Path(name))
+        lines = [_solver(fit), *_deck(fit)]
+        expects = expected(settings, REFINED in fit.meshes)
+        low, high = expects.simulations
+        finer = f", {expects.finest[0]} to {expects.finest[1]} of them on the finer mesh" if expects.finest[1] else ""
+        words = f"about {low} to {high} simulations in {expects.rounds[0]} to {expects.rounds[1]} rounds{finer}"
+        if not solve:
+            return [*lines, "start: not simulated", f"to expect: {words}"]
+        told, seconds, scoring = _simulate(fit)
+        lines.append(told)
+        cores = len(os.sched_getaffinity(0))
+        shortest, longest = (
+            _time(fit, rounds, simulations, finest, seconds, scoring, cores)
+            for rounds, simulations, finest in zip(expects.rounds, expects.simulations, expects.finest, strict=True)
+        )
+        count = f"{cores} core{'s' * (cores > 1)}"
+        lines.append(f"to expect: {words}; {_in_words(shortest, longest)} on {count} as busy as now")
+        if settings.model.effects:
+            below = ", ".join(settings.model.path[:-1])
+            lines.append(f"that is for {settings.model.full_name} alone; what is not known yet of {below} comes before")
+        return lines
+
+
+def _fit(settings: Settings, study: Study, mesh: Mesh, data: Data, folder: Path) -> Fit:
+    meshes = {SEARCH: mesh}
+    if settings.model.refined or study.body.refined:
+        meshes[REFINED] = make_mesh(study, settings.model.refined, finer=True)
+    files = {name: folder / f"{name}.inp" for name in meshes}
+    for name, one in meshes.items():
+        write_text(files[name], format_mesh(one))
+    return Fit(settings, data, files, folder / "sims")
+
+
+def _solver(fit: Fit) -> str:
+    """Name, version and place of the solver; of a template that is wrong too, both are told at once."""
+    problems: list[FingerfitError] = []
+    try:
+        found = fit.solver
+    except FingerfitError as error:
+        problems.append(error)
+    try:
+        make_deck(fit.settings, fit.study, fit.meshes[SEARCH], "mesh", fit.settings.starts(), fit.effects)
+    except InputError as error:
+        problems.append(error)
+    if problems:
+        raise Problems(problems) if len(problems) > 1 else problems[0]
+    place = getattr(get_solver(fit.settings.solver), "executable", None)
+    return f"solver: {found['name']} {found.get('version', '')}".rstrip() + (f", {place}" if place else "")
+
+
+def _deck(fit: Fit) -> list[str]:
+    """The deck of the start on each mesh, as the solver sees it."""
+    start = fit.settings.starts()
+    lines = []
+    for role, kind in ((SEARCH, "mesh of the search"), (FINAL, "finer mesh")):
+        if role == FINAL and REFINED not in fit.mesh_files:
+            continue
+        asked = fit.ask(start, role)
+        refused = fit.refusal(asked)
+        if refused is not None:
+            raise refused
+        nodes = len(fit.meshes[fit.mesh_of(asked)].points)
+        count = len(asked.deck.splitlines())
+        lines.append(f"deck: {fit.settings.model.template} makes {count} lines for the {kind}, {nodes} nodes; accepted")
+    return lines
+
+
+def _simulate(fit: Fit) -> tuple[str, float, float]:
+    """What the simulation of the start showed; seconds of the job, and of a round's job beside Snakemake."""
+    asked = fit.ask(fit.settings.starts())
+    write_folders(fit.sims.parent, [asked], fit.solver, {asked.mesh: fit.mesh_files[SEARCH]})
+    folder = fit.sims / asked.sim
+    deck, solver, out = (str(folder / name) for name in ("deck.inp", "solver.json", "solution.npz"))
+    seconds = _run("-m", "fingerfit", "simulate", deck, "--solver", solver, "--out", out)
+    scoring = _run("-c", "import fingerfit.fit.course")
+    outcome = fit.outcome(asked)
+    values = ", ".join(f"{name} {value:g}" for name, value in asked.values.items())
+    if outcome.status != CONVERGED:
+        told = f"{outcome.message}; such guesses get the worst score, so that most others should have a solution"
+        return f"start ({values}): {told}", seconds, scoring
+    start = time.perf_counter()
+    fit.predict_all([asked], 1)
+    score = fit.score(fit.prediction(asked))
+    scoring += time.perf_counter() - start
+    return f"start ({values}): {_steps(fit, asked)} in {seconds:.2g} s; {_scored(fit, score)}", seconds, scoring
+
+
+def _steps(fit: Fit, asked: Asked) -> str:
+    iterations = sum(fit.outcome(asked).iterations)
+    return f"solved, {len(fit.data.step)} steps" + (f" with {iterations} iterations," if iterations else ",")
+
+
+def _scored(fit: Fit, score: float) -> str:
+    if not math.isfinite(score):
+        raise FingerfitError(f"start: its {fit.settings.fit.score} is {score}: there is nothing to compare")
+    return f"score {fit.settings.fit.score} {score:.6g}"
+
+
+def _run(*arguments: str) -> float:
+    """Seconds of a job of the workflow: Python is started for each.
+
+    Raises
+    ------
+    FingerfitError
+        What the job told.
+    """
+    start = time.perf_counter()
+    done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, errors="replace", check=False)
+    if done.returncode:
+        told = [line for line in done.stderr.splitlines() if line.strip()] or [f"exit code {done.returncode}"]
+        raise FingerfitError(f"start: {told[-1].removeprefix('fingerfit: error: ')}")
+    return time.perf_counter() - start
+
+
+def _time(fit: Fit, rounds: int, simulations: int, finest: int, seconds: float, scoring: float, cores: int) -> float:
+    """Seconds of a fit: rounds follow each other, their simulations run beside each other."""
+    turns = max(rounds, math.ceil(simulations / cores))
+    growth = 1.0
+    if REFINED in fit.meshes:
+        nodes = {name: len(mesh.points) for name, mesh in fit.meshes.items()}
+        growth = (nodes[REFINED] / nodes[SEARCH]) ** GROWTH[fit.meshes[SEARCH].dim]
+    return rounds * (scoring + BETWEEN) + (turns + finest * (growth - 1)) * seconds
+
+
+def _in_words(shortest: float, longest: float) -> str:
+    """A span of time in one unit.
+
+    >>> _in_words(31.0, 88.0), _in_words(100.0, 450.0), _in_words(5000.0, 9000.0)
+    ('31 to 88 s', '1.7 to 7.5 minutes', '1.4 to 2.5 hours')
+    """
+    size, unit = (1, "s") if longest < 120 else (60, "minutes") if longest < 7200 else (3600, "hours")
+    low, high = (float(f"{value / size:.2g}") for value in (shortest, longest))
+    return f"{low:g} to {high:g} {unit}"

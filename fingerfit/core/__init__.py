@@ -1,0 +1,1 @@
+"""Errors, files, YAML, units, processes: knows nothing of mechanics."""

@@ -1,0 +1,241 @@
+"""Reading YAML that people write: every wrong key becomes one clear line."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fingerfit.core.errors import FingerfitError, InputError, LimitError
+from fingerfit.core.files import DOCUMENT, read_text
+
+_NEEDED = object()
+_DEEP = 50
+"""Collections within collections. The deepest value of ours is in five; PyYAML takes eight frames for each, of which
+Python has 1000, and libyaml's loader overflows the stack instead of stopping."""
+_VALUES = DOCUMENT // 2
+"""Values of a document with those that aliases repeat: as many as fit into the largest one without aliases, in which
+each takes two characters or more."""
+_DIGITS = 400
+"""Characters of a number; the largest of double precision has 309 digits. In base 60, which YAML has, the time to read
+more would grow with their square."""
+
+
+class _Excess(Exception):
+    """What a document has too much of: its line, what was found and what is expected."""
+
+    def __init__(self, mark: Any, found: str, expected: str) -> None:
+        self.line, self.found, self.expected = f"line {mark.line + 1}" if mark else "file", found, expected
+        super().__init__(found)
+
+
+@functools.cache
+def _loader(quick: bool) -> Any:
+    """PyYAML's safe loader that refuses a key given twice and takes 1e-3 for a number, as YAML 1.2 does.
+
+    The quick one is libyaml's, where PyYAML has it; its messages are worse.
+    """
+    import yaml
+
+    base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader) if quick else yaml.SafeLoader
+
+    class Loader(base):
+        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+            seen = set()
+            for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+                if key.value in seen:
+                    raise yaml.constructor.ConstructorError(None, None, f"key {key.value} twice", key.start_mark)
+                seen.add(key.value)
+            return super().construct_mapping(node, deep)  # type: ignore[no-any-return]
+
+        def get_single_node(self) -> Any:
+            node = super().get_single_node()
+            if node is not None:
+                _count(node, {}, ())
+            return node
+
+    number = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+    return Loader
+
+
+def _check_depth(text: str) -> None:
+    """Refuse collections within collections before anything that calls itself reads them."""
+    import yaml
+
+    depth = 0
+    for event in yaml.parse(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEP:
+            raise _Excess(event.start_mark, "lists and mappings too deep", f"at most {_DEEP} within each other")
+
+
+def _count(node: Any, known: dict[int, tuple[int, int]], above: tuple[int, ...]) -> tuple[int, int]:
+    """Values in a node with those that aliases repeat, and how deep they are; what is repeated is counted once."""
+    import yaml
+
+    if isinstance(node, yaml.ScalarNode):
+        if node.tag.rpartition(":")[2] in ("int", "float") and len(node.value) > _DIGITS:
+            found = f"a number of {len(node.value)} characters"
+            raise _Excess(node.start_mark, found, f"at most {_DIGITS} characters")
+        return 1, 0
+    if id(node) in above:
+        raise _Excess(node.start_mark, "an alias of what it is in", "aliases of other values")
+    if id(node) not in known:
+        count, depth = 1, 0
+        for entry in node.value:
+            for inner in entry if isinstance(entry, tuple) else (entry,):
+                values, levels = _count(inner, known, (*above, id(node)))
+                count, depth = count + values, max(depth, levels)
+        known[id(node)] = (count, depth + 1)
+    count, depth = known[id(node)]
+    if count > _VALUES:
+        raise _Excess(node.start_mark, f"aliases that repeat {count:.3g} values", f"at most {_VALUES} values")
+    if len(above) + depth > _DEEP:
+        raise _Excess(node.start_mark, "lists and mappings too deep", f"at most {_DEEP} within each other")
+    return count, depth
+
+
+def read_yaml(path: Path) -> Any:
+    """Read YAML without running anything in it.
+
+    Raises
+    ------
+    InputError
+        When it is missing or not valid, with the line; a `LimitError` for what is too large or too deep, or becomes so
+        by aliases.
+    """
+    import yaml
+
+    try:
+        text = read_text(path, limit=DOCUMENT, expected="a readable YAML file")
+        try:
+            _check_depth(text)
+            return yaml.load(text, _loader(quick=True))
+        except yaml.YAMLError:
+            return yaml.load(text, _loader(quick=False))
+    except _Excess as error:
+        raise LimitError(path, error.line, error.found, error.expected) from error
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f"line {mark.line + 1}" if mark else "file"
+        raise InputError(path, line, getattr(error, "problem", None) or error, "valid YAML") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(path, "file", error, "valid YAML") from error
+
+
+def unknown_key(where: Path | str, prefix: str, key: str, known: Sequence[str]) -> InputError:
+    """Error for a key that is not known, with the nearest one that is."""
+    near = difflib.get_close_matches(str(key), known, 1)
+    hint = f"{near[0]} (did you mean that?)" if near else "one of " + ", ".join(known)
+    return InputError(where, f"{prefix}{key}", "an unknown key", hint)
+
+
+class Keys:
+    """A mapping of a YAML file; what is wrong goes to a list of problems.
+
+    Parameters
+    ----------
+    where : Path
+        File.
+    data : object
+        What was read.
+    prefix : str
+        Of the field's names, for example ``body.``.
+    problems : list
+        Gets what is wrong.
+    """
+
+    def __init__(self, where: Path, data: Any, prefix: str, problems: list[FingerfitError]) -> None:
+        self.where, self.prefix, self.problems = where, prefix, problems
+        if not isinstance(data, dict):
+            found = "nothing" if data is None else data
+            problems.append(InputError(where, prefix.rstrip(".") or "file", found, "keys and values"))
+        self.broken = not isinstance(data, dict)
+        self.data: dict[str, Any] = {} if self.broken else data
+
+    def wrong(self, key: str, found: object, expected: str) -> None:
+        """Note a problem."""
+        self.problems.append(InputError(self.where, self.prefix + key, found, expected))
+
+    def known(self, *names: str) -> None:
+        """Note all keys that are not known."""
+        for key in self.data:
+            if key not in names:
+                self.problems.append(unknown_key(self.where, self.prefix, key, names))
+
+    def _get(self, key: str, default: Any, expected: str) -> Any:
+        value = self.data.get(key)
+        if value is None:
+            if default is _NEEDED:
+                if not self.broken:  # one line is enough
+                    self.wrong(key, "nothing", expected)
+                return None
+            return default
+        return value
+
+    def mapping(self, key: str, default: Any = _NEEDED) -> Keys:
+        """A mapping inside."""
+        value = self._get(key, default, "keys and values")
+        inner = Keys(self.where, {} if value is None else value, f"{self.prefix}{key}.", self.problems)
+        inner.broken |= value is None and default is _NEEDED
+        return inner
+
+    def items(self, key: str) -> list[Any]:
+        """A list inside."""
+        value = self._get(key, _NEEDED, "a list")
+        if value is not None and not isinstance(value, list):
+            self.wrong(key, value, "a list")
+            return []
+        return value or []
+
+    def text(self, key: str, default: Any = _NEEDED) -> str | None:
+        """A text of one line that is not empty."""
+        value = self._get(key, default, "a text")
+        if value is not None and not (isinstance(value, str) and value.strip() and value.isprintable()):
+            self.wrong(key, "an empty text" if value == "" else repr(value), "a text of one line")
+            return None
+        return value
+
+    def choice(self, key: str, allowed: Sequence[str]) -> str:
+        """One of several texts."""
+        expected = "one of " + ", ".join(allowed)
+        value = self._get(key, _NEEDED, expected)
+        if value is not None and value not in allowed:
+            self.wrong(key, value, expected)
+        return value if value in allowed else allowed[0]
+
+    def number(self, key: str, default: Any = _NEEDED, above: float | None = None) -> float | None:
+        """A finite number, above a limit."""
+        expected = "a number" if above is None else f"a number above {above:g}"
+        value = self._get(key, default, expected)
+        if value is None:
+            return None
+        if not is_number(value) or (above is not None and value <= above):
+            self.wrong(key, value, expected)
+            return None
+        return float(value)
+
+    def numbers(self, key: str, count: int, default: Any = _NEEDED) -> tuple[float, ...] | None:
+        """Several finite numbers."""
+        value = self._get(key, default, f"{count} numbers")
+        if value is None:
+            return None
+        if not isinstance(value, list | tuple) or len(value) != count or not all(map(is_number, value)):
+            self.wrong(key, value, f"{count} numbers")
+            return None
+        return tuple(float(v) for v in value)
+
+
+def is_number(value: object) -> bool:
+    """Whether a value that was read is a finite number."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # whole numbers of hundreds of digits
+        return False

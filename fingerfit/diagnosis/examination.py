@@ -1,0 +1,343 @@
+"""Which physical effect is missing: every effect of the catalogue is tested against what the model leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fingerfit.core.errors import StateError
+from fingerfit.deck.context import comes_down
+from fingerfit.diagnosis.candidates import Suspect
+from fingerfit.diagnosis.residual import Patches, Reader, Residual, common_modes, flat, residual_of
+from fingerfit.diagnosis.score_test import Finding, Judge, likeness
+from fingerfit.fit.linear import STEP
+from fingerfit.fit.problem import REFINED, SEARCH, Fit
+from fingerfit.fit.refine import ANCHOR, best_values, finest, left_over
+from fingerfit.fit.rounds import Asked, Round
+from fingerfit.forward.predict import Predictor, positions
+from fingerfit.imaging.pictures import Picture
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.effect import OBSERVATION, Effect
+from fingerfit.model.observation import Observation
+from fingerfit.solvers.contract import CONVERGED
+from fingerfit.study.data import Data
+
+SMOOTH = 3.0
+"""Length over which the error of a mesh is alike, mm."""
+ACROSS_POINTS = 6
+"""Patches over the width of the region where points were measured."""
+ALIKE = 0.9
+"""Correlation of that error between steps."""
+
+
+Slope = Callable[[str], np.ndarray]
+"""From the name of a constant, or ``control``, to the slope of displacements and conjugate quantity."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """A tested suspect: what it would explain, and its columns."""
+
+    suspect: Suspect
+    finding: Finding
+    columns: np.ndarray
+
+    @property
+    def size(self) -> dict[str, float]:
+        """Predicted numbers of the effect, by their short names."""
+        parameters = zip(self.suspect.effect.parameters, self.finding.size, strict=True)
+        return {p.name: float(p.null + s) for p, s in parameters}
+
+
+class Examination:
+    """A fitted model against all pictures of its study.
+
+    Parameters
+    ----------
+    fit : Fit
+    last : Round
+        Its last round.
+    everything : Data
+        Prepared with all pictures, fitted or not.
+    """
+
+    def __init__(self, fit: Fit, last: Round, everything: Data) -> None:
+        self.fit, self.last, self.data = fit, last, everything
+        spacing = everything.spacing if len(everything.picture_step) else None
+        if spacing is None and len(everything.points):
+            edge = 1e-6 * np.ptp(everything.points, axis=0)
+            box = np.concatenate([everything.points - edge, everything.points + edge])
+            self.patches = Patches.around(box, ACROSS_POINTS)
+        else:
+            self.patches = Patches.over(fit.meshes[SEARCH], spacing=spacing)
+        self.base = finest(fit, last)
+        self.anchor = anchor_of(fit, last)
+        self.mesh = fit.mesh_of(self.base)
+        predictor = Predictor(everything, fit.meshes[self.mesh])
+        made = predictor.predict(fit.outcome(self.base), fit.seen(self.base.values))
+        if made is None:
+            raise StateError(f"{fit.sims / self.base.sim}: no solution for all steps at the estimate")
+        self.prediction = made.prediction
+        self.residual: Residual = residual_of(everything, made.prediction, made.maps, self.patches)
+        self._readers = {
+            name: Reader(everything, mesh, self.patches, self.residual) for name, mesh in fit.meshes.items()
+        }
+        self._read: dict[str, np.ndarray | None] = {}
+
+    def read(self, asked: Asked) -> np.ndarray | None:
+        """Displacements and conjugate quantity of a simulation; None without a solution."""
+        if asked.sim not in self._read:
+            outcome = self.fit.outcome(asked)
+            solved = outcome.status == CONVERGED and outcome.steps >= len(self.data.step)
+            self._read[asked.sim] = self._readers[self.fit.mesh_of(asked)].read(outcome) if solved else None
+        return self._read[asked.sim]
+
+    def own(self, slope: Slope | None = None) -> np.ndarray:
+        """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""
+        columns = []
+        for parameter in self.fit.settings.parameters():
+            effect, _, short = parameter.name.partition(".")
+            if effect in self.fit.effects and self.fit.effects[effect].acts == OBSERVATION:
+                columns.append(self._observed(self.fit.effects[effect], self.base.values, short))
+            else:
+                columns.append((slope or self.slope)(parameter.name))
+        return np.stack(columns, axis=1)[self.residual.kept]
+
+    def slope(self, name: str) -> np.ndarray:
+        """Slope by a constant, where the last round took it; none where it has no solution."""
+        by_role = {asked.role: asked for asked in self.last.batch}
+        sides = [self.read(by_role[sign + name]) if sign + name in by_role else None for sign in "+-"]
+        width = STEP * sum(side is not None for side in sides)
+        middle = self.read(self.fit.ask(best_values(self.last)))
+        ahead, behind = (middle if side is None else side for side in sides)
+        if ahead is None or behind is None or width == 0:
+            return np.zeros(len(self.residual.kept))
+        return (ahead - behind) / width
+
+    def nuisance(self, slope: Slope | None = None) -> np.ndarray:
+        """Signals of unknown size with standard deviation 1, shape (kept, 2 steps).
+
+        Of each step that of the noise of the prescribed quantity, then that of the mesh.
+        """
+        data, columns = self.data, []
+        control = (slope or self.slope)("control")
+        for step in range(len(data.step)):
+            only = self._at_step(step)
+            columns.append(control * self._control_noise[step] * only)
+            columns.append(self.mesh_signal * only)
+        return np.stack(columns, axis=1)[self.residual.kept]
+
+    def control_covariance(self) -> np.ndarray:
+        """What the noise of the prescribed quantity does, independent from step to step, shape (kept, kept)."""
+        columns = self.nuisance()[:, 0::2]
+        return columns @ columns.T
+
+    def step_of(self) -> np.ndarray:
+        """Index of the step that each value of the residual belongs to, shape (kept,)."""
+        whole = np.zeros(len(self.residual.kept), dtype=int)
+        for step in range(len(self.data.step)):
+            whole[self._at_step(step) > 0] = step
+        return whole[self.residual.kept]
+
+    @cached_property
+    def _control_noise(self) -> np.ndarray:
+        """Noise of the prescribed quantity as a share of it, shape (steps,)."""
+        size = np.abs(self.data.controlled)
+        return np.divide(self.data.control_noise, size, out=np.zeros_like(size), where=size > 0)
+
+    @cached_property
+    def floor(self) -> np.ndarray:
+        """Root mean square difference that a perfect model would leave, shape (pictures,).
+
+        Noise of the pictures, and what the noise of the prescribed quantity moves.
+        """
+        sides = [asked for sign in "+-" for asked in self.last.batch if asked.role == sign + "control"]
+        predictor = Predictor(self.data, self.fit.meshes[SEARCH])
+        made = [predictor.predict(self.fit.outcome(asked), self.fit.seen(asked.values)) for asked in sides]
+        moved = np.zeros(len(self.residual.floor))
+        if len(made) == 2 and made[0] is not None and made[1] is not None:
+            slope = (made[0].prediction.pictures - made[1].prediction.pictures) / (2 * STEP)
+            for n, (step, way) in enumerate(zip(self.data.picture_step, self.residual.fits, strict=True)):
+                moved[n] = np.sqrt(np.mean(slope[n].ravel()[way.pixel] ** 2)) * self._control_noise[step]
+        return np.hypot(self.residual.floor, moved)
+
+    @cached_property
+    def mesh_signal(self) -> np.ndarray:
+        """Expected error of the finest mesh: what it changed, continued with its order of convergence."""
+        coarse, fine = self.read(self.anchor), self.read(self.base)
+        if self.mesh != REFINED or coarse is None or fine is None:
+            return np.zeros(len(self.residual.kept))
+        return (fine - coarse) * left_over(self.fit)
+
+    def mesh_covariance(self) -> np.ndarray:
+        """Error of the mesh as a random field, shape (kept, kept).
+
+        Its size is known, patch by patch and step by step, its pattern only roughly: it is taken to be smooth over
+        `SMOOTH` mm and much alike at all steps.
+        """
+        value = self.residual.value
+        dim = value.shape[2] - 1
+        field = self.mesh_signal[: value.size].reshape(value.shape)[..., :dim]
+        size = np.linalg.norm(field, axis=2) / np.sqrt(dim)
+        apart = ((self.patches.centre[:, None] - self.patches.centre[None]) ** 2).sum(axis=2)
+        near = np.exp(-apart / (2 * SMOOTH**2))
+        steps = np.where(np.eye(len(size), dtype=bool), 1.0, ALIKE)
+        total = np.zeros((*value.shape, *value.shape))
+        for axis in range(dim):
+            total[:, :, axis, :, :, axis] = np.einsum("np,pq,nm,mq->npmq", size, near, steps, size, optimize=True)
+        count = len(self.residual.kept)
+        whole = np.zeros((count, count))
+        whole[: value.size, : value.size] = total.reshape(value.size, value.size)
+        return np.nan_to_num(whole[np.ix_(self.residual.kept, self.residual.kept)])
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Of the noise and of the error of the mesh, shape (kept, kept)."""
+        return self.residual.covariance + self.mesh_covariance()
+
+    @cached_property
+    def judge(self) -> Judge:
+        """Judge of what the model leaves."""
+        residual = self.residual
+        common = common_modes(residual, self.data.entry_step, self.slope("control"))
+        return Judge(residual.vector, self.covariance, self.own(), self.nuisance(), common)
+
+    def _at_step(self, step: int) -> np.ndarray:
+        value: np.ndarray = np.zeros(self.residual.value.shape)
+        value[self.data.entry_step == step] = 1.0
+        conjugate = np.zeros(len(self.data.step))
+        conjugate[step] = 1.0
+        return flat(value, conjugate)
+
+    def columns(self, suspect: Suspect, without: Asked | None = None) -> np.ndarray | None:
+        """Slopes of a suspect, shape (kept, its parameters); None where a simulation has no solution.
+
+        `without` is the simulation of the model without it, the anchor when left out.
+        """
+        effect, columns = suspect.effect, []
+        if effect.name == "coarse_mesh":
+            return self.mesh_signal[:, None][self.residual.kept]
+        if effect.acts == OBSERVATION:
+            columns = [self._observed(effect, suspect.place, p.name) for p in effect.parameters]
+        else:
+            null = self.read(without or self.anchor)
+            for parameter, asked in zip(effect.parameters, suspect.asked, strict=True):
+                found = self.read(asked)
+                if found is None or null is None:
+                    return None
+                columns.append((found - null) / parameter.step)
+        return np.stack(columns, axis=1)[self.residual.kept]
+
+    def _observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
+        """Slope of an effect on the observation by one of its parameters."""
+        parameter = next(p for p in effect.parameters if p.name == name)
+        data, dim, points = self.data, self.fit.meshes[SEARCH].dim, self.fit.meshes[SEARCH].body
+        now = {**effect.null(), **values}
+        further = {**now, effect.key(name): now[effect.key(name)] + parameter.step}
+        before, after = (
+            Observation((effect,), guess, points.min(axis=0), points.max(axis=0), len(data.step))
+            for guess in (now, further)
+        )
+        frame = Picture(data.before, data.spacing, data.origin, data.direction)
+        value: np.ndarray = np.zeros(self.residual.value.shape)
+        for n, (step, picture, way) in enumerate(
+            zip(data.picture_step, self.prediction.pictures, self.residual.fits, strict=True)
+        ):
+            k = int(step) + 1
+            value[n][:, :dim] = after.shift(k) - before.shift(k)
+            at, seen = positions(frame, way.pixel), picture.ravel()[way.pixel]
+            change = after.intensity(seen, k, *at) - before.intensity(seen, k, *at)
+            size = np.maximum(np.bincount(way.patch, minlength=value.shape[1]), 1)
+            value[n][:, dim] = np.bincount(way.patch, change, minlength=value.shape[1]) / size
+        for n, step in enumerate(data.entry_step[len(data.picture_step) :], len(data.picture_step)):
+            value[n][:, :dim] = after.shift(int(step) + 1) - before.shift(int(step) + 1)
+        conjugate = self.prediction.conjugate
+        name = "displacement" if data.control == "force" else "force"
+        changed = after.conjugate(conjugate, name) - before.conjugate(conjugate, name)
+        return flat(value, changed) / parameter.step
+
+
+def anchor_of(fit: Fit, last: Round) -> Asked:
+    """The estimate on the search mesh: what the suspects are compared with."""
+    return fit.ask(finest(fit, last).values, ANCHOR)
+
+
+def try_suspects(examination: Examination, judge: Judge, found: Sequence[Suspect]) -> list[Look]:
+    """Test all suspects that have a solution."""
+    looks = []
+    for suspect in found:
+        columns = examination.columns(suspect)
+        if columns is not None:
+            parameters = suspect.effect.parameters
+            low = np.array([p.lower - p.null for p in parameters])
+            high = np.array([p.upper - p.null for p in parameters])
+            looks.append(Look(suspect, judge.test(columns, low, high), columns))
+    return looks
+
+
+def best_places(looks: Sequence[Look]) -> list[Look]:
+    """The best place of each effect only, by predicted fall."""
+    best: dict[str, Look] = {}
+    for one in looks:
+        name = one.suspect.effect.name
+        if name not in best or one.finding.fall > best[name].finding.fall:
+            best[name] = one
+    return sorted(best.values(), key=lambda one: -one.finding.fall)
+
+
+def stiffness_map(examination: Examination, looks: Sequence[Look]) -> np.ndarray:
+    """Which place wants to be stiffer or softer, from the effects that were tried all over the body.
+
+    Returns
+    -------
+    ndarray, shape (places, dim + 2)
+        Position in mm; predicted change of log mu there; the evidence for it in standard deviations, negative where
+        the place wants to be softer.
+    """
+    mesh = examination.fit.meshes[SEARCH]
+    rows = []
+    for one in looks:
+        at = _position(one.suspect, mesh) if "field" in one.suspect.effect.changes else None
+        if at is not None:
+            change = float(one.finding.size[0])
+            rows.append([*at, change, np.sign(change) * np.sqrt(one.finding.fall)])
+    return np.array(rows).reshape(-1, mesh.dim + 2)
+
+
+def _position(suspect: Suspect, mesh: Mesh) -> np.ndarray | None:
+    """Where in the undeformed body a suspect was tried, mm; None where it has no place.
+
+    Places are given in shares of the body's width and height, or in space from where the indenter comes down.
+    """
+    place = {key.split(".")[1]: value for key, value in suspect.place.items()}
+    if set(place) == {"across", "along"} and mesh.dim == 2:
+        low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+        return low + np.array([place["across"], place["along"]]) * (high - low)
+    if set(place) == {"x", "y", "below"} and mesh.dim == 3:
+        return comes_down(mesh) + np.array([place["x"], place["y"], -place["below"]])
+    return None
+
+
+def alike(judge: Judge, a: Look, b: Look) -> float:
+    """How much of one effect's signature the other can imitate."""
+    return likeness(judge.signature(a.columns), judge.signature(b.columns))
+
+
+def summary(judge: Judge, looks: Sequence[Look]) -> list[dict[str, Any]]:
+    """Ranking as data: what each suspect would explain, at which place and of which size."""
+    excess = max(judge.misfit - judge.freedom, 1.0)
+    return [
+        {
+            "effect": one.suspect.effect.name,
+            "place": {key.split(".")[1]: value for key, value in one.suspect.place.items()},
+            "size": one.size,
+            "predicted_fall": one.finding.fall,
+            "share_of_excess": min(1.0, one.finding.fall / excess),
+            "visible": one.finding.visible,
+        }
+        for one in looks
+    ]

@@ -1,0 +1,205 @@
+"""Up and down the ladder of models: effects are added to config.yaml and taken out again."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fingerfit.core.errors import FingerfitError, InputError, SolverError
+from fingerfit.core.files import DOCUMENT, read_record, read_text, write_text
+from fingerfit.core.folders import PACKAGE
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.fit.check import check_effects
+from fingerfit.forward.decks import make_deck, refusal, with_effect
+from fingerfit.model.catalogue import catalogue, chosen
+from fingerfit.model.effect import OBSERVATION, Effect
+from fingerfit.prepare.prepare import make_mesh
+from fingerfit.provenance.results import model_folder, study_folder
+from fingerfit.settings.config import CONFIG, Settings, load_settings
+from fingerfit.study.reader import load_study
+
+RUNGS = 6
+"""Highest ladder that is climbed without asking."""
+
+
+def add(config: Path, name: str) -> str:
+    """Add an effect to a config file, with the numbers that the last diagnosis found; says what was done.
+
+    Raises
+    ------
+    FingerfitError
+        For an effect that is not known, is there already, or needs what the solver lacks.
+    """
+    settings = load_settings(config)
+    effect = chosen([name], catalogue(Path(settings.study)), config)[0]
+    if name in settings.model.effects:
+        raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
+    numbers, reused = _found(settings, name)
+    _refuse(_with(settings, name, numbers, config), effect, config)
+    _rewrite(config, {**settings.model.effects, name: numbers})
+    what = ", ".join(f"{key} {value:.4g}" for key, value in numbers.items())
+    start = f", starting at {what}" if what else ""
+    known = f"; {reused} simulations of its refit are known" if reused else ""
+    return f"{config}: added {name} ({effect.title}){start}{known}"
+
+
+def drop(config: Path, name: str) -> str:
+    """Take an effect out of a config file; says what was done.
+
+    Raises
+    ------
+    InputError
+        When the model does not have it.
+    """
+    settings = load_settings(config)
+    if name not in settings.model.effects:
+        has = ", ".join(settings.model.effects) or "none"
+        raise InputError(config, f"model.effects.{name}", "no such effect in the model", f"one that it has: {has}")
+    _rewrite(config, {key: value for key, value in settings.model.effects.items() if key != name})
+    return f"{config}: dropped {name}; its results stay where they are"
+
+
+def run_again(config: Path) -> str:
+    """The command that fits and diagnoses the model of a config file."""
+    chosen = "" if config == Path(CONFIG) else f" --configfile {config}"
+    return f"snakemake --cores 2 diagnose{chosen}"
+
+
+def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
+    """Fit, diagnose, add what is missing, and again, until nothing is missing or nothing known explains the rest.
+
+    Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so.
+
+    Raises
+    ------
+    FingerfitError
+        When the workflow fails.
+    """
+    for _ in range(RUNGS):
+        if subprocess.run(_workflow(config, cores), check=False).returncode:
+            raise FingerfitError(f"{config}: the workflow failed; its messages are above")
+        settings = load_settings(config)
+        say(_told(read_record(model_folder(settings) / "rung.json", "model", "error", "simulations", "sentence")))
+        diagnosis, results = read_record(model_folder(settings) / "diagnosis.json", "effects"), study_folder(settings)
+        if not diagnosis["effects"]:
+            return say(f"ladder: {results}/ladder.json; page: {results}/report.html")
+        first, *others = diagnosis["effects"]
+        if others:
+            say(f"these data cannot tell {first} from {' and '.join(others)}: {first}, which fits best, is added")
+        say(add(config, first))
+    return say(f"stopped after {RUNGS} models; the last effect is added but not fitted: {run_again(config)}")
+
+
+def _workflow(config: Path, cores: int) -> list[str]:
+    """The workflow of the folder where this was called; where there is none, the one beside the package."""
+    own = [Path("Snakefile"), Path("workflow/Snakefile")]
+    file = [] if any(path.exists() for path in own) else ["--snakefile", str(PACKAGE.parent / "Snakefile")]
+    return [
+        sys.executable, "-m", "snakemake", "diagnose", *file, "--cores", str(cores), "--configfile", str(config),
+    ]  # fmt: skip
+
+
+def _told(rung: dict[str, Any]) -> str:
+    """One line on a rung: its errors, its simulations and the verdict."""
+    fitted, held_out = rung["error"]["fitted"], rung["error"]["held_out"]
+    held = "" if held_out is None else f", {held_out:.3g} on held-out steps"
+    counted = rung["simulations"]
+    ends = "".join(
+        f"; {name} ends at its {entry['at_bound']} bound"
+        for name, entry in (rung.get("parameters") or {}).items()
+        if entry.get("at_bound")
+    )
+    return (
+        f"{rung['model']}: error {fitted:.3g} times the noise{held};"
+        f" {counted['run']} simulations run, {counted['reused']} of the models below reused; {rung['sentence']}{ends}"
+    )
+
+
+def _with(settings: Settings, name: str, numbers: dict[str, float], where: Path) -> Settings:
+    data = settings.model_dump(mode="json")
+    data["model"]["effects"][name] = numbers
+    return load_settings(data, where)
+
+
+def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
+    """Refuse an effect of a model that makes no sense in the study, or needs what the solver lacks.
+
+    Where that cannot be found out here, the fit's start will tell.
+    """
+    if not (Path(settings.study) / "study.yaml").exists():
+        return
+    study = load_study(Path(settings.study))
+    mesh = make_mesh(study, settings.model.mesh)
+    check_effects(settings, study, mesh, config)
+    if effect.acts == OBSERVATION:
+        return
+    known = catalogue(Path(settings.study))
+    start = settings.starts()
+    with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
+        file = Path(name) / "mesh.inp"
+        write_text(file, format_mesh(mesh))
+        for parameter in effect.parameters:
+            values = {**start, **with_effect(effect, effect.places()[0], parameter.name)}
+            deck = make_deck(settings, study, mesh, "mesh", values, known)
+            refused = refusal(settings.solver, settings.model.template, deck, file, "mesh")
+            if refused is not None:
+                found = f"{effect.name}, which needs {refused.found}"
+                expected = f"an effect that solver {settings.solver} has what it needs for"
+                raise InputError(config, f"model.effects.{effect.name}", found, expected)
+
+
+def _found(settings: Settings, name: str) -> tuple[dict[str, float], int]:
+    """Numbers of an effect in the diagnosis of the model without it, and how many simulations its refit asked for.
+
+    The refit's start where there was one, so that its simulations are those of the model; else place and size as they
+    were predicted; nothing where there is no diagnosis.
+    """
+    path = model_folder(settings) / "diagnosis.json"
+    for entry in read_record(path, "ranking")["ranking"] if path.exists() else []:
+        if entry["effect"] == name:
+            refit = entry.get("refit") or {}
+            predicted = {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"]}.items()}
+            return refit.get("start") or predicted, refit.get("simulations", 0)
+    return {}, 0
+
+
+def _rewrite(config: Path, effects: dict[str, dict[str, float]]) -> None:
+    """Replace `model.effects`; every other line, comments and other effects included, stays as it is."""
+    text = read_text(config, "file", DOCUMENT, "a readable YAML file")
+    model = re.search(r"(?m)^model:[ \t]*(#.*)?\n", text)
+    if model is None:
+        raise InputError(config, "model", "no line `model:` of its own", "one, so that effects can be written below it")
+    block = re.search(r"(?m)^  effects:.*\n?(?:    .*(?:\n|\Z))*", text)
+    start, end = block.span() if block else (model.end(), model.end())
+    old = _entries(text[start:end])
+    lines = [line for name, numbers in effects.items() for line in old.get(name, [f"    {name}: {_flow(numbers)}\n"])]
+    changed = text[:start] + "".join([*old.get("", ["  effects:\n"]), *lines] if effects else []) + text[end:]
+    write_text(config, changed)
+    try:
+        load_settings(config)
+    except FingerfitError:
+        write_text(config, text)
+        raise
+
+
+def _entries(block: str) -> dict[str, list[str]]:
+    """Lines of each effect in a block of YAML; those above the first one under an empty name."""
+    found: dict[str, list[str]] = {}
+    name = ""
+    for line in block.splitlines():
+        entry = re.match(r" {4}([\w-]+):", line)
+        name = entry[1] if entry else name
+        found.setdefault(name, []).append(line + "\n")
+    if re.match(r"  effects:\s*[^\s#]", block):  # all on one line
+        return {}
+    return found
+
+
+def _flow(numbers: dict[str, Any]) -> str:
+    return "{" + ", ".join(f"{key}: {value:.12g}" for key, value in numbers.items()) + "}"

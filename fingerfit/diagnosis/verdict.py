@@ -1,0 +1,324 @@
+"""From tests and refits to one of four answers: missing, indistinguishable, adequate, unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from fingerfit.diagnosis.examination import Look, alike
+from fingerfit.diagnosis.score_test import Judge
+from fingerfit.model.applicable import cure_of
+from fingerfit.model.effect import NUMERICS
+
+LEVEL = 0.01
+"""Probability of a false alarm in all tests together."""
+GOOD = 1.25
+"""Misfit per degree of freedom up to which a model is adequate, unless chance alone allows more."""
+ENOUGH = 0.75
+"""Share of the excess misfit that an answer must explain."""
+RIVAL = 12.0
+"""Difference of misfit below which two refits cannot be told apart: odds of 400 to 1."""
+NEAR = 0.03
+"""The same for two refits that are both adequate, per degree of freedom: what an error of the mesh may decide."""
+SEEN, SEEN_OF_FEW = 0.02, 0.002
+"""Share of its signal that the constants cannot imitate, from which an effect is refitted; of few values, as of forces
+alone, all signals are alike, and refits, which decide, cost little."""
+FEW = 50
+LOUD = 1.5
+"""Error in units of the noise floor beyond which no model is adequate."""
+WORSE, WORSE_OF_FEW = 0.02, 0.2
+"""Rise of the error on held-out steps, in noise floors, from which a refit does not count; of few values."""
+TRIED = 3
+"""Effects that are refitted at once."""
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A model with one effect more, fitted.
+
+    Parameters
+    ----------
+    misfit : float
+    freedom : int
+    fitted, held_out : float or None
+        Error in units of the noise floor.
+    values : mapping
+        Constants and numbers of the effect.
+    common_misfit : float
+    common_freedom : int
+        Of what all values of a step have in common.
+    share : float
+        Of the predicted size, from which the refit went out.
+    start : mapping
+        Numbers of the effect that it went out from: with these in the settings its simulations are asked for again.
+    simulations : int
+        How many it asked for.
+    fall : float
+        Of the misfit, where both models are weighed by the covariance of the one without the effect.
+    """
+
+    misfit: float
+    freedom: int
+    fitted: float
+    held_out: float | None
+    values: Mapping[str, float]
+    common_misfit: float = 0.0
+    common_freedom: int = 0
+    share: float = 1.0
+    start: Mapping[str, float] = field(default_factory=dict)
+    simulations: int = 0
+    fall: float = 0.0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer.
+
+    Parameters
+    ----------
+    kind : str
+        ``missing``, ``indistinguishable``, ``adequate`` or ``unexplained``.
+    effects : tuple of str
+        Blamed effects, the best first.
+    sentence : str
+        For a person.
+    threshold : float
+        Fall of the misfit that an effect of one parameter needs.
+    """
+
+    kind: str
+    effects: tuple[str, ...]
+    sentence: str
+    threshold: float
+
+
+def threshold(judge: Judge, looks: Sequence[Look], tests: int, columns: int = 1) -> float:
+    """Fall of the misfit beyond chance, for effects of as many parameters."""
+    from scipy.special import chdtri
+
+    best = max((look.finding.fall for look in looks), default=0.0)
+    spread = max(1.0, (judge.misfit - best) / max(judge.freedom, 1))
+    return float(chdtri(columns, LEVEL / max(tests, 1))) * spread
+
+
+def to_refit(judge: Judge, looks: Sequence[Look], tests: int, known: Collection[str] = ()) -> list[Look]:
+    """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's.
+
+    Where some are `known` and did not explain it, the next best: far from the truth predictions from slopes rank
+    roughly.
+    """
+    found = [
+        look
+        for look in looks
+        if look.suspect.effect.acts != NUMERICS
+        and look.finding.fall > threshold(judge, looks, tests, look.columns.shape[1])
+        and look.finding.visible > _seen(judge)
+    ]
+    if known:
+        return [look for look in found if look.suspect.effect.name not in known][:TRIED]
+    return [look for look in found if look.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
+
+
+def _seen(judge: Judge) -> float:
+    return SEEN if judge.freedom > FEW else SEEN_OF_FEW
+
+
+def unseen(judge: Judge, looks: Sequence[Look]) -> list[Look]:
+    """Effects that may be there without a trace: the model's own constants imitate them."""
+    found = [look for look in looks if look.suspect.effect.acts != NUMERICS]
+    return [look for look in found if look.finding.visible <= _seen(judge) and look.finding.signal > 0]
+
+
+def good(freedom: int) -> float:
+    """Misfit per degree of freedom up to which a model is adequate: with few values chance alone goes beyond `GOOD`.
+
+    >>> good(1000), round(good(19), 2)
+    (1.25, 1.9)
+    """
+    from scipy.special import chdtri
+
+    return max(GOOD, float(chdtri(max(freedom, 1), LEVEL)) / max(freedom, 1))
+
+
+def explains(one: Judge | Refit) -> bool:
+    """Whether a model explains the data: all values together, and those few that all of a step have in common."""
+    whole = one.misfit <= good(one.freedom) * max(one.freedom, 1)
+    return whole and one.common_misfit <= _common_limit(one)
+
+
+def _common_limit(one: Judge | Refit) -> float:
+    """Of chance; where all other values differ by more than their noise, which `good` allows, of as much more."""
+    from scipy.special import chdtri
+
+    if not one.common_freedom:
+        return 0.0
+    spread = (one.misfit - one.common_misfit) / max(one.freedom - one.common_freedom, 1)
+    return float(chdtri(one.common_freedom, LEVEL)) * max(1.0, spread)
+
+
+def explained_share(judge: Judge, refit: Refit) -> float:
+    """Share of the misfit beyond the noise that a refit explains."""
+    return (judge.misfit - refit.misfit) / max(judge.misfit - judge.freedom, 1.0)
+
+
+def half_explained(judge: Judge, looks: Sequence[Look], refits: Mapping[str, Refit], tests: int) -> Look | None:
+    """The best refitted effect where it is one beyond chance, but does not explain enough alone."""
+    if not refits or judge.freedom < 1:
+        return None
+    best = min((look for look in looks if look.suspect.effect.name in refits), key=lambda look: _left(look, refits))
+    refit = refits[best.suspect.effect.name]
+    beyond = judge.misfit - refit.misfit >= threshold(judge, looks, tests)
+    return best if beyond and not explains(refit) and explained_share(judge, refit) < ENOUGH else None
+
+
+def _left(look: Look, refits: Mapping[str, Refit]) -> float:
+    return refits[look.suspect.effect.name].misfit
+
+
+def decide(
+    judge: Judge,
+    looks: Sequence[Look],
+    refits: Mapping[str, Refit],
+    tests: int,
+    partner: tuple[Look, Refit] | None = None,
+    held_out: float | None = None,
+) -> Verdict:
+    """The verdict on a model.
+
+    A refit that is worse on held-out steps than the model without its effect does not count: the effect is a mere
+    freedom to fit.
+
+    Parameters
+    ----------
+    judge : Judge
+        Of the model without any of them.
+    looks : sequence of Look
+        Tested effects, the best first.
+    refits : mapping
+        Refits of the best ones, by name of the effect.
+    tests : int
+        Number of tests that were made.
+    partner : (Look, Refit), optional
+        Where the best effect does not explain enough: the one that explains most of what it leaves, and the refit of
+        both.
+    held_out : float, optional
+        Error of the model on held-out steps, where there are some.
+    """
+    if judge.freedom < 1:
+        text = "there are as many constants as measured values: nothing can be said about what is missing"
+        return Verdict("unexplained", (), text, 0.0)
+    limit = threshold(judge, looks, tests)
+    adequate = explains(judge)
+    by_name = {look.suspect.effect.name: look for look in looks}
+    refitted, refits = refits, generalising(judge, refits, held_out)
+    tried = [name for name in by_name if name in refits]
+    if refitted and not tried:
+        names = ", ".join(_title(by_name[name]) for name in refitted)
+        text = f"no known effect improves the fit on held-out steps; only on the fitted ones does: {names}"
+        return Verdict("adequate" if adequate else "unexplained", (), text, limit)
+    if not tried:
+        candidates = [look.suspect.effect.name for look in to_refit(judge, looks, tests)]
+        if candidates or not adequate:
+            text = "something is missing, but none of the known effects explains it"
+            return Verdict("unexplained", (), text, limit)
+        text = "the model explains the measurements to within their noise"
+        hidden = ", ".join(_title(look) for look in unseen(judge, looks))
+        return Verdict("adequate", (), f"{text}; these data would not show: {hidden}" if hidden else text, limit)
+    best = min(tried, key=lambda name: refits[name].misfit)
+    fell = judge.misfit - refits[best].misfit >= limit
+    # each misfit has its model's own error of the mesh, which is too large where the model is wrong
+    if not fell and not (explains(refits[best]) and refits[best].fall >= limit):
+        kind = "adequate" if adequate else "unexplained"
+        text = "no known effect improves the fit beyond chance"
+        return Verdict(kind, (), text, limit)
+    share = explained_share(judge, refits[best]) if fell else 1.0
+    if half_explained(judge, looks, refits, tests) is not None:
+        if partner is None or not explains(partner[1]) or not _generalises(judge, partner[1], held_out):
+            nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of it"
+            return Verdict("unexplained", (), f"something is missing; {nearest}", limit)
+        text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
+        return Verdict(
+            "missing", (best,), f"{text} the misfit beyond the noise, alone {100 * share:.0f} % of it", limit
+        )
+    rivals = [name for name in tried if _rival(refits[name], refits[best])]
+    rivals = [best, *(name for name in rivals if name != best)]
+    if len(rivals) > 1:
+        names = " or ".join(_title(by_name[name]) for name in rivals)
+        return Verdict("indistinguishable", tuple(rivals), f"missing: {names}; these data cannot tell which", limit)
+    text = f"missing: {_title(by_name[best])}; it explains {100 * min(share, 1.0):.0f} % of the misfit beyond the noise"
+    return Verdict("missing", (best,), text, limit)
+
+
+def generalising(judge: Judge, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:
+    """Refits that are no worse than the model on the steps that no fit has seen, whose error with it was `held_out`."""
+    return {name: refit for name, refit in refits.items() if _generalises(judge, refit, held_out)}
+
+
+def _generalises(judge: Judge, refit: Refit, held_out: float | None) -> bool:
+    worse = WORSE if judge.freedom > FEW else WORSE_OF_FEW
+    return held_out is None or refit.held_out is None or refit.held_out <= held_out + worse
+
+
+def by_settings(verdict: Verdict, judge: Judge, looks: Sequence[Look], tests: int) -> Verdict:
+    """The verdict, and where no effect explains the misfit but mesh or load steps would: that they do, and the cure.
+
+    They are never refitted, so that the prediction must do.
+    """
+    excess = max(judge.misfit - judge.freedom, 1.0)
+    for look in looks if verdict.kind == "unexplained" else ():
+        effect, fall = look.suspect.effect, look.finding.fall
+        beyond = fall > threshold(judge, looks, tests, look.columns.shape[1])
+        if effect.acts == NUMERICS and beyond and fall >= ENOUGH * excess:
+            wrong, cure = cure_of(effect)
+            share = f"that explains {100 * min(fall / excess, 1.0):.0f} % of the misfit beyond the noise"
+            return replace(verdict, sentence=f"{wrong}: {share}; take {cure}")
+    return verdict
+
+
+def doubted(verdict: Verdict, error: float) -> Verdict:
+    """The verdict, but no *adequate* where the pictures still differ by much more than their noise.
+
+    Few and coarse patches can have no misfit while every pixel shows that the model is wrong.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    error : float
+        Of the fitted measurements in units of the noise floor.
+    """
+    if verdict.kind != "adequate" or not error > LOUD:
+        return verdict
+    text = f"something is missing: the measurements differ by {error:.2g} times their noise, but no effect explains it"
+    return Verdict("unexplained", (), text, verdict.threshold)
+
+
+def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:
+    """The verdict, and in its sentence the effects that were not tried since the solver lacks what they need."""
+    if not titles:
+        return verdict
+    sentence = f"{verdict.sentence}; not tried, since solver {solver} lacks what they need: {', '.join(titles)}"
+    return replace(verdict, sentence=sentence)
+
+
+def _rival(one: Refit, best: Refit) -> bool:
+    """Whether a refit cannot be told from the best one: by odds, or because both explain the data well enough."""
+    behind = one.misfit - best.misfit
+    if behind < RIVAL * max(1.0, best.misfit / max(best.freedom, 1)):
+        return True
+    return explains(one) and behind < NEAR * one.freedom
+
+
+def _title(look: Look) -> str:
+    return look.suspect.effect.title
+
+
+def confusions(judge: Judge, looks: Sequence[Look], count: int = 6) -> list[dict[str, float | str]]:
+    """Pairs of the first few effects that look alike on these data."""
+    found: list[dict[str, float | str]] = []
+    first = [look for look in looks[:count] if look.finding.visible > 1e-4]
+    for n, a in enumerate(first):
+        for b in first[n + 1 :]:
+            value = alike(judge, a, b)
+            if value > 0.5:
+                found.append({"a": a.suspect.effect.name, "b": b.suspect.effect.name, "likeness": value})
+    return sorted(found, key=lambda entry: -float(entry["likeness"]))

@@ -1,0 +1,158 @@
+"""The estimate of a finished fit as data and as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fingerfit.core.errors import StateError
+from fingerfit.fit.intervals import SURE, as_json, bound_of, repeat, summarise
+from fingerfit.fit.linear import Replicates
+from fingerfit.fit.problem import REFINED, Fit
+from fingerfit.fit.refine import mesh_error, minimum, on_search_mesh
+from fingerfit.fit.rounds import Round
+
+
+def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | None = None) -> dict[str, Any]:
+    """The estimate: what goes to estimate.json.
+
+    Parameters
+    ----------
+    fit : Fit
+    last : Round
+    threads : int
+        Pictures of repetitions that are made beside each other.
+    asked : sequence of str, optional
+        Simulations as `fingerfit.fit.rounds.asked_for` tells them; else those that the last round knows of.
+
+    Raises
+    ------
+    StateError
+        When no guess had a solution.
+    """
+    if last.best is None:
+        why = "; ".join(sorted({e["message"] for e in last.history if e["message"]}))
+        raise StateError(
+            f"no guess had a solution ({why}): widen or move the bounds, or look at mesh, forces and their noise"
+        )
+    settings, parameters = fit.settings, fit.settings.parameters()
+    best = minimum(fit, last)
+    mesh = fit.mesh_of(best.base)
+    searched = on_search_mesh(fit, last) if mesh == REFINED else best
+    maps = fit.synthesis(best.base).maps
+    size, values = len(parameters), best.values
+    how = settings.fit
+    replicates = Replicates(best.model, fit.data, maps, how.score, how.bins, how.seed, threads)
+    sure = SURE if fit.exact else np.inf
+    shifts, hessian = repeat(replicates.draw, size, how.replicates, sure)
+    point = [values[p.name] for p in parameters]
+    found = summarise(shifts, hessian, parameters, point, mesh_error(fit, best, searched), sure)
+    names = [p.name for p in parameters]
+    if asked is None:
+        asked = [*(e["sim"] for e in last.history), *(a.sim for a in last.batch)]
+    return {
+        "study": settings.study,
+        "model": settings.model.full_name,
+        "solver": last.solver,
+        "parameters": as_json(found, parameters, point),
+        "correlation": {
+            "names": names,
+            "matrix": np.round(found.correlation, 4).tolist(),
+        },
+        "remarks": [
+            *found.remarks,
+            *_bound_remarks(fit, values),
+            *_mesh_remarks(fit, mesh),
+            *_thickness_remarks(fit),
+            *(f"measurements: {line}" for line in fit.data.remarks.splitlines()),
+        ],
+        "score": {
+            "kind": settings.fit.score,
+            "search": last.best["score"],
+            "final": fit.score(best.model.base),
+        },
+        "search": {
+            "best": last.best["values"],
+            "stop": last.stop,
+            "rounds": last.number + 1,
+            "guesses": len(last.history),
+            "diverged": sum(e["score"] is None for e in last.history),
+            "faults": sorted({e["message"] for e in last.history if e["score"] is not None and e["message"]}),
+        },
+        "simulations": {"asked": len(asked), "run": len(set(asked))},
+        "search_mesh": searched.values if mesh == REFINED else None,
+        "sim": best.base.sim,
+        "sim_mesh": mesh,
+    }
+
+
+def _bound_remarks(fit: Fit, values: Mapping[str, float]) -> list[str]:
+    """A sentence on each constant or number of an effect that ends at its bound."""
+    absent = {e.key(p.name): p.null for e in fit.settings.effects() for p in e.parameters}
+    found = []
+    for p in fit.settings.parameters():
+        which = bound_of(p, values[p.name])
+        if which is None:
+            continue
+        bound = p.lower if which == "lower" else p.upper
+        text = f"{p.name} ends at its {which} bound, {bound:g}{'' if p.unit == '1' else f' {p.unit}'}"
+        if p.name in fit.settings.model.parameters:
+            text += f": the data may want it {'smaller' if which == 'lower' else 'larger'} (model.parameters.{p.name})"
+        elif absent.get(p.name) == bound:
+            text += ", where the effect is absent"
+        found.append(f"{text}; standard error and interval are those of a constant without bounds")
+    return found
+
+
+def _mesh_remarks(fit: Fit, mesh: str) -> list[str]:
+    if REFINED in fit.mesh_files and mesh != REFINED:
+        return ["the finer mesh has no solution at the best guess: the estimate is that of the search mesh"]
+    return []
+
+
+def _thickness_remarks(fit: Fit) -> list[str]:
+    if fit.study.body.thick:
+        return []
+    return ["the thickness is not known: moduli are those of 1 mm; only modulus times thickness (N/mm) is identified"]
+
+
+def table_of(found: dict[str, Any]) -> str:
+    """Table on the terminal, as the paper's Table 1."""
+    width = max(14, *(len(name) + 1 for name in found["parameters"]))
+    lines = [
+        f"{found['study']}, model {found['model']}, solver {found['solver']['name']}",
+        "",
+        f"{'constant':<{width}}{'unit':<6}{'estimate':>12}{'std. error':>12}{'mesh error':>12}{'95 % interval':>26}",
+    ]
+    for name, entry in found["parameters"].items():
+        low, high = entry["interval95"]
+        unit = entry["unit"] if entry["unit"] != "1" else "-"
+        mesh = f"{entry['mesh_error']:.2g}" if found["search_mesh"] else "-"
+        interval = f"{low:.4g} to {high:.4g}"
+        bound = f"  at its {entry['at_bound']} bound" if entry["at_bound"] else ""
+        lines.append(
+            f"{name:<{width}}{unit:<6}{entry['value']:>12.4g}{entry['standard_error']:>12.2g}{mesh:>12}{interval:>26}"
+            + bound
+        )
+    search, sims = found["search"], found["simulations"]
+    lines += [
+        "",
+        f"score {found['score']['kind']} {found['score']['final']:.6f}; {search['rounds']} rounds,"
+        f" {sims['asked']} simulations asked for, {sims['run']} different ones; stop: {search['stop']}",
+    ]
+    if found["search_mesh"]:
+        moves = [_move(name, entry, found["search_mesh"][name]) for name, entry in found["parameters"].items()]
+        lines.append(f"moved by the finer mesh: {', '.join(moves)}")
+    if search["diverged"]:
+        lines.append(f"{search['diverged']} guesses had no solution")
+    return "\n".join([*lines, *found["remarks"], *search["faults"]]) + "\n"
+
+
+def _move(name: str, entry: Mapping[str, Any], searched: float) -> str:
+    """What the finer mesh changed: a share, or where the value may be 0 a difference in its unit."""
+    if entry["log"]:
+        return f"{name} {100 * (entry['value'] / searched - 1):+.1f} %"
+    unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
+    return f"{name} {entry['value'] - searched:+.2g}{unit}"

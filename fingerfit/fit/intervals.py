@@ -1,0 +1,282 @@
+"""Standard errors, intervals and what the data cannot tell, from repetitions of the measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fingerfit.model.parameters import Parameter
+
+WIDTH = 0.02
+"""Step of the finite differences of a score that is linearised already."""
+_CURVED = 6
+"""Repetitions that give the mean curvature."""
+SHORTEST = 1e-5
+"""Shortest step of `minimise`, in search coordinates: 0.001 % of a modulus, whose standard errors are 0.5 %
+and more in the phantom."""
+FLAT = 1e-4
+"""Curvature along a direction, relative to the steepest, below which the data do not see it ..."""
+SURE = 4.0
+"""... unless the score has a scale of its own: half a chi-square of this curvature tells a constant to half of itself,
+however much better another direction is known."""
+
+
+def _gradient(objective: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
+    """Central differences, shape of `at`."""
+    steps = np.eye(len(at)) * WIDTH
+    return np.array([(objective(at + step) - objective(at - step)) / (2 * WIDTH) for step in steps])
+
+
+def gradient_and_hessian(objective: Callable[[np.ndarray], float], size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Central differences at 0: shapes (size,) and (size, size)."""
+    steps = np.eye(size) * WIDTH
+    middle = objective(np.zeros(size))
+    ahead = np.array([objective(step) for step in steps])
+    behind = np.array([objective(-step) for step in steps])
+    hessian = np.diag((ahead - 2 * middle + behind) / WIDTH**2)
+    for i in range(size):
+        for j in range(i):
+            both = objective(steps[i] + steps[j]) + objective(-steps[i] - steps[j])
+            cross = (both - ahead[i] - ahead[j] - behind[i] - behind[j] + 2 * middle) / (2 * WIDTH**2)
+            hessian[i, j] = hessian[j, i] = cross
+    return (ahead - behind) / (2 * WIDTH), hessian
+
+
+def _positive(hessian: np.ndarray) -> np.ndarray:
+    """The same matrix with the size of its eigenvalues: a step always goes downhill."""
+    values, vectors = np.linalg.eigh(hessian)
+    return (vectors * np.abs(values)) @ vectors.T
+
+
+def unseen(steepest: float, sure: float) -> float:
+    """Curvature below which a direction is not seen, as a share of the steepest one."""
+    return min(FLAT, max(sure / max(steepest, 1e-300), 1e-10))
+
+
+def minimise(
+    objective: Callable[[np.ndarray], float],
+    size: int,
+    reach: float = 0.15,
+    low: np.ndarray | None = None,
+    high: np.ndarray | None = None,
+) -> np.ndarray:
+    """Minimum of a smooth score near 0 by Newton steps with the curvature at 0, shape (size,).
+
+    Directions that the score does not see are not moved along.
+
+    Parameters
+    ----------
+    objective : callable
+        Of shape (size,).
+    size : int
+    reach : float
+        Longest step.
+    low, high : ndarray, shape (size,), optional
+        Bounds, around 0.
+    """
+    gradient, hessian = gradient_and_hessian(objective, size)
+    hessian = _positive(hessian)
+    steepest = max(float(np.abs(np.diag(hessian)).max(initial=0.0)), 1e-300)
+    low = np.full(size, -np.inf) if low is None else low
+    high = np.full(size, np.inf) if high is None else high
+    at, value = np.zeros(size), objective(np.zeros(size))
+    for _ in range(20):
+        # a constant at its bound that would go further stays; the others find their minimum without it
+        free = ~(((at <= low) & (gradient > 0)) | ((at >= high) & (gradient < 0)))
+        step = np.zeros(size)
+        step[free] = -np.linalg.pinv(hessian[np.ix_(free, free)], rcond=FLAT, hermitian=True) @ gradient[free]
+        # shortened before it is cut: a long step that is cut along one axis alone points elsewhere
+        step *= min(1.0, reach / max(np.abs(step).max(initial=0.0), 1e-300))
+        inside = np.clip(at + step, low, high) - at
+        cut, step = not np.array_equal(inside, at + step - at), _downhill(objective, at, value, inside)
+        if cut and not step.any():
+            # bounds have turned the step uphill: straight down, as far as they let it
+            down = np.where(free, -gradient / steepest, 0.0)
+            down *= min(1.0, reach / max(np.abs(down).max(initial=0.0), 1e-300))
+            step = _downhill(objective, at, value, np.clip(at + down, low, high) - at)
+        if not step.any():
+            break
+        at = at + step
+        value = objective(at)
+        gradient = _gradient(objective, at)
+    return at
+
+
+def _downhill(objective: Callable[[np.ndarray], float], at: np.ndarray, value: float, step: np.ndarray) -> np.ndarray:
+    """A step, halved until the score falls; zero where it does not."""
+    while np.abs(step).max(initial=0.0) > SHORTEST and not objective(at + step) < value:
+        step = step / 2
+    return step if np.abs(step).max(initial=0.0) > SHORTEST else np.zeros(len(step))
+
+
+def repeat(
+    draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int, sure: float = np.inf
+) -> tuple[np.ndarray, np.ndarray]:
+    """Best constants of repetitions by one Newton step with their mean curvature, and that curvature.
+
+    Parameters
+    ----------
+    draw : callable
+        Gives the score of a new repetition as a function of shape (size,) in search coordinates.
+    size, count : int
+        Number of constants, of repetitions. The first ones give the curvature; the others need their gradient.
+    sure : float
+        Curvature that is seen in any case.
+
+    Returns
+    -------
+    shifts : ndarray, shape (count, size)
+    hessian : ndarray, shape (size, size)
+    """
+    curvatures, gradients = [], []
+    for number in range(count):
+        objective = draw()  # one at a time: each holds pictures of its own
+        if number < _CURVED:
+            gradient, hessian = gradient_and_hessian(objective, size)
+            curvatures.append(hessian)
+        else:
+            gradient = _gradient(objective, np.zeros(size))
+        gradients.append(gradient)
+    curvature = np.mean(curvatures, axis=0)
+    curved = _positive(curvature)
+    cut = unseen(float(np.linalg.eigvalsh(curved).max(initial=0.0)), sure)
+    inverse = np.linalg.pinv(curved, rcond=cut, hermitian=True)
+    return -np.array(gradients) @ inverse, curvature
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Uncertainty of an estimate.
+
+    Parameters
+    ----------
+    relative : ndarray, shape (parameters,)
+        Standard errors in search coordinates: of the logarithm.
+    mesh : ndarray, shape (parameters,)
+        Error of the mesh that is left, in search coordinates; 0 where it is not known.
+    interval : ndarray, shape (parameters, 2)
+        95 % interval, in units: noise and mesh.
+    correlation : ndarray, shape (parameters, parameters)
+    bias : ndarray, shape (parameters,)
+        Mean shift of the repetitions: what noise alone does to the estimate.
+    remarks : tuple of str
+        What the data cannot tell.
+    """
+
+    relative: np.ndarray
+    mesh: np.ndarray
+    interval: np.ndarray
+    correlation: np.ndarray
+    bias: np.ndarray
+    remarks: tuple[str, ...]
+
+
+def summarise(
+    shifts: np.ndarray,
+    hessian: np.ndarray,
+    parameters: Sequence[Parameter],
+    values: Sequence[float],
+    mesh: np.ndarray | None = None,
+    sure: float = np.inf,
+) -> Uncertainty:
+    """Uncertainty from repetitions.
+
+    Parameters
+    ----------
+    shifts : ndarray, shape (repetitions, parameters)
+        Best constants of the repetitions in search coordinates, relative to the truth of the repetitions.
+    hessian : ndarray, shape (parameters, parameters)
+        Curvature of the score.
+    parameters, values
+        What was estimated, values in units.
+    mesh : ndarray, shape (parameters,), optional
+        Error of the mesh, in search coordinates.
+    sure : float
+        Curvature that is seen in any case.
+    """
+    mesh = np.zeros(len(parameters)) if mesh is None else mesh
+    count = len(shifts)
+    covariance = np.atleast_2d(np.cov(shifts, rowvar=False))
+    spread = np.sqrt(np.diag(covariance))
+    scale = np.where(spread > 0, spread, 1.0)
+    # quantile 97.5 % of Student's t with count - 1 degrees of freedom (Abramowitz and Stegun 26.7.5)
+    z = 1.959964
+    t = z + (z**3 + z) / (4 * (count - 1)) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * (count - 1) ** 2)
+    half = np.hypot(t * spread, mesh)
+    interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
+    return Uncertainty(
+        spread,
+        mesh,
+        interval,
+        covariance / np.outer(scale, scale),
+        shifts.mean(axis=0),
+        identifiability(hessian, [p.name for p in parameters], sure),
+    )
+
+
+def _ends(parameter: Parameter, value: float, half: float) -> tuple[float, float]:
+    if parameter.log:
+        return value * float(np.exp(-half)), value * float(np.exp(half))
+    size = parameter.scale
+    return value - half * size, value + half * size
+
+
+def identifiability(hessian: np.ndarray, names: Sequence[str], sure: float = np.inf) -> tuple[str, ...]:
+    """Sentences on what the score does not see, from its curvature in search coordinates.
+
+    >>> identifiability(np.array([[1.0, -1.0], [-1.0, 1.0]]), ["mu_a", "mu_b"])[0]
+    'only ratios of mu_a, mu_b are identifiable: these data do not see their common scale'
+    """
+    values, vectors = np.linalg.eigh(hessian)
+    remarks = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value > unseen(values[-1], sure) * max(values[-1], 1e-300):
+            continue
+        involved = [name for name, part in zip(names, vector, strict=True) if abs(part) > 0.1]
+        parts = vector[np.abs(vector) > 0.1]
+        if len(involved) > 1 and np.ptp(parts) < 0.3 * np.abs(parts).max():
+            text = f"only ratios of {', '.join(involved)} are identifiable: these data do not see their common scale"
+        elif len(involved) == 1:
+            text = f"{involved[0]} is not identifiable from these data"
+        else:
+            terms = " ".join(f"{part:+.2f} log {name}" for name, part in zip(involved, parts, strict=True))
+            text = f"the combination {terms} is not identifiable from these data"
+        remarks.append(text)
+    return tuple(remarks)
+
+
+def bound_of(parameter: Parameter, value: float) -> str | None:
+    """The bound that an estimate is at, ``lower`` or ``upper``; None where it is at none.
+
+    The minimum of a score is found to the shortest step of `minimise`: what is nearer cannot be told from the bound.
+
+    >>> bound_of(Parameter("mu", "MPa", 0.01, 1.0, 0.1), 0.01), bound_of(Parameter("mu", "MPa", 0.01, 1.0, 0.1), 0.0101)
+    ('lower', None)
+    """
+    for name, bound in (("lower", parameter.lower), ("upper", parameter.upper)):
+        away = np.log(value / bound) if parameter.log else (value - bound) / parameter.scale
+        if abs(away) <= SHORTEST:
+            return name
+    return None
+
+
+def as_json(uncertainty: Uncertainty, parameters: Sequence[Parameter], values: Sequence[float]) -> dict[str, Any]:
+    """Entries of estimate.json by parameter."""
+    entries = {}
+    for n, (parameter, value) in enumerate(zip(parameters, values, strict=True)):
+        size = value if parameter.log else parameter.scale
+        low, high = uncertainty.interval[n]
+        entries[parameter.name] = {
+            "value": float(value),
+            "unit": parameter.unit,
+            "standard_error": float(uncertainty.relative[n] * size),
+            "mesh_error": float(uncertainty.mesh[n] * size),
+            "interval95": [float(low), float(high)],
+            "bounds": [parameter.lower, parameter.upper],
+            "at_bound": bound_of(parameter, value),
+            "log": parameter.log,
+        }
+    return entries

@@ -1,0 +1,204 @@
+"""What every round of a fit needs: settings, data, meshes; from a guess to its deck, prediction and score."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fingerfit.core.errors import InputError, StateError
+from fingerfit.core.files import digest, write_text
+from fingerfit.core.processes import side_by_side
+from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.rounds import Asked, simulation_name
+from fingerfit.forward.decks import make_deck, refusal
+from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
+from fingerfit.forward.score import Prediction, score
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.effect import OBSERVATION, Effect
+from fingerfit.model.observation import Observation
+from fingerfit.solvers.contract import Outcome
+from fingerfit.solvers.registry import get_solver
+from fingerfit.study.data import Data
+from fingerfit.study.reader import load_study, with_gain
+from fingerfit.study.study import Study
+
+if TYPE_CHECKING:
+    from fingerfit.settings.config import Settings
+
+SEARCH, REFINED = "search", "refined"
+"""Meshes: of the search, and the finer one where there is one."""
+SENSITIVITY, FINAL = "sensitivity", "final"
+"""Stages after the search; `FINAL` is also the role of a guess that is solved on the finest mesh."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Everything a round needs.
+
+    Parameters
+    ----------
+    settings : Settings
+    data : Data
+        Measurements, prepared.
+    mesh_files : dict
+        ``search`` and, where there is one, ``refined``.
+    sims : Path
+        Folder of the simulations.
+    asked : set of str
+        Names of the simulations that were asked for inside this process.
+    """
+
+    settings: Settings
+    data: Data
+    mesh_files: dict[str, Path]
+    sims: Path
+    asked: set[str] = field(default_factory=set, repr=False, compare=False)
+    _predictions: dict[str, Prediction] = field(default_factory=dict, repr=False, compare=False)
+
+    @cached_property
+    def study(self) -> Study:
+        """The study."""
+        return load_study(Path(self.settings.study))
+
+    @cached_property
+    def solver(self) -> dict[str, Any]:
+        """Identity of the solver."""
+        return get_solver(self.settings.solver).identity()
+
+    @cached_property
+    def meshes(self) -> dict[str, Mesh]:
+        """The meshes."""
+        return {name: read_mesh(path) for name, path in self.mesh_files.items()}
+
+    @cached_property
+    def mesh_names(self) -> dict[str, str]:
+        """Hashes of the mesh files."""
+        return {name: digest(path.read_bytes()) for name, path in self.mesh_files.items()}
+
+    @property
+    def exact(self) -> bool:
+        """Whether forces and points alone are fitted, by their likelihood: cheap, smooth, with a scale of its own."""
+        return self.settings.fit.score == "likelihood" and not len(self.data.picture_step)
+
+    @property
+    def observed(self) -> np.ndarray:
+        """Which parameters belong to effects on the observation that the score of pictures may not see, bool."""
+        blind = self.settings.fit.score != "likelihood"
+        mine = {e.key(p.name) for e in self.effects.values() if e.acts == OBSERVATION for p in e.parameters}
+        return np.array([blind and p.name in mine for p in self.settings.parameters()], dtype=bool)
+
+    def predictor(self, mesh: str) -> Predictor:
+        """Predictor of solutions on a mesh."""
+        return Predictor(self.data, self.meshes[mesh])
+
+    def ask(
+        self,
+        values: Mapping[str, float],
+        role: str = SEARCH,
+        gain: float = 1.0,
+        study: Study | None = None,
+        mesh: str | None = None,
+    ) -> Asked:
+        """Deck and name of the simulation of a guess.
+
+        Parameters
+        ----------
+        values : mapping
+        role : str
+        gain : float
+            Multiplies the prescribed quantity.
+        study : Study, optional
+            Another one than was measured.
+        mesh : str, optional
+            Another one than the role has.
+        """
+        mesh = mesh or (REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH)
+        study, name = with_gain(study or self.study, gain), self.mesh_names[mesh]
+        deck = make_deck(self.settings, study, self.meshes[mesh], name, values, self.effects)
+        return Asked(dict(values), simulation_name(deck, self.solver), self.mesh_names[mesh], deck, role)
+
+    def refusal(self, asked: Asked) -> InputError | None:
+        """Why the solver does not take the deck of a guess; None where it does, or has solved it before."""
+        if (self.sims / asked.sim / "solution.npz").exists():
+            return None
+        settings, file = self.settings, self.mesh_files[self.mesh_of(asked)]
+        return refusal(settings.solver, settings.model.template, asked.deck, file, asked.mesh)
+
+    def with_mesh(self, name: str, mesh: Mesh) -> Fit:
+        """The fit with one mesh more."""
+        text = format_mesh(mesh)
+        path = self.sims.parent / "meshes" / f"{digest(text)}.inp"
+        write_text(path, text)
+        return Fit(self.settings, self.data, {**self.mesh_files, name: path}, self.sims, self.asked)
+
+    @cached_property
+    def effects(self) -> dict[str, Effect]:
+        """All effects that are known in this study."""
+        return catalogue(Path(self.settings.study))
+
+    def seen(self, values: Mapping[str, float]) -> Observation | None:
+        """Effects on the observation that a guess has."""
+        everything = {**self.settings.fixed(), **values}
+        return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].body, len(self.data.step))
+
+    def mesh_of(self, asked: Asked) -> str:
+        """Which of the meshes a guess is solved on."""
+        return REFINED if self.mesh_names.get(REFINED) == asked.mesh else SEARCH
+
+    def outcome(self, asked: Asked) -> Outcome:
+        """Solution of a guess on the nodes of its mesh, since the first picture; nodes of tools come after them."""
+        whole = Outcome.load(self.sims / asked.sim / "solution.npz")
+        body = whole.displacement[:, : len(self.meshes[self.mesh_of(asked)].points)]
+        return since_first_picture(replace(whole, displacement=body), len(self.data.step))
+
+    def synthesis(self, asked: Asked) -> Synthesis:
+        """What should have been measured by a guess that must have a solution, and its maps."""
+        made = self._synthesis(asked)
+        if made is None:
+            raise StateError(f"{self.sims / asked.sim}: no solution beside the best guess ({asked.role})")
+        return made
+
+    def _synthesis(self, asked: Asked) -> Synthesis | None:
+        return self.predictor(self.mesh_of(asked)).predict(self.outcome(asked), self.seen(asked.values))
+
+    def prediction(self, asked: Asked) -> Prediction:
+        """The same without the maps; kept."""
+        key = _key(asked)
+        if key not in self._predictions:
+            self._predictions[key] = self.synthesis(asked).prediction
+        return self._predictions[key]
+
+    def predict_all(self, batch: Sequence[Asked], processes: int) -> None:
+        """Keep the predictions of all guesses that have a solution, made beside each other, and no others.
+
+        Those of an earlier round are not asked for again; of volumes each takes as much memory as was measured.
+        """
+        wanted = {_key(asked) for asked in batch}
+        for key in self._predictions.keys() - wanted:
+            del self._predictions[key]
+        new = list({_key(asked): asked for asked in batch if _key(asked) not in self._predictions}.values())
+        self.seen({})  # what is read here is not read again by each process
+        for asked, made in zip(new, side_by_side(self._synthesis, new, processes), strict=True):
+            if made is not None:
+                self._predictions[_key(asked)] = made.prediction
+
+    def score(self, prediction: Prediction) -> float:
+        """Score of a prediction."""
+        return score(self.settings.fit.score, prediction, self.data, self.settings.fit.bins)
+
+    def objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
+        """Score of a linear model at a distance of shape (parameters,) from its base."""
+        return model.objective(self.settings.fit.score, self.data, self.settings.fit.bins)
+
+
+def _key(asked: Asked) -> str:
+    """A simulation may be seen by several guesses whose effects are on the observation alone."""
+    return asked.sim + json.dumps(asked.values, sort_keys=True)

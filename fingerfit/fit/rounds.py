@@ -1,0 +1,254 @@
+"""Rounds of the search on disk, and the folders of the simulations they ask for.
+
+A round file holds everything that is known up to it (the history of guesses with their scores) and the batch
+of guesses that it asks for, with the text of their decks. The folder of a simulation is named by the hash of
+its deck, the mesh the deck includes and the identity of the solver, and can always be made again from a round.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from fingerfit.core.errors import StateError
+from fingerfit.core.files import MESH, digest, keep_json, read_bytes, read_json, read_record, write_json, write_text
+from fingerfit.deck.cards import includes, read_text
+
+
+def simulation_name(deck: str, solver: Mapping[str, Any]) -> str:
+    """Name of a simulation: the deck names its mesh by content, so text and solver identify the answer.
+
+    So do the contents of other files that a template of one's own includes, by their whole path.
+    """
+    return digest(deck, json.dumps(solver, sort_keys=True), *(text for _, text in included_files(deck)))
+
+
+def included_files(text: str) -> list[tuple[Path, str]]:
+    """Files that the text of a deck includes by their whole path, and what these include, with their texts."""
+    found: list[tuple[Path, str]] = []
+    for path in map(Path, includes(text)):
+        # another path leads nowhere from the folder of a simulation, but to its mesh: the solver's check refuses it
+        if path.is_absolute() and path.is_file() and path not in [known for known, _ in found]:
+            inner = read_text(path)
+            found += [(path, inner), *included_files(inner)]
+    return found
+
+
+def check_deck(deck: Path, solver: Mapping[str, Any]) -> None:
+    """Refuse a deck or a mesh of a simulation whose content is not the one that it is named after.
+
+    Parameters
+    ----------
+    deck : Path
+        ``sims/{name}/deck.inp``.
+    solver : mapping
+        What ``solver.json`` beside it says.
+
+    Raises
+    ------
+    StateError
+        Saying what to remove.
+    """
+    meshes = [deck.parent.parent.parent / "meshes" / mesh for mesh in solver.get("includes", ())]
+    wrong = [mesh for mesh in meshes if mesh.exists() and digest(read_bytes(mesh, "mesh", MESH)) != mesh.stem]
+    if not is_named(deck, read_text(deck), solver):
+        wrong.append(deck)
+    for path in wrong:
+        raise StateError(f"{path}: cannot be read: damaged, not what its name says; run snakemake after: rm {path}")
+
+
+def is_named(deck: Path, text: str, solver: Mapping[str, Any]) -> bool:
+    """Whether the folder of a deck is named after its text and the solver; or has a name of another kind."""
+    identity = {key: value for key, value in solver.items() if key != "includes"}
+    name = deck.absolute().parent.name
+    return not _NAME.fullmatch(name) or simulation_name(text, identity) == name
+
+
+_NAME = re.compile(r"[0-9a-f]{20}")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One guess that a round asks for.
+
+    Parameters
+    ----------
+    values : dict
+        Parameter values in their units.
+    sim : str
+        Name of the simulation.
+    mesh : str
+        Name of the mesh file that the deck includes: the hash of its content.
+    deck : str
+        Text of the deck.
+    role : str
+        ``search``; ``+mu_top``, ``-mu_top``, ``+control``, ``-control``: sensitivities; ``refined``: on the finer
+        mesh.
+    """
+
+    values: dict[str, float]
+    sim: str
+    mesh: str
+    deck: str
+    role: str = "search"
+
+
+@dataclass(frozen=True)
+class Round:
+    """What is known after a round and what it asks for.
+
+    Parameters
+    ----------
+    number : int
+        Counted from 0.
+    stage : str
+        Stage of the search.
+    stop : str or None
+        Why the search ended; None while it goes on.
+    solver : dict
+        Identity of the solver.
+    meshes : dict
+        Meshes of the model: hash to file name in the model's folder.
+    history : list of dict
+        Evaluations so far: ``values``, ``sim``, ``score`` (None: diverged), ``message``.
+    batch : list of Asked
+        Guesses to be simulated before the next round.
+    best : dict or None
+        The best evaluation so far.
+    reason : str or None
+        Why the search ended, while the finer mesh is still to be solved.
+    slopes : int
+        How often slopes were taken so far.
+    rough : bool
+        Whether the slopes are by one side of each constant only: others follow.
+    """
+
+    number: int
+    stage: str
+    stop: str | None
+    solver: dict[str, Any]
+    meshes: dict[str, str]
+    history: list[dict[str, Any]] = field(default_factory=list)
+    batch: list[Asked] = field(default_factory=list)
+    best: dict[str, Any] | None = None
+    reason: str | None = None
+    slopes: int = 0
+    rough: bool = False
+
+    def save(self, path: Path) -> None:
+        """Write as JSON, whole or not at all."""
+        data = {**self.__dict__, "batch": [asked.__dict__ for asked in self.batch]}
+        keep_json(path, data)
+
+    @classmethod
+    def load(cls, path: Path) -> Round:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        StateError
+            When the file is missing, damaged or something else.
+        """
+        data = read_json(path)
+        try:
+            return cls(**{**data, "batch": [Asked(**asked) for asked in data["batch"]]})
+        except (TypeError, KeyError) as error:
+            raise StateError(f"{path}: is not a round of a search: {error}") from error
+
+
+def asked_for(last: Path) -> list[str]:
+    """Names of the simulations that the rounds of a fit asked for, as often, up to the one in the file `last`."""
+    rounds = [Round.load(last.parent / f"{number}.json") for number in range(Round.load(last).number + 1)]
+    found: list[str] = []
+    before: list[Asked] = []
+    for one in rounds:
+        # the last rounds repeat the batch of the one before and add to it
+        new = one.batch[len(before) :] if one.batch[: len(before)] == before else one.batch
+        found += [asked.sim for asked in new]
+        before = one.batch
+    return found
+
+
+@lru_cache(maxsize=4096)
+def _load_cached(path: str, stamp: int) -> Round:
+    return Round.load(Path(path))
+
+
+def write_folders(
+    study: Path, batch: Sequence[Asked], solver: Mapping[str, Any], meshes: Mapping[str, Path]
+) -> list[str]:
+    """Write what is missing of the folders of simulations: deck, identity of the solver, mesh; returns their names.
+
+    Parameters
+    ----------
+    study : Path
+        Holds the folders ``sims`` and ``meshes``.
+    batch : sequence of Asked
+    solver : mapping
+        Identity of the solver.
+    meshes : mapping
+        Files of the meshes by the hash of their content.
+
+    Raises
+    ------
+    StateError
+        When such a file has another content.
+    """
+    for name, file in meshes.items():
+        mesh = study / "meshes" / f"{name}.inp"
+        if not mesh.exists():
+            text = file.read_text(encoding="utf-8")
+            if digest(text) != name:
+                raise StateError(f"{file}: is not the mesh that the rounds were asked with: remove that file")
+            write_text(mesh, text)
+    for asked in batch:
+        folder = study / "sims" / asked.sim
+        if not (folder / "deck.inp").exists():
+            write_text(folder / "deck.inp", asked.deck)
+        if not (folder / "solver.json").exists():
+            write_json(folder / "solver.json", {**solver, "includes": [f"{asked.mesh}.inp"]})
+    return list(dict.fromkeys(asked.sim for asked in batch))
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Walks the rounds of one model for the workflow, and makes the folders of their simulations.
+
+    Parameters
+    ----------
+    study : Path
+        ``results/{study}``, where simulations and meshes are.
+    model : Path
+        ``results/{study}/{model}``, where the rounds are.
+    """
+
+    study: Path
+    model: Path
+
+    def _round(self, path: str | Path) -> Round:
+        return _load_cached(str(path), Path(path).stat().st_mtime_ns)
+
+    def stopped(self, path: str | Path) -> bool:
+        """Whether the search ended with this round."""
+        return self._round(path).stop is not None
+
+    def batch(self, path: str | Path) -> list[str]:
+        """Names of the simulations that a round asks for; their decks are written where they are missing."""
+        current = self._round(path)
+        meshes = {name: self.model / file for name, file in current.meshes.items()}
+        return write_folders(self.study, current.batch, current.solver, meshes)
+
+    def sim_inputs(self, sim: str) -> list[str]:
+        """Deck, identity of the solver and mesh of a simulation."""
+        folder = self.study / "sims" / sim
+        includes = read_record(folder / "solver.json", "includes", kept=False)["includes"]
+        return [
+            str(folder / "deck.inp"),
+            str(folder / "solver.json"),
+            *[str(self.study / "meshes" / name) for name in includes],
+        ]

@@ -1,0 +1,80 @@
+"""Simulations that one job asks for itself: solved beside each other, kept under the same names as all others."""
+
+from __future__ import annotations
+
+import functools
+import multiprocessing
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+from fingerfit.core.errors import FingerfitError
+from fingerfit.core.files import write_text
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.fit.check import check_data
+from fingerfit.fit.course import next_round
+from fingerfit.fit.problem import REFINED, SEARCH, Fit
+from fingerfit.fit.rounds import Asked, Round, write_folders
+from fingerfit.prepare.prepare import make_mesh, prepare
+from fingerfit.settings.config import Settings
+from fingerfit.solvers.registry import get_solver
+from fingerfit.study.data import Data
+from fingerfit.study.reader import load_study
+
+
+def begin(settings: Settings, folder: Path) -> tuple[Fit, Data]:
+    """A fit outside the workflow, its meshes and simulations in `folder`; also the data with all pictures.
+
+    Raises
+    ------
+    Problems
+        With one line for everything that is wrong with the study.
+    """
+    study = load_study(Path(settings.study))
+    meshes = {SEARCH: make_mesh(study, settings.model.mesh)}
+    if settings.model.refined or study.body.refined:
+        meshes[REFINED] = make_mesh(study, settings.model.refined, finer=True)
+    files = {name: folder / f"{name}.inp" for name in meshes}
+    for name, mesh in meshes.items():
+        write_text(files[name], format_mesh(mesh))
+    fitted, everything = (
+        prepare(study, meshes[SEARCH], steps, settings.fit.smooth, settings.fit.crop)
+        for steps in (settings.fit.steps, None)
+    )
+    check_data(settings, study, fitted)
+    return Fit(settings, fitted, files, folder / "sims"), everything
+
+
+def solve_missing(fit: Fit, asked: Sequence[Asked], threads: int) -> int:
+    """Solve what has no solution yet; returns how many that were."""
+    fit.asked.update(a.sim for a in asked)
+    batch = [a for a in asked if not (fit.sims / a.sim / "solution.npz").exists()]
+    meshes = {fit.mesh_names[name]: path for name, path in fit.mesh_files.items()}
+    missing = write_folders(fit.sims.parent, batch, fit.solver, meshes)
+    solve = functools.partial(_solve, fit.sims, fit.settings.solver, fit.settings.time_limit)
+    if threads < 2 or len(missing) < 2:
+        for sim in missing:
+            solve(sim)
+    else:
+        context = multiprocessing.get_context("fork")
+        with ProcessPoolExecutor(min(threads, len(missing)), context) as pool:
+            try:
+                list(pool.map(solve, missing))
+            except BrokenProcessPool as error:
+                raise FingerfitError("a process that solved was killed, perhaps out of memory") from error
+    return len(missing)
+
+
+def _solve(sims: Path, solver: str, limit: int | None, sim: str) -> None:
+    folder = sims / sim
+    get_solver(solver, limit).solve(folder / "deck.inp", folder, 1).save(folder / "solution.npz")
+
+
+def run_fit(fit: Fit, threads: int) -> tuple[Round, int]:
+    """All rounds of a fit in this process; the last round, and how many simulations were not known before."""
+    last, run = None, 0
+    while last is None or last.stop is None:
+        last = next_round(fit, last, threads)
+        run += solve_missing(fit, last.batch, threads)
+    return last, run

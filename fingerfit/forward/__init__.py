@@ -1,0 +1,1 @@
+"""From a guess to what would have been measured: deck, prediction, score."""

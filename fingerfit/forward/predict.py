@@ -1,0 +1,125 @@
+"""From the answer of a solver to what should have been measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fingerfit.forward.score import Prediction
+from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.warp import BackwardMap, Probe, backward_map, warp
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.observation import Observation
+from fingerfit.solvers.contract import CONVERGED, Outcome
+from fingerfit.study.data import Data
+
+MARGIN = 1.5
+"""Pixels beyond the body that move with it: as far as its border is soft in a picture."""
+
+
+@dataclass(frozen=True)
+class Synthesis:
+    """A prediction and the maps by which its pictures were made.
+
+    Parameters
+    ----------
+    prediction : Prediction
+    maps : list of BackwardMap
+        One for each picture.
+    """
+
+    prediction: Prediction
+    maps: list[BackwardMap]
+
+    @property
+    def inverted(self) -> int:
+        """Elements turned inside out, over all pictures."""
+        return sum(way.inverted for way in self.maps)
+
+    @property
+    def overlaps(self) -> int:
+        """Pixels that more than one element claims, over all pictures."""
+        return sum(way.overlaps for way in self.maps)
+
+
+class Predictor:
+    """Synthesizes pictures and reads the other measured quantities from solutions of one mesh.
+
+    Parameters
+    ----------
+    data : Data
+        Measured data.
+    mesh : Mesh
+        Mesh of the decks.
+    """
+
+    def __init__(self, data: Data, mesh: Mesh) -> None:
+        self.data, self.mesh = data, mesh
+        self._probe = Probe(mesh, data.points)
+        self._frame = Picture(data.before, data.spacing, data.origin, data.direction)
+
+    def predict(self, outcome: Outcome, seen: Observation | None = None) -> Synthesis | None:
+        """Prediction of a solution, or None when it did not reach the last step.
+
+        Parameters
+        ----------
+        outcome : Outcome
+            Since the first picture: its steps are those of the data.
+        seen : Observation, optional
+            Effects on the observation.
+        """
+        data = self.data
+        if outcome.status != CONVERGED or outcome.steps < len(data.step):
+            return None
+        maps = self.maps(outcome, seen)
+        # smoothed after the warp: its border is then as soft as that of the measured picture
+        synthesized = [warp(data.coefficients, data.background, way, data.smooth) for way in maps]
+        if seen is not None and synthesized:
+            at = positions(self._frame)
+            synthesized = [
+                seen.intensity(picture, int(step) + 1, *at)
+                for picture, step in zip(synthesized, data.picture_step, strict=True)
+            ]
+        pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
+        axis = self.mesh.dim - 1
+        conjugate = outcome.indenter if data.control == "force" else outcome.reaction
+        points = np.empty_like(data.points_displacement)
+        for step in sorted(set(data.points_step.tolist())):
+            chosen = data.points_step == step
+            shift = 0.0 if seen is None else seen.shift(int(step) + 1)
+            points[chosen] = self._probe.read(outcome.displacement[step])[chosen] + shift
+        measured = -conjugate[: len(data.step), axis]
+        if seen is not None:
+            measured = seen.conjugate(measured, "displacement" if data.control == "force" else "force")
+        return Synthesis(Prediction(pictures, measured, points), maps)
+
+    def maps(self, outcome: Outcome, seen: Observation | None = None) -> list[BackwardMap]:
+        """Backward maps of the pictures' steps."""
+        # a displaced picture shows the body as if all of it had moved by as much
+        shifts = [0.0 if seen is None else seen.shift(int(step) + 1) for step in self.data.picture_step]
+        return [
+            backward_map(self.mesh, outcome.displacement[step] + shift, self._frame, MARGIN)
+            for step, shift in zip(self.data.picture_step, shifts, strict=True)
+        ]
+
+
+def positions(frame: Picture, pixel: np.ndarray | None = None) -> tuple[np.ndarray, ...]:
+    """Coordinates x, y[, z] of pixels, mm: of all in the shape of a picture, or of some by their flat indices."""
+    shape = frame.values.shape
+    index = np.indices(shape) if pixel is None else np.array(np.unravel_index(pixel, shape))
+    points = frame.to_points(index[::-1].reshape(len(shape), -1).T.astype(float))
+    return tuple(column.reshape(shape if pixel is None else -1) for column in points.T)
+
+
+def since_first_picture(outcome: Outcome, steps: int) -> Outcome:
+    """An outcome whose displacements count from the state of the first picture, where that is a step of its own."""
+    if outcome.steps <= steps:
+        return outcome
+    return replace(
+        outcome,
+        displacement=outcome.displacement[1:] - outcome.displacement[:1],
+        reaction=outcome.reaction[1:] - outcome.reaction[:1],
+        indenter=outcome.indenter[1:] - outcome.indenter[:1],
+        iterations=outcome.iterations[1:],
+    )

@@ -1,0 +1,108 @@
+"""The score of a guess: what a simulation predicts against what was measured. Lower is better."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.imaging.similarity import nmi, ssd
+from fingerfit.study.data import Data
+
+KINDS = ("nmi", "ssd", "likelihood")
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a simulation says should have been measured; arrays as in `Data`.
+
+    Parameters
+    ----------
+    pictures : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
+        Synthesized pictures.
+    conjugate : ndarray, shape (steps,)
+        Force in N under displacement control, displacement in mm under force control.
+    points : ndarray, shape (points, dim)
+        Displacements of the measured points, mm.
+    """
+
+    pictures: np.ndarray
+    conjugate: np.ndarray
+    points: np.ndarray
+
+    def __add__(self, other: Prediction) -> Prediction:
+        return Prediction(self.pictures + other.pictures, self.conjugate + other.conjugate, self.points + other.points)
+
+    def __sub__(self, other: Prediction) -> Prediction:
+        return self + other * -1.0
+
+    def __mul__(self, factor: float) -> Prediction:
+        return Prediction(self.pictures * factor, self.conjugate * factor, self.points * factor)
+
+    def by_step(self, factor: np.ndarray, data: Data) -> Prediction:
+        """Each step times its own factor, shape (steps,)."""
+        per_picture = factor[data.picture_step].reshape(-1, *[1] * (self.pictures.ndim - 1))
+        per_point = factor[data.points_step][:, None]
+        return Prediction(self.pictures * per_picture, self.conjugate * factor, self.points * per_point)
+
+
+def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
+    """Score of a prediction.
+
+    Parameters
+    ----------
+    kind : str
+        ``nmi``: minus the mean normalized mutual information of the pictures (Studholme et al. 1999);
+        ``ssd``: mean squared difference of the pictures; ``likelihood``: half the chi-square of all data
+        with their noise, pictures, forces or displacements, and points.
+    bins : int
+        Bins of the joint histogram, for ``nmi``.
+    """
+    if kind == "nmi":
+        pairs = zip(data.measured, prediction.pictures, strict=True)
+        return -float(np.mean([nmi(measured, picture, bins, limits=(0.0, 1.0)) for measured, picture in pairs]))
+    if kind == "ssd":
+        return float(np.mean([ssd(m, p) for m, p in zip(data.measured, prediction.pictures, strict=True)]))
+    with np.errstate(over="ignore"):  # infinite where noise is tiny: who asks sees it
+        return 0.5 * sum(chi_square(prediction, data).values())
+
+
+def weights(kind: str, data: Data) -> tuple[float, float]:
+    """What the sums of squared differences of pictures and of squared `deviations` count for: not for ``nmi``."""
+    if kind == "ssd":
+        return 1.0 / max(data.measured.size, 1), 0.0
+    return 0.25 / data.picture_noise**2 if data.picture_noise > 0 else 0.0, 0.5
+
+
+def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
+    """Chi-square of each kind of data; kinds without data or without known noise are left out.
+
+    A factor common to all forces (`Data.force_gain`) is left out: it goes into the constants, and their errors know it.
+    Smoothing makes the noise of neighbouring pixels alike: a Gaussian of s pixels leaves 1 / (4 pi s^2) of
+    the variance and as small a share of independent values (in two dimensions, for s above half a pixel), which
+    cancel. Both pictures of a comparison are noisy.
+    """
+    total: dict[str, float] = {}
+    if data.measured.size and data.picture_noise > 0:
+        total["pictures"] = float(np.sum((prediction.pictures - data.measured) ** 2) / (2.0 * data.picture_noise**2))
+    conjugate, points = _deviations(prediction, data)
+    if conjugate.size:
+        total["conjugate"] = float(np.sum(conjugate**2))
+    if points.size:
+        total["points"] = float(np.sum(points**2))
+    return total
+
+
+def deviations(prediction: Prediction, data: Data) -> np.ndarray:
+    """Conjugate quantity and points less what was measured, in units of the noise, where both are known."""
+    return np.concatenate(_deviations(prediction, data))
+
+
+def _deviations(prediction: Prediction, data: Data) -> tuple[np.ndarray, np.ndarray]:
+    measured, noise = data.conjugate
+    known = np.isfinite(measured) & (noise > 0)
+    points = np.zeros(0)
+    if data.points.size and data.points_noise > 0:
+        noise_of = np.sqrt(data.between_steps.diagonal())[data.points_step]
+        points = ((prediction.points - data.points_displacement) / noise_of[:, None]).ravel()
+    return (prediction.conjugate - measured)[known] / noise[known], points

@@ -1,0 +1,1 @@
+"""What is assumed: parameters and their guesses, effects and the catalogue of them."""

@@ -1,0 +1,98 @@
+"""What effects on the observation do to a prediction; none of them needs a new simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fingerfit.core.errors import InputError
+from fingerfit.model.effect import Effect
+from fingerfit.model.formulas import evaluate
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The effects on the observation that a guess has.
+
+    Parameters
+    ----------
+    effects : tuple of Effect
+        Those that are present.
+    values : mapping
+        The guess.
+    low, high : ndarray, shape (dim,)
+        Corners of the undeformed body, mm.
+    steps : int
+        Number of steps of the study.
+    """
+
+    effects: tuple[Effect, ...]
+    values: Mapping[str, float]
+    low: np.ndarray
+    high: np.ndarray
+    steps: int
+
+    @classmethod
+    def of(
+        cls, effects: Iterable[Effect], values: Mapping[str, float], points: np.ndarray, steps: int
+    ) -> Observation | None:
+        """Those that are present; None where there is none. `points` are those of the body, mm."""
+        present = tuple(effect for effect in effects if effect.observes and effect.present(values))
+        return cls(present, values, points.min(axis=0), points.max(axis=0), steps) if present else None
+
+    def shift(self, k: int) -> np.ndarray:
+        """How far the picture at the k-th step is displaced, mm, shape (dim,)."""
+        names = [f"shift_{axis}" for axis in "xyz"[: len(self.low)]]
+        return np.array([float(self._apply(name, 0.0, {"k": k, "n": self.steps})) for name in names])
+
+    def intensity(self, picture: np.ndarray, k: int, *at: np.ndarray) -> np.ndarray:
+        """A picture at the k-th step as the scanner shows it; `at`, x, y[, z] in mm, have its shape."""
+        names = {"k": k, "n": self.steps, **places(np.stack(at, axis=-1), self.low, self.high)}
+        return np.asarray(self._apply("intensity", picture, names))
+
+    def conjugate(self, values: np.ndarray, name: str) -> np.ndarray:
+        """Measured ``force`` or ``displacement`` by step."""
+        return np.asarray(self._apply(name, values, {"k": np.arange(1, len(values) + 1), "n": self.steps}))
+
+    def _apply(self, what: str, value: Any, names: Mapping[str, Any]) -> Any:
+        for effect in self.effects:
+            if what not in effect.observes:
+                continue
+            try:
+                known, shape = np.isfinite(value), np.shape(value)
+                with np.errstate(all="ignore"):  # what comes out is told, not how
+                    own = effect.own(self.values)
+                    value = evaluate(effect.observes[what], {**names, what: value, **own})
+                if np.shape(value) not in ((), shape):
+                    raise ValueError(f"{effect.observes[what]!r} has {np.shape(value)} numbers, not {shape}")
+                if not np.isfinite(np.broadcast_to(value, shape)[known]).all():
+                    raise ValueError(f"{effect.observes[what]!r} is not finite everywhere")
+            except ValueError as error:
+                raise InputError(
+                    f"effect {effect.name}", f"observes.{what}", error, "a formula of its names"
+                ) from error
+        return value
+
+
+def places(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
+    """Names that formulas have for places, mm from the corner of the body.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., dim)
+    low, high : ndarray, shape (dim,)
+        Corners of the body.
+
+    Returns
+    -------
+    dict
+        ``x``, ``y`` and in space ``z``; ``up``, the last of them; ``width``, ``height`` and in space ``breadth``: the
+        body's extent along x, upwards, along y.
+    """
+    place, size = np.moveaxis(points - low, -1, 0), high - low
+    found: dict[str, Any] = dict(zip("xyz", place, strict=False))
+    found |= {"up": place[-1], "width": float(size[0]), "height": float(size[-1])}
+    return found | ({"breadth": float(size[1])} if len(size) == 3 else {})

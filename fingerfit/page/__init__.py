@@ -1,6 +1,0 @@
-"""The report: one page that opens offline, to compare, to see where a model fails and what it lacks."""
-
-from fingerfit.page.build import write_page
-from fingerfit.page.ladder import ladder_figure
-
-__all__ = ["ladder_figure", "write_page"]

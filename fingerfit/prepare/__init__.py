@@ -1,0 +1,1 @@
+"""From a study to what a fit reads: mesh, pictures and measurements, checked and in one frame."""

@@ -1,0 +1,298 @@
+"""From the pictures of a study to arrays that can be compared: reading, and the chain of preparation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.core.errors import FingerfitError, InputError, Problems
+from fingerfit.imaging.content import constant, out_of_order, repeated
+from fingerfit.imaging.noise import estimate_noise, noise_of_repeats
+from fingerfit.imaging.pictures import Picture, read_picture
+from fingerfit.imaging.preprocess import noise_after_resizing, resize, scale_of, smooth
+from fingerfit.imaging.warp import backward_map, spline_coefficients
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.settings.choices import CONFIG
+from fingerfit.study.study import Study
+
+_PIXELS = 2
+"""Across the body, along each axis: in fewer no difference of pixels inside it could show a deformation."""
+_LEAST = 0.5
+"""Share of a mesh that must lie in the pictures."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Pictures of a study after the chain.
+
+    Parameters
+    ----------
+    before : Picture
+        Before compression, scaled and smoothed.
+    coefficients : ndarray
+        Cubic B-spline coefficients of the same, scaled only.
+    measured : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
+        During compression, scaled and smoothed.
+    noise : float
+        Standard deviation before smoothing, in scaled intensity.
+    background : float
+        Scaled intensity where there is no body.
+    smooth : float
+        Standard deviation of the Gaussian, pixels.
+    history : str
+        What was done, in words, one step a line.
+    remarks : list of str
+        What looks wrong in them, in words.
+    """
+
+    before: Picture
+    coefficients: np.ndarray
+    measured: np.ndarray
+    noise: float
+    background: float
+    smooth: float
+    history: str
+    remarks: list[str]
+
+
+def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, crop: float) -> Prepared | None:
+    """Read and prepare the pictures of steps; None when there are none.
+
+    Parameters
+    ----------
+    study : Study
+        Its chain says what is done.
+    mesh : Mesh
+        To see where the body is.
+    used : list of int
+        Indices of the steps.
+    sigma : float
+        Gaussian, pixels, where the chain leaves it open.
+    crop : float
+        How far around the body pictures are kept, as a share of its extent.
+
+    Raises
+    ------
+    Problems
+        With one line for everything that is wrong with the files.
+    InputError
+        For a chain that does not fit them, or a mesh that does not lie in them.
+    """
+    chain, said = study.chain, []
+
+    def trimmed(picture: Picture) -> Picture:
+        box = chain.trim
+        if isinstance(box, str):
+            return picture if box == "off" else picture.crop(mesh.body, crop)
+        return picture.crop(_corners(box), 0.0)
+
+    found = _read(study, mesh, used, trimmed)
+    if found is None:
+        return None
+    before, pictures = found
+    _check_place(study, mesh, before)
+    part = trimmed(before)
+    said.append(_words_of_trim(study, before, part, crop))
+    _check_content(study, used, part, pictures)
+    own = chain.gaussian is not None
+    sigma = float(chain.gaussian) if chain.gaussian is not None else sigma
+    low, size = scale_of(before.values) if chain.scale else (0.0, 1.0)
+    if not chain.scale and not -0.5 <= before.values.min() <= before.values.max() <= 1.5:
+        spread = f"off, with intensities from {before.values.min():.4g} to {before.values.max():.4g}"
+        raise InputError(study.path, "pictures.scale", spread, "range, or pictures with intensities from 0 to 1")
+    noise = _noise(study, mesh, before)
+    remarks = _order_remarks(study, used, part, pictures, noise)
+
+    def prepared(part: Picture) -> Picture:
+        picture = part if chain.resize is None else resize(part, chain.resize)
+        # noise makes more than single precision of volumes, of which there are many, worthless
+        values = ((picture.values - low) / size).astype(np.float32 if picture.dim == 3 else np.float64)
+        return Picture(values, picture.spacing, picture.origin, picture.direction)
+
+    if chain.resize is not None:
+        noise *= noise_after_resizing(part, chain.resize)
+    raw = prepared(part)
+    if sigma > min(raw.values.shape):  # such a Gaussian, at mirrored borders, leaves no difference along that axis
+        where, field = (study.path, "pictures.gaussian") if own else (CONFIG, "fit.smooth")
+        raise InputError(where, field, f"{sigma:g} pixels", f"at most the extent of the pictures: {_pixels(raw)}")
+    said.append(f"resize: to {_pixels(raw)}" if chain.resize else "resize: off")
+    values = smooth(raw.values, sigma)
+    said.append(f"Gaussian: standard deviation of {sigma:g} pixels" if sigma else "Gaussian: off")
+    said.append(f"scale: intensity {low:.5g} to 0, {low + size:.5g} to 1" if chain.scale else "scale: off")
+    measured = np.empty((len(pictures), *values.shape), values.dtype)
+    for n, picture in enumerate(pictures):
+        measured[n] = smooth(prepared(picture).values, sigma)
+    empty = _empty(raw, mesh)
+    return Prepared(
+        before=Picture(values, raw.spacing, raw.origin, raw.direction),
+        coefficients=spline_coefficients(raw.values).astype(values.dtype),
+        measured=measured,
+        noise=noise / size,
+        background=float(np.median(values[empty])) if empty.any() else float(values.min()),
+        smooth=sigma,
+        history="\n".join(said),
+        remarks=remarks,
+    )
+
+
+def covers(mesh: Mesh, picture: Picture) -> np.ndarray:
+    """Pixels on the undeformed body, shape of the picture, bool."""
+    covered = np.zeros(picture.values.size, dtype=bool)
+    covered[backward_map(mesh, np.zeros(mesh.points.shape), picture).pixel] = True
+    return covered.reshape(picture.values.shape)
+
+
+def _read(
+    study: Study, mesh: Mesh, used: list[int], trimmed: Callable[[Picture], Picture]
+) -> tuple[Picture, list[Picture]] | None:
+    """The whole picture before compression, and of those of the steps what is left after trimming."""
+    if not used or study.before is None:
+        return None
+    before = read_picture(study.before)
+    if before.dim != mesh.dim:
+        raise InputError(study.before, "picture", f"{before.dim} dimensions", f"{mesh.dim}, as the mesh")
+    chain, expected = study.chain, f"{before.dim}, as the pictures"
+    if chain.resize is not None and len(chain.resize) != before.dim:
+        raise InputError(study.path, "pictures.resize", f"{len(chain.resize)} numbers", expected)
+    if not isinstance(chain.trim, str) and len(chain.trim[0]) != before.dim:
+        raise InputError(study.path, "pictures.trim", f"corners of {len(chain.trim[0])} numbers", expected)
+    paths = [study.steps[index].picture for index in used]
+    return before, _like(before, study.before.name, [path for path in paths if path is not None], trimmed)
+
+
+def _like(before: Picture, name: str, paths: Iterable[Path], trimmed: Callable[[Picture], Picture]) -> list[Picture]:
+    """Pictures in the same place as the one before compression, trimmed; all problems at once."""
+    problems: list[FingerfitError] = []
+    pictures = []
+    for path in paths:
+        try:
+            picture = read_picture(path)
+        except InputError as error:
+            problems.append(error)
+            continue
+        if not picture.same_place(before):
+            problems.append(InputError(path, "geometry", picture.difference(before), f"that of {name}"))
+            continue
+        pictures.append(trimmed(picture))
+    if problems:
+        raise Problems(problems)
+    return pictures
+
+
+def _noise(study: Study, mesh: Mesh, before: Picture) -> float:
+    """Standard deviation in the intensity of the files."""
+    given = study.noise.picture
+    if isinstance(given, float):
+        extent = float(np.ptp(before.values))
+        if given > extent > 0:
+            expected = f"at most {extent:.4g}, the range of the picture before compression"
+            raise InputError(study.path, "pictures.noise", f"{given:g}", expected)
+        return given
+    if isinstance(given, tuple) and study.before is not None:
+        again = _like(before, study.before.name, given, lambda picture: picture)
+        same = repeated([before.values, *(one.values for one in again)])
+        if same is not None:
+            first, second = ([study.before, *given][n] for n in same)
+            raise InputError(
+                second, "picture", f"the pixels of {first.name}", "a repetition, which has noise of its own"
+            )
+        return noise_of_repeats([one.values for one in (before, *again)], covers(mesh, before))
+    return estimate_noise(before.values, _empty(before, mesh))
+
+
+def _check_content(study: Study, used: list[int], before: Picture, pictures: list[Picture]) -> None:
+    """Refuse pictures without contrast where they are compared, and the same picture twice."""
+    paths = [path for path in (study.before, *(study.steps[index].picture for index in used)) if path is not None]
+    parts = [before.values, *(picture.values for picture in pictures)]
+    problems: list[FingerfitError] = [
+        InputError(path, "picture", found, "a picture that shows the body")
+        for path, values in zip(paths, parts, strict=True)
+        if (found := constant(values))
+    ]
+    steps = [study.steps[index] for index in used]
+    for n, step in enumerate(steps):
+        if twice := [one.number for one in steps[:n] if one.picture == step.picture]:
+            found = f"{step.picture and step.picture.name} at steps {twice[0]} and {step.number}"
+            where = study.table or study.path
+            problems.append(InputError(where, "picture", found, "a picture of its own for each step"))
+    same = repeated(parts) if not problems else None
+    if same is not None:
+        first, again = same
+        found = f"the pixels of {paths[first].name}"
+        problems.append(InputError(paths[again], "picture", found, "a picture of its own for each step"))
+    if problems:
+        raise Problems(problems)
+
+
+def _order_remarks(study: Study, used: list[int], before: Picture, pictures: list[Picture], noise: float) -> list[str]:
+    """Whether pictures become less like the one before compression as the prescribed quantity grows."""
+    load = np.array([getattr(study.steps[index], study.control) for index in used], dtype=float)
+    given = getattr(study.noise, study.control)
+    spread = given if isinstance(given, float) else 0.0
+    found = out_of_order(before.values, [picture.values for picture in pictures], load, noise, spread)
+    if found is None or study.before is None:
+        return []
+    less, more = (study.steps[used[n]] for n in found)
+    unit = {"force": "N", "displacement": "mm"}[study.control]
+    sizes = [f"{getattr(step, study.control):.4g} {unit}" for step in (more, less)]
+    names = [f"{step.picture.name} (step {step.number})" for step in (more, less) if step.picture]
+    return [
+        f"{names[0]} at {sizes[0]} is more like {study.before.name} than {names[1]} at {sizes[1]}, by more than noise"
+        " explains: are pictures swapped?"
+    ]
+
+
+def _check_place(study: Study, mesh: Mesh, before: Picture) -> None:
+    """Refuse a mesh that lies beside the pictures, or for the most part, or in so few pixels that they show nothing."""
+    index, size = before.to_index(mesh.body), np.array(before.values.shape[::-1])
+    across = np.ptp(index, axis=0)
+    if across.min() < _PIXELS:
+        found = " x ".join(f"{n:.3g}" for n in across) + " pixels for the whole body"
+        raise InputError(
+            study.before or "", "picture", found, f"{_PIXELS} or more along each axis; look at units.length"
+        )
+    inside = ((index > -0.5) & (index < size - 0.5)).all(axis=1).mean()
+    if inside >= _LEAST and covers(mesh, before).any():
+        return
+    corners = before.to_points(np.stack([np.full(before.dim, -0.5), size - 0.5]))
+    where = [", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(p.min(axis=0), p.max(axis=0), strict=True))
+             for p in (mesh.body, corners)]  # fmt: skip
+    found = f"{100 * inside:.0f} % of the mesh in it (mesh {where[0]} mm; picture {where[1]} mm)"
+    raise InputError(study.before or "", "picture", found, "a picture that overlaps the body")
+
+
+def _corners(box: tuple[tuple[float, ...], tuple[float, ...]]) -> np.ndarray:
+    low, high = np.array(box)
+    index = np.indices((2,) * len(low)).reshape(len(low), -1).T
+    return np.where(index, high, low)
+
+
+def _words_of_trim(study: Study, before: Picture, part: Picture, crop: float) -> str:
+    trim = study.chain.trim
+    if trim == "off":
+        return f"trim: off, {_pixels(before)}"
+    if min(part.values.shape) < 2:
+        raise InputError(study.path, "pictures.trim", f"a box that leaves {_pixels(part)}", "a box in the pictures")
+    what = f"the body and {100 * crop:.0f} % of its extent around it" if trim == "body" else "the box"
+    return f"trim: to {what}, {_pixels(part)} of {'x'.join(map(str, before.values.shape[::-1]))}"
+
+
+def _pixels(picture: Picture) -> str:
+    size = " x ".join(map(str, picture.values.shape[::-1]))
+    return f"{size} pixels of {' x '.join(f'{s:.4g}' for s in picture.spacing)} mm"
+
+
+def _empty(picture: Picture, mesh: Mesh) -> np.ndarray:
+    """Pixels far from the body: outside its bounding box by more than a fifth of its size."""
+    low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+    margin = 0.2 * (high - low)
+    found = np.empty(picture.values.shape, dtype=bool)
+    plane = np.indices(picture.values.shape[1:])[::-1].reshape(picture.dim - 1, -1).T.astype(float)
+    for slab in range(len(found)):  # one slice at a time: the places of a volume would be many times its size
+        where = picture.to_points(np.column_stack([plane, np.full(len(plane), float(slab))]))
+        outside = ((where < low - margin) | (where > high + margin)).any(axis=1)
+        found[slab] = outside.reshape(found.shape[1:])
+    return found

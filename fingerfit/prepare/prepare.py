@@ -1,0 +1,272 @@
+"""Reading a study's measurements into arrays, and making its mesh."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerfit.core.errors import FingerfitError, InputError, Problems
+from fingerfit.core.files import TABLE, read_text
+from fingerfit.deck.mesh_file import read_mesh
+from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.points import estimate_covariance, unusable
+from fingerfit.imaging.warp import Probe
+from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.check import faults_of_mesh
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.prepare.pictures import Prepared, prepare_pictures
+from fingerfit.prepare.plausible import falls, refuse_depth
+from fingerfit.settings.config import MeshSettings
+from fingerfit.study.data import Data
+from fingerfit.study.study import ESTIMATED, Study
+
+
+def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) -> Mesh:
+    """The mesh of a study; of a study that brings its meshes, the finer one if wanted.
+
+    Raises
+    ------
+    InputError
+        When the study's mesh lacks a set.
+    """
+    body = study.body
+    if body.brick is not None and settings is not None:
+        cells = (settings.across, settings.across, settings.per_layer)
+        heights = [(layer.name, layer.height or body.brick[2]) for layer in body.layers]
+        mesh = brick(body.brick, cells, element=settings.element, layers=heights)
+    elif body.width is not None and settings is not None:
+        layers = [(layer.name, layer.height or 0.0) for layer in body.layers]
+        mesh = layered_block(
+            body.width,
+            layers,
+            settings.across,
+            settings.per_layer,
+            settings.element,
+            settings.grading,
+            body.origin,
+        )
+    elif body.mesh is not None:
+        file = body.refined if finer and body.refined else body.mesh
+        mesh = _named(read_mesh(file), study, file)
+        if mesh.dim == 2 and not body.thickness:
+            raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
+    else:
+        raise InputError(study.path, "body", "no shape", "layers with width and height, brick or mesh")
+    return mesh
+
+
+def _named(mesh: Mesh, study: Study, file: Path) -> Mesh:
+    """A user's mesh in mm with its element sets named as the layers and its node sets as the templates want them.
+
+    ``INDENTER`` (one node of ``TOP``) and, for a base that slides in the plane, ``MIDDLE`` are chosen when the mesh
+    does not name them.
+    """
+    sets = {name.upper(): index for name, index in mesh.element_sets.items()}
+    problems: list[FingerfitError] = []
+    chosen = {}
+    for layer in study.body.layers:
+        name = (layer.elements or layer.name).upper()
+        if name not in sets:
+            problems.append(InputError(file, f"element set {name}", "nothing",
+                                       "one of " + ", ".join(sorted(sets))))  # fmt: skip
+        else:
+            chosen[layer.name.upper()] = sets[name]
+    nodes = dict(mesh.node_sets)
+    wanted = {"BOTTOM": study.base_nodes, "TOP": study.indenter_nodes}
+    if mesh.dim == 3 and study.base == "slides":
+        wanted |= {"X0": "X0", "Y0": "Y0"}
+    for name, own in wanted.items():
+        if len(nodes.get(own, ())) == 0:
+            expected = "one of " + ", ".join(sorted(nodes)) if nodes else "node sets in the mesh"
+            problems.append(InputError(file, f"node set {own}", "nothing", expected))
+        else:
+            nodes[name] = nodes[own]
+    if problems:
+        raise Problems(problems)
+    nodes.setdefault("INDENTER", nodes["TOP"][:1])
+    if mesh.dim == 2:
+        x = mesh.points[nodes["BOTTOM"], 0]
+        nodes.setdefault("MIDDLE", nodes["BOTTOM"][[np.abs(x - x.mean()).argmin()]])
+    named = Mesh(mesh.points * study.length, mesh.blocks, nodes, {**sets, **chosen}, mesh.surfaces)
+    if faults := faults_of_mesh(named, chosen, file):
+        raise Problems(faults)
+    return named
+
+
+def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, crop: float) -> Data:
+    """Read, check, smooth and scale all measurements of a study.
+
+    Parameters
+    ----------
+    study : Study
+    mesh : Mesh
+        To see where the body is.
+    steps : list of int or None
+        Steps whose pictures and points are compared, in a study without pictures also their forces or displacements;
+        None for all.
+    sigma : float
+        Gaussian, pixels.
+    crop : float
+        How far beyond the undeformed body the pictures are compared, as a share of its extent.
+
+    Raises
+    ------
+    Problems
+        With one line for everything that is wrong.
+    """
+    problems: list[FingerfitError] = []
+    numbers = [step.number for step in study.steps]
+    used = [i for i, s in enumerate(study.steps) if s.picture and (steps is None or s.number in steps)]
+    pictured = any(step.picture for step in study.steps)
+    for number in steps or []:
+        if number not in numbers or (pictured and not study.steps[numbers.index(number)].picture):
+            found = f"step {number}, which has no picture" if number in numbers else f"step {number}"
+            problems.append(InputError("config.yaml", "fit.steps", found, "steps with a picture" if pictured else
+                                       f"steps of the study, {numbers[0]} to {numbers[-1]}"))  # fmt: skip
+    prepared = None
+    try:
+        refuse_depth(study, mesh)
+    except Problems as error:
+        problems += error.problems
+    try:
+        prepared = prepare_pictures(study, mesh, used, sigma, crop)
+    except Problems as error:
+        problems += error.problems
+    except InputError as error:
+        problems.append(error)
+    points = _read_points(study, mesh, problems)
+    spread = _points_covariance(study, points, problems)
+    chosen = np.array([steps is None or number in steps for number in numbers], dtype=bool)
+    points = tuple(part[chosen[points[2]]] for part in points)
+    if problems:
+        raise Problems(problems)
+    nothing = np.zeros((0,) * mesh.dim)
+    if prepared is None:
+        place = Picture(nothing, np.ones(mesh.dim), np.zeros(mesh.dim), np.eye(mesh.dim))
+        prepared = Prepared(place, nothing, np.zeros((0, *nothing.shape)), 0.0, 0.0, sigma, "", [])
+        used = []
+
+    def column(name: str) -> np.ndarray:
+        return np.array([np.nan if getattr(s, name) is None else getattr(s, name) for s in study.steps])
+
+    measured_beside: dict[str, Any] = {name: column(name) for name in ("force", "displacement")}
+    if not pictured:
+        measured_beside["displacement" if study.control == "force" else "force"][~chosen] = np.nan
+    data = Data(
+        step=np.array(numbers),
+        **measured_beside,
+        control=study.control,
+        force_noise=_force_noise(study, _noise(study, "force", column("force"), column("displacement"))),
+        displacement_noise=_noise(study, "displacement", column("displacement"), column("force")),
+        picture_noise=prepared.noise,
+        points_noise=float(np.sqrt(spread.diagonal()[np.unique(points[2])].mean())) if len(points[2]) else 0.0,
+        points_covariance=spread,
+        frame_noise=study.noise.frame,
+        before=prepared.before.values,
+        coefficients=prepared.coefficients,
+        measured=prepared.measured,
+        picture_step=np.array(used, dtype=int),
+        spacing=prepared.before.spacing,
+        origin=prepared.before.origin,
+        direction=prepared.before.direction,
+        background=prepared.background,
+        smooth=prepared.smooth,
+        points=points[0],
+        points_displacement=points[1],
+        points_step=points[2],
+        force_gain=study.noise.force_gain,
+        history=prepared.history,
+    )
+    return replace(data, remarks="\n".join([*prepared.remarks, *falls(data)]))
+
+
+def _noise(study: Study, name: str, values: np.ndarray, against: np.ndarray) -> float:
+    """Standard deviation as given, or from the residual of a cubic through the measured curve."""
+    given = getattr(study.noise, name)
+    if given is None:
+        return 0.0
+    if given != ESTIMATED:
+        return float(given)
+    known = np.isfinite(values) & np.isfinite(against)
+    if known.sum() < 6:
+        raise InputError(study.path, f"noise.{name}", f"estimated, from {known.sum()} steps", "a number, or 6 steps")
+    other = "displacement" if name == "force" else "force"
+    if not against[known].any():
+        raise InputError(study.path, f"noise.{name}", f"estimated, from steps without a {other}", "a number")
+    x = against[known] / np.abs(against[known]).max()
+    basis = np.stack([x, x**2, x**3], axis=1)
+    residual = values[known] - basis @ np.linalg.lstsq(basis, values[known], rcond=None)[0]
+    # sums of as many numbers are no better known than this
+    if np.abs(residual).max() <= known.sum() * np.finfo(float).eps * np.abs(values[known]).max():
+        raise InputError(study.path, f"noise.{name}", "estimated, from values on a smooth curve", "a number")
+    return float(np.sqrt((residual**2).sum() / (known.sum() - 3)))
+
+
+def _force_noise(study: Study, common: float) -> float | np.ndarray:
+    """The same for all forces, or, where the table of steps has a column for it, step by step."""
+    if all(step.force_noise is None for step in study.steps):
+        return common
+    return np.array([common if step.force_noise is None else step.force_noise for step in study.steps])
+
+
+def _number(text: str) -> float:
+    """A number of a table; ValueError for the 1_0 that Python reads as 10, too."""
+    if "_" in text:
+        raise ValueError(f"could not read {text.strip()!r}")
+    return float(text)
+
+
+def _points_covariance(
+    study: Study, points: tuple[np.ndarray, np.ndarray, np.ndarray], problems: list[FingerfitError]
+) -> np.ndarray:
+    """Covariance of a point's error at two steps, mm^2: as given and independent, or estimated from all points."""
+    count = len(study.steps)
+    if study.noise.points != ESTIMATED:
+        return float(study.noise.points or 0.0) ** 2 * np.eye(count)
+    try:
+        return estimate_covariance(*points, count) if len(points[2]) else np.zeros((count, count))
+    except ValueError as error:
+        expected = "a number, or at least 9 points, the same at all steps"
+        problems.append(InputError(study.path, "noise.points", f"estimated, from {error}", expected))
+        return np.zeros((count, count))
+
+
+def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    columns = [*"xyz"[: mesh.dim], *("u" + axis for axis in "xyz"[: mesh.dim])]
+    tables, owners = [], []
+    for number, step in enumerate(study.steps):
+        if step.points is None:
+            continue
+        try:
+            text = read_text(step.points, "points", TABLE, "a table of points").splitlines()
+            head = [cell.strip() for cell in text[0].split(",")] if text else []
+            if head != columns:
+                raise InputError(step.points, "columns", ",".join(head) or "nothing", ",".join(columns))
+            table = np.array([[_number(cell) for cell in row.split(",")] for row in text[1:] if row.strip()])
+            if table.ndim != 2 or table.shape[1] != len(columns) or not np.isfinite(table).all():
+                raise InputError(step.points, "rows", "missing or infinite numbers", f"{len(columns)} finite numbers")
+            wrong = unusable(table[:, : mesh.dim] * study.length, table[:, mesh.dim :] * study.length, mesh.body)
+            if wrong is not None:
+                raise InputError(step.points, "rows", *wrong)
+            # a point of no element has no displacement to compare with
+            outside = np.flatnonzero(Probe(mesh, table[:, : mesh.dim] * study.length).element < 0)
+            if len(outside):
+                lines = [line for line, row in enumerate(text, 1) if line > 1 and row.strip()]
+                place = ", ".join(f"{x:g}" for x in table[outside[0], : mesh.dim])
+                found = f"{place} in no element of the mesh ({len(outside)} of {len(table)} points are)"
+                raise InputError(step.points, f"line {lines[outside[0]]}", found, "points in the body")
+        except InputError as error:
+            problems.append(error)
+            continue
+        except ValueError as error:
+            problems.append(InputError(step.points, "rows", error, f"{len(columns)} finite numbers"))
+            continue
+        tables.append(table * study.length)
+        owners.append(np.full(len(table), number))
+    if not tables:
+        return np.zeros((0, mesh.dim)), np.zeros((0, mesh.dim)), np.zeros(0, dtype=int)
+    table = np.concatenate(tables)
+    return table[:, : mesh.dim], table[:, mesh.dim :], np.concatenate(owners)

@@ -1,0 +1,182 @@
+"""What each stage of the workflow depends on: settings, sources, and the contents of files."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from fingerfit.core.contents import Contents
+from fingerfit.core.errors import InputError
+from fingerfit.core.files import digest, kept_json, read_record, write_text
+from fingerfit.core.folders import PACKAGE
+from fingerfit.fit.check import check_against_study, check_effects
+from fingerfit.model.catalogue import catalogue
+from fingerfit.prepare.prepare import make_mesh
+from fingerfit.provenance.inputs import page_files, study_files, template_files
+from fingerfit.provenance.results import model_folder, refuse, study_folder
+from fingerfit.provenance.sources import reached
+from fingerfit.settings.config import CONFIG, Settings
+from fingerfit.settings.extend import extended
+from fingerfit.solvers.registry import get_solver
+from fingerfit.study.reader import load_study
+
+COMMANDS = "fingerfit.commands"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage of the workflow: the command of the same name.
+
+    Parameters
+    ----------
+    after : str
+        The stage whose results it reads.
+    reads : str
+        What it reads beside these: ``study``, ``templates`` of decks, of the ``page``.
+    """
+
+    after: str = ""
+    reads: str = ""
+
+
+STAGES = {
+    "prepare": Stage(reads="study"),
+    "propose": Stage("prepare", "templates"),
+    "estimate": Stage("propose"),
+    "plot": Stage("propose"),
+    "diagnose": Stage("estimate"),
+    "ladder": Stage("diagnose", "page"),
+    "export": Stage("diagnose"),
+}
+"""In the order of their results. Solvers are not here: their identity names the simulations."""
+
+
+@cache
+def fingerprint(stage: str) -> str:
+    """Hash of the sources that a stage can reach."""
+    found = reached(COMMANDS, stage)
+    return digest(found.text, *(part for name, path in found.modules.items() for part in (name, path.read_bytes())))
+
+
+def fingerprints(contents: Contents) -> dict[str, str]:
+    """Hashes of the sources of all stages; the imports are followed only where a source has changed since."""
+    key = contents.of(sorted(PACKAGE.rglob("*.py")))
+    return contents.remember("sources", key, lambda: {stage: fingerprint(stage) for stage in STAGES})
+
+
+def made_from(settings: Settings, contents: Contents) -> dict[str, str]:
+    """For each stage a hash of all that it is made from beside its own sources and settings: the contents of the files
+    that it reads, and of the stages before it their sources, their settings and what they are made from.
+
+    So results do not depend on the times of files, and a stage that was stopped knows of what was made anew before it.
+    """
+    code, study = fingerprints(contents), Path(settings.study)
+    read = {
+        "": "",
+        "study": contents.of(map(Path, study_files(study))),
+        "templates": contents.of(template_files(study)),
+        "page": contents.of([*page_files(), *_other_rungs(settings)]),
+    }
+    found: dict[str, str] = {}
+    for name, stage in STAGES.items():
+        before = (settings_of(settings, stage.after), code[stage.after], found[stage.after]) if stage.after else ()
+        found[name] = digest(read[stage.reads], *before)
+    return found
+
+
+def _other_rungs(settings: Settings) -> list[Path]:
+    """Rungs of the other models of a study, which are on its ladder or beside it."""
+    own = model_folder(settings)
+    return [path for path in sorted(study_folder(settings).glob("*/rung.json")) if path.parent != own]
+
+
+def settings_of(settings: Settings, stage: str) -> str:
+    """The settings that a stage depends on, as one line of JSON."""
+    every = settings.model_dump(mode="json")
+    fit = every["fit"]
+    pictures = {name: fit[name] for name in ("steps", "smooth", "crop")}
+    chosen: dict[str, Any] = {
+        "prepare": {
+            "study": every["study"],
+            "meshes": [every["model"][name] for name in ("mesh", "refined")],
+            "pictures": pictures,
+        },
+        "propose": {
+            "solver": get_solver(settings.solver).identity(),
+            **{name: every[name] for name in ("study", "model", "fit")},
+        },
+        "estimate": {"model": every["model"], "fit": fit},
+        "plot": {},
+        "ladder": {name: every[name] for name in ("study", "solver", "model", "fit")},
+        "export": {},
+        "diagnose": {"solver": get_solver(settings.solver).identity(), "model": every["model"], "fit": fit},
+    }
+    return json.dumps(chosen[stage], sort_keys=True)
+
+
+def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
+    """Settings whose search starts at the estimate of the model with one effect less; `where` is named in errors.
+
+    Where there is none, a last effect with all its numbers starts there, and the constants where they would without it.
+
+    Raises
+    ------
+    InputError
+        When that model has no estimate yet, and the effect not all numbers.
+    """
+    if not settings.model.effects:
+        return settings
+    data = settings.model_dump(mode="json")
+    effects = data["model"]["effects"]
+    *before, last = effects
+    parent = settings.model_copy(
+        update={"model": settings.model.model_copy(update={"effects": {name: effects[name] for name in before}})}
+    )
+    path, effect = model_folder(parent) / "estimate.json", catalogue(Path(settings.study))[last]
+    if path.exists():
+        values = {name: entry["value"] for name, entry in read_record(path, "parameters")["parameters"].items()}
+    elif all(parameter.name in effects[last] for parameter in effect.parameters):
+        values = warm(parent, where).starts()
+    else:
+        found, wanted = f"{last}, but no {path}", f"an estimate without it first: fingerfit drop {last}, then snakemake"
+        raise InputError(where, f"model.effects.{last}", found, wanted)
+    place = {effect.key(name): effects[last][name] for name in effect.scan if name in effects[last]}
+    return extended(parent, effect, place, effects[last], values)
+
+
+def check_model(settings: Settings, where: Path | str = CONFIG) -> None:
+    """Refuse folders of results, settings and effects that make no sense in the study; `where` is named in errors.
+
+    Raises
+    ------
+    FingerfitError
+        With one line for each.
+    """
+    refuse(settings, where)
+    study = load_study(Path(settings.study))
+    check_against_study(settings, study, where)
+    if settings.model.effects:
+        check_effects(settings, study, make_mesh(study, settings.model.mesh), where)
+
+
+def figures(settings: Settings) -> list[str]:
+    """Names of the figures that a finished fit has."""
+    pictured = any(step.picture for step in load_study(Path(settings.study)).steps)
+    searched = not settings.model.effects  # a model with effects starts at an estimate
+    return ["force", *["search"][:searched], *["deformed_mesh", "pictures"][: 2 * pictured]]
+
+
+def has_refined(settings: Settings) -> bool:
+    """Whether there is a finer mesh: in the settings, or beside the mesh of the study."""
+    return settings.model.refined is not None or load_study(Path(settings.study)).body.refined is not None
+
+
+def write_settings(settings: Settings, path: Path) -> str:
+    """Write the settings where they differ from what is there, and return the path."""
+    text = kept_json(path, settings.model_dump(mode="json"))
+    if not path.exists() or path.read_bytes() != text.encode():
+        write_text(path, text)
+    return str(path)

@@ -1,0 +1,305 @@
+"""What an examination found, written down: compare.npz, diagnosis.json and .npz, and the model's rung of the ladder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerfit.core.files import digest, keep_json, read_json, write_npz
+from fingerfit.diagnosis.examination import Examination, Look, summary
+from fingerfit.diagnosis.examine import Examined, are_fitted, errors, fitted_steps
+from fingerfit.diagnosis.residual import BRIGHTNESS, CONJUGATE, MOVES
+from fingerfit.diagnosis.verdict import confusions, unseen
+from fingerfit.fit.intervals import bound_of
+from fingerfit.imaging.sections import border_triangles, parts_of
+from fingerfit.imaging.warp import Probe
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.catalogue import as_text
+from fingerfit.model.effect import LOADING, Effect
+from fingerfit.model.parameters import Parameter
+from fingerfit.report.drawing import outline
+from fingerfit.settings.choices import read_checked
+
+SHOWN = 6
+"""Effects whose patterns are kept, and so drawn."""
+
+
+def write_compare(examination: Examination, path: Path) -> None:
+    """Measured and synthesized pictures, what is left with all of its noise, forces and meshes, as arrays."""
+    fit, data, residual = examination.fit, examination.data, examination.residual
+    mesh = fit.meshes[examination.mesh]
+    outcome = fit.outcome(examination.base)
+    steps = data.entry_step[: shown(examination)]
+    left, noise = (parts_left(examination, known) for known in (residual.vector, examination.judge.spread))
+    error, floor = residual.error, examination.floor
+    if not len(data.picture_step):  # of measured points: displacements, mm
+        error, floor = (np.array([_typical(one) for one in each[MOVES]]) for each in (left, noise))
+    conjugate = examination.prediction.conjugate
+    moved, force = (conjugate, data.force) if data.control == "force" else (data.displacement, conjugate)
+    write_npz(
+        path,
+        {
+            "measured": data.measured,
+            "synthesized": examination.prediction.pictures,
+            "picture_step": steps,
+            "fitted": fitted_steps(fit, data)[: len(steps)],
+            "error": error,
+            "floor": floor,
+            "spacing": data.spacing,
+            "origin": data.origin,
+            "direction": data.direction,
+            **left,
+            **{f"{name}_noise": values for name, values in noise.items()},
+            "control": np.array(data.control),
+            "step_fitted": are_fitted(fit, data, np.arange(len(data.step))),
+            "patch_centre": examination.patches.centre,
+            "patch_count": np.array(examination.patches.count),
+            "mesh_points": mesh.points,
+            "mesh_moved": mesh.points + outcome.displacement[steps],
+            **_outlines(mesh, examination),
+            "mesh_layer": np.maximum(parts_of(mesh), 0),
+            "layer_names": np.array(list(mesh.parts)),
+            "step": data.step,
+            "force": data.force,
+            "displacement": data.displacement,
+            "force_model": force,
+            "displacement_model": moved,
+            "force_noise": np.array(data.force_noise),
+            "displacement_noise": np.array(data.displacement_noise),
+        },
+    )
+
+
+def _outlines(mesh: Mesh, examination: Examination) -> dict[str, np.ndarray]:
+    """Outlines of the elements of a plane mesh; in space, faces of its parts, and the part most of each patch is of."""
+    if mesh.dim == 3:
+        faces, part = border_triangles(mesh)
+        residual, centres = examination.residual, examination.patches.centre
+        points, owner = residual.places, residual.place_patch
+        if not len(points):
+            points, owner = centres, np.arange(len(centres))
+        element, parts = Probe(mesh, points).element, parts_of(mesh)
+        inside = (element >= 0) & (parts[element] >= 0)
+        votes = np.zeros((len(centres), int(parts.max()) + 1), dtype=int)
+        np.add.at(votes, (owner[inside], parts[element[inside]]), 1)
+        most = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)
+        return {"mesh_faces": faces, "mesh_face_part": part, "patch_layer": most}
+    return {"mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks])}
+
+
+def shown(examination: Examination) -> int:
+    """Fields of displacements that are drawn: those of pictures, or where there are none those of points."""
+    return len(examination.data.picture_step) or len(examination.residual.value)
+
+
+def parts_left(examination: Examination, known: np.ndarray) -> dict[str, np.ndarray]:
+    """A vector like the residual by its parts, with NaN for what was not measured.
+
+    Parameters
+    ----------
+    examination : Examination
+    known : ndarray, shape (kept,)
+
+    Returns
+    -------
+    dict of ndarray
+        ``moves``, shape (fields, patches, dim), mm; ``brightness``, shape (pictures, patches); ``conjugate``, shape
+        (steps,), N or mm.
+    """
+    residual = examination.residual
+    whole = np.full(residual.kept.shape, np.nan)
+    whole[residual.kept] = known
+    fields = whole[: residual.value.size].reshape(residual.value.shape)[: shown(examination)]
+    brightness = fields[: len(examination.data.picture_step), :, -1]
+    return {MOVES: fields[..., :-1], BRIGHTNESS: brightness, CONJUGATE: whole[residual.value.size :]}
+
+
+def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:
+    """The part of what is left in which an effect is shown.
+
+    Brightness for those that change the brightness, the quantity that is not prescribed for those that change loads
+    or their reading, else displacements; another one where that is not measured or would not change.
+    """
+    chosen = MOVES
+    if "intensity" in effect.observes:
+        chosen = BRIGHTNESS
+    elif effect.acts == LOADING or set(effect.observes) & {"force", "displacement"}:
+        chosen = CONJUGATE
+    order = sorted((MOVES, CONJUGATE, BRIGHTNESS), key=lambda name: name != chosen)
+    return next((name for name in order if np.nan_to_num(pattern[name]).any()), chosen)
+
+
+def kept_looks(found: Examined) -> list[Look]:
+    """The effects whose patterns are kept: those that are blamed, those that were refitted, then the likeliest."""
+    blamed = list(found.verdict.effects)
+
+    def rank(look: Look) -> tuple[int, bool]:
+        name = look.suspect.effect.name
+        return blamed.index(name) if name in blamed else len(blamed), name not in found.refits
+
+    return sorted(found.looks, key=rank)[:SHOWN]
+
+
+def _typical(values: np.ndarray) -> float:
+    """Root mean square of known values, 0 where there are none."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+
+
+def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
+    """Verdict and ranking as JSON, patterns beside it as .npz; returns the former."""
+    model = found.examination.fit.settings.model
+    hidden = {look.suspect.effect.name for look in unseen(found.judge, found.looks)}
+    kept = kept_looks(found)
+    patterns = {
+        look.suspect.effect.name: parts_left(found.examination, look.columns @ look.finding.size) for look in kept
+    }
+    ranking = []
+    for look, entry in zip(found.looks, summary(found.judge, found.looks), strict=True):
+        effect, refit = look.suspect.effect, found.refits.get(look.suspect.effect.name)
+        ranking.append(
+            {
+                **as_text(effect),
+                **entry,
+                "units": {p.name: p.unit for p in effect.parameters},
+                "imitated": effect.name in hidden,
+                "shows": part_shown(effect, patterns[effect.name]) if effect.name in patterns else None,
+                "refit": refit
+                and {
+                    "misfit": refit.misfit,
+                    "fall": refit.fall,
+                    "error": {"fitted": refit.fitted, "held_out": refit.held_out},
+                    "parameters": {name: float(value) for name, value in refit.values.items()},
+                    "at_bound": at_bounds(effect, refit.values),
+                    "start": dict(refit.start),
+                    "simulations": refit.simulations,
+                },
+            }
+        )
+    verdict = found.verdict
+    data = {
+        "model": model.full_name,
+        "verdict": verdict.kind,
+        "sentence": verdict.sentence,
+        "effects": list(verdict.effects),
+        "misfit": found.judge.misfit,
+        "freedom": found.judge.freedom,
+        "threshold": verdict.threshold,
+        "ranking": ranking,
+        "patterns": list(patterns),
+        "layers": [name.lower() for name in found.examination.fit.study.layer_names],
+        "confusions": confusions(found.judge, found.looks),
+        "measurements": [{"title": title, "gain": gain} for title, gain in found.measurements],
+        "not_tried": [
+            {"title": title, "lacks": str(error.found), "expected": error.expected}
+            for title, error in {**found.lacking, **found.untestable}.items()
+        ],
+        "add": f"fingerfit add {verdict.effects[0]}" if verdict.effects else "",
+        "simulations": found.run,
+    }
+    arrays = {"stiffness": found.stiffness}
+    for name, pattern in patterns.items():
+        arrays |= {f"{part}_{name}": values for part, values in pattern.items()}
+    write_npz(path.with_suffix(".npz"), arrays)
+    keep_json(path, data)
+    return data
+
+
+def at_bounds(effect: Effect, values: Mapping[str, float]) -> dict[str, str]:
+    """Which numbers of a refitted effect ended at a bound: ``lower`` or ``upper`` by their short names."""
+    found = {
+        p.name: bound_of(
+            Parameter(p.name, p.unit, p.lower, p.upper, p.null, False, p.scale), values[effect.key(p.name)]
+        )
+        for p in effect.parameters
+        if effect.key(p.name) in values
+    }
+    return {name: which for name, which in found.items() if which}
+
+
+def count_simulations(study: Path, models: list[str], fit: set[str], diagnosis: set[str]) -> dict[str, int]:
+    """How many simulations a fit ran and how many it reused: those that the models below it had asked for.
+
+    The names go to ``simulations.json`` beside the model's rung, so that the models above it can be counted.
+
+    Parameters
+    ----------
+    study : Path
+        Results of the study.
+    models : list of str
+        Names of the models on the way to this one, which is the last.
+    fit, diagnosis : set of str
+        Names of the simulations that its fit and its diagnosis asked for.
+    """
+    files = [study / name / "simulations.json" for name in models]
+    keep_json(files[-1], {"fit": sorted(fit), "diagnosis": sorted(diagnosis)})
+    below = [read_json(file) for file in files[:-1] if file.exists()]
+    reused = fit & {name for one in below for part in one.values() for name in part}
+    return {"run": len(fit) - len(reused), "reused": len(reused)}
+
+
+def rung_of(found: Examined, estimate: dict[str, Any], simulations: dict[str, int]) -> dict[str, Any]:
+    """The model's rung of the ladder; `simulations` says how many its fit ran and how many it reused."""
+    fitted, held_out = errors(found.examination)
+    settings, judge = found.examination.fit.settings, found.judge
+    count = len(settings.parameters())
+    return {
+        "model": settings.model.full_name,
+        "made_with": made_with(settings.model_dump(mode="json")),
+        "effects": list(settings.model.effects),
+        "parameters": estimate["parameters"],
+        "error": {"fitted": fitted, "held_out": held_out},
+        "misfit": judge.misfit,
+        "freedom": judge.freedom,
+        "parameters_count": count,
+        "aic": judge.misfit + 2 * count,
+        "bic": judge.misfit + count * float(np.log(max(judge.freedom + count, 1))),
+        "verdict": found.verdict.kind,
+        "sentence": found.verdict.sentence,
+        "simulations": simulations,
+    }
+
+
+COMPARED = ("score", "steps", "smooth", "crop", "bins")
+"""Settings of a fit that its errors depend on; those of the search only say how it is found."""
+
+
+def made_with(settings: Mapping[str, Any]) -> str:
+    """Hash of the settings that rungs of one ladder share: all that errors depend on, but effects and starts."""
+    model, fit = settings["model"], settings["fit"]
+    shared = {key: value for key, value in model.items() if key not in ("effects", "parameters")}
+    bounds = {name: {**entry, "start": None} for name, entry in model["parameters"].items()}
+    chosen = [settings["study"], settings["solver"], shared, bounds, [fit[key] for key in COMPARED]]
+    return digest(json.dumps(chosen, sort_keys=True))
+
+
+def ladder(study: Path, settings: Path) -> dict[str, Any]:
+    """The ladder of a model: the rungs on the way to it, from the model without effects.
+
+    Parameters
+    ----------
+    study : Path
+        Results of the study.
+    settings : Path
+        ``settings.json`` of the model.
+
+    Returns
+    -------
+    dict
+        ``study``, ``rungs`` and under ``others`` the models that are not on this ladder, with the reason: a side
+        branch, or a rung that was made with other settings, whose errors are not comparable.
+    """
+    now, path = made_with(read_json(settings)), read_checked(settings).model.path
+    there = {file.parent.name: read_json(file) for file in sorted(study.glob("*/rung.json"))}
+    same = {name for name, rung in there.items() if rung.get("made_with") == now}
+    reasons = {
+        name: "not on the way to this model" if name in same else "made with other settings"
+        for name in there
+        if name not in same or name not in path
+    }
+    others = [{"model": name, "why": why} for name, why in reasons.items()]
+    return {"study": study.name, "rungs": [there[name] for name in path if name in same], "others": others}

@@ -1,0 +1,261 @@
+"""The page: pictures, numbers and words put together in one file."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from fingerfit import __version__
+from fingerfit.core.files import keep_text
+from fingerfit.core.folders import OURS
+from fingerfit.report.drawing import COLOURS
+from fingerfit.report.page.inputs import Inputs, Model, read_inputs
+from fingerfit.report.page.ladder import constants_figures, ladder_figure, rung_label
+from fingerfit.report.page.panels import Panels
+from fingerfit.report.page.regions import in_words, places
+from fingerfit.report.page.words import (
+    VERDICTS,
+    commands,
+    first_upper,
+    headline,
+    number,
+    place_words,
+    titles,
+    with_unit,
+)
+
+FOLDER = OURS / "report"
+SHOWN_ROWS = 8
+FOR_SCRIPT = ("pictures", "regions", "first_effect", "parts", "titles")
+"""What the page's script knows of a model."""
+
+
+def write_page(study: Path, out: Path) -> None:
+    """Write the report of a study: one file that opens offline.
+
+    Parameters
+    ----------
+    study : Path
+        ``results/{study}``; what is missing in it is left out.
+    out : Path
+        The HTML file.
+
+    Raises
+    ------
+    StateError
+        When no model was compared with the measurements yet, or a file is damaged.
+    """
+    inputs = read_inputs(study)
+    env = Environment(
+        loader=FileSystemLoader(FOLDER),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    env.filters.update(number=number, with_unit=with_unit, in_words=in_words, first_upper=first_upper)
+    script = (FOLDER / "page.js").read_text(encoding="utf-8")
+    stamp = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    # Markup: our own files, not escaped; everything that comes from a study is
+    text = env.get_template("page.html.j2").render(
+        **page_context(inputs),
+        style=Markup((FOLDER / "style.css").read_text(encoding="utf-8")),
+        script=Markup(script),
+        stamp=stamp,
+    )
+    keep_text(out, text if text.endswith("\n") else text + "\n")
+
+
+def page_context(inputs: Inputs) -> dict[str, Any]:
+    """All that the templates name."""
+    panels = Panels(inputs.models)
+    models = [_model(inputs, panels, model, n) for n, model in enumerate(inputs.models)]
+    rungs, constants = inputs.ladder.get("rungs") or [], constants_figures(inputs.ladder)
+    found = headline(inputs)
+    return {
+        "study": inputs.study,
+        "headline": found,
+        "models": models,
+        "rungs": _rungs(inputs),
+        "ladder_figure": panels.keep(ladder_figure(inputs.ladder)) if rungs else None,
+        "constants_figures": [(name, panels.keep(figure)) for name, figure in constants.items()],
+        "constants": list(constants),
+        "units": {name: p.get("unit", "") for rung in rungs for name, p in (rung.get("parameters") or {}).items()},
+        "verdicts": VERDICTS,
+        "files": inputs.files,
+        "in_space": any(m["in_sections"] for m in models),
+        "versions": _versions(),
+        "shown_rows": SHOWN_ROWS,
+        "views": panels.view_data(),
+        "pictured": any(m["pictured"] for m in models),
+        "data": {
+            "uris": panels.uris,
+            "panels": panels.keys,
+            "meshes": panels.meshes,
+            "colours": COLOURS,
+            "frames": panels.frame_data(),
+            "maps": panels.map_data(),
+            "views": panels.view_data(),
+            "models": {m["name"]: {k: m[k] for k in FOR_SCRIPT} for m in models},
+            "order": [m["name"] for m in models],
+        },
+    }
+
+
+def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str, Any]:
+    compare, diagnosis = model.compare, model.diagnosis
+    pictures, regions, rows = [], [], []
+    if compare is not None:
+        for n in range(compare.views):
+            ratio = compare.ratio(n)
+            pictures.append(
+                {"label": compare.label(n), "seen": compare.seen(n), "error": number(compare.error[n], 3)
+                 if n < len(compare.error) else "?", "floor": number(compare.floor[n], 3) if n < len(compare.floor)
+                 else "?", "ratio": number(ratio, 3), "words": in_words(ratio)}
+            )  # fmt: skip
+        for place in places(compare):
+            regions.append({"patches": place.patches, "elements": panels.elements(model, place.patches)})
+            rows.append({"place": place, "label": compare.label(place.picture), "seen": compare.seen(place.picture)})
+    ranking = [_candidate(model, entry) for entry in diagnosis.get("ranking") or []]
+    effects, named = [str(name) for name in diagnosis.get("effects") or []], titles(diagnosis)
+    return {
+        "name": model.name,
+        "label": rung_label(model.rung or {"model": model.name}, index == 0),
+        "model": model,
+        "pictures": pictures,
+        "pictured": compare is not None and compare.pictures > 0,
+        "regions": regions,
+        "rows": rows,
+        "forces": _forces(model),
+        "has_map": panels.has("map", model.name),
+        "has_force": panels.has("force", model.name),
+        "force": panels.keys.get(f"force|{model.name}"),
+        "stiffness": [panels.keys[key] for key in panels.keys if key.startswith(f"stiffness|{model.name}|")],
+        "in_sections": compare is not None and compare.volumes,
+        "diagnosis": diagnosis,
+        "ranking": ranking,
+        "first_effect": next(iter(model.patterns), ""),
+        "parts": {effect: part for effect, (part, _) in model.patterns.items()},
+        "titles": named,
+        "blamed": [c for c in ranking if c["effect"] in effects],
+        "commands": commands(effects[0]) if effects else (),
+        "steps": _steps(model),
+        "curve": panels.keys.get(f"there|{model.name}|steps|conjugate"),
+        "conjugate": (compare.conjugate_name if compare is not None else ("", "")),
+        "settings": json.dumps(model.settings, indent=1) if model.settings else "",
+        "solver": ", ".join(f"{key} {value}" for key, value in model.solver.items() if isinstance(value, str)),
+        "verdict": VERDICTS.get(model.verdict, ("", model.verdict)),
+        "verdict_key": model.verdict if model.verdict in VERDICTS else "none",
+        "last": index == len(inputs.models) - 1,
+    }
+
+
+def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
+    units = entry.get("units") or {}
+    refit = entry.get("refit") or None
+    misfit = model.diagnosis.get("misfit")
+    achieved = misfit - refit["misfit"] if refit and misfit is not None and refit.get("misfit") is not None else None
+    share = entry.get("share_of_excess")
+    return {
+        "effect": str(entry.get("effect", "")),
+        "title": entry.get("title") or entry.get("effect", ""),
+        "texts": {key: entry.get(key) or "" for key in ("words", "look", "confirm", "acts")},
+        "place": place_words(entry.get("place") or {}, model.diagnosis.get("layers") or []),
+        "size": [(name, with_unit(value, units.get(name, ""))) for name, value in (entry.get("size") or {}).items()],
+        "predicted": entry.get("predicted_fall"),
+        "achieved": achieved,
+        "share": share,
+        "bar": 0 if share is None else round(100 * min(1.0, max(0.0, share))),
+        "visible": not entry.get("imitated"),
+        "error": (refit or {}).get("error") or {},
+        "refit": refit is not None,
+        "ends": [f"{name} at its {which} bound" for name, which in ((refit or {}).get("at_bound") or {}).items()],
+        "drawn": entry.get("effect") in model.patterns,
+    }
+
+
+def _steps(model: Model) -> list[dict[str, Any]]:
+    """What is left by step of the quantity that is not prescribed, against its noise."""
+    compare = model.compare
+    if compare is None or not np.isfinite(compare.conjugate).any():
+        return []
+    found = []
+    for n, step in enumerate(compare.step):
+        left, noise = float(compare.conjugate[n]), float(compare.conjugate_noise[n])
+        ratio = abs(left) / noise if noise > 0 else float("nan")
+        found.append({"label": f"step {int(step)}", "seen": compare.seen_step(n), "left": number(left, 3),
+                      "noise": number(noise, 3), "words": in_words(ratio), "ratio": number(ratio, 3)})  # fmt: skip
+    return found
+
+
+def _forces(model: Model) -> list[dict[str, Any]]:
+    compare = model.compare
+    if compare is None or not len(compare.step):
+        return []
+    table = []
+    sizes = {len(compare.step)}
+    for name in ("force", "displacement", "force_model", "displacement_model"):
+        sizes.add(len(getattr(compare, name)))
+    if len(sizes) > 1:
+        return []
+    for n, step in enumerate(compare.step):
+        table.append(
+            {"step": int(step), **{name: number(getattr(compare, name)[n]) for name in
+             ("force", "displacement", "force_model", "displacement_model")}}
+        )  # fmt: skip
+    return table
+
+
+def _rungs(inputs: Inputs) -> list[dict[str, Any]]:
+    rungs = inputs.ladder.get("rungs") or []
+    best = {k: min((r[k] for r in rungs if r.get(k) is not None), default=None) for k in ("aic", "bic")}
+    shown = []
+    every = [e for m in inputs.models for e in m.error.values() if e is not None and np.isfinite(e)]
+    top = max([1.5, *every])
+    for n, model in enumerate(inputs.models):
+        rung, error = model.rung, model.error
+        simulations = rung.get("simulations") or {}
+        shown.append(
+            {
+                "name": model.name,
+                "label": rung_label(rung or {"model": model.name}, n == 0),
+                "verdict": VERDICTS.get(model.verdict, ("", "not diagnosed yet")),
+                "verdict_key": model.verdict if model.verdict in VERDICTS else "none",
+                "sentence": model.sentence,
+                "error": error,
+                "bars": {k: None if v is None else round(100 * v / top, 1) for k, v in error.items()},
+                "line": round(100 / top, 1),
+                "known": bool(rung),
+                "count": rung.get("parameters_count"),
+                "misfit": rung.get("misfit"),
+                "freedom": rung.get("freedom"),
+                "above": {
+                    k: None if rung.get(k) is None or best[k] is None else rung[k] - best[k] for k in ("aic", "bic")
+                },
+                "aic": rung.get("aic"),
+                "bic": rung.get("bic"),
+                "run": simulations.get("run"),
+                "reused": simulations.get("reused"),
+                "parameters": rung.get("parameters") or {},
+            }
+        )
+    return shown
+
+
+def _versions() -> list[tuple[str, str]]:
+    found = [("fingerfit", __version__), ("Python", platform.python_version())]
+    for name in ("numpy", "scipy", "matplotlib", "jinja2"):
+        try:
+            found.append((name, version(name)))
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,148 @@
+"""Numbers and verdicts in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fingerfit.report.page.inputs import Inputs
+
+VERDICTS = {
+    "missing": ("▲", "An effect is missing"),
+    "indistinguishable": ("◆", "Something is missing; two or more effects explain it alike"),
+    "adequate": ("✓", "Nothing is missing"),
+    "unexplained": ("?", "Something is missing that no known effect explains"),
+}
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """A number with a few digits, a dash when it is not known.
+
+    Examples
+    --------
+    >>> number(0.0361234), number(None), number(1234.6), number(1)
+    ('0.0361', '–', '1235', '1')
+    """
+    if value is None:
+        return "–"
+    if not isinstance(value, int | float | np.number):
+        return str(value)
+    value = float(value)
+    if not np.isfinite(value):
+        return "–"
+    if 10 ** (digits - 1) <= abs(value) < 1e6:
+        return f"{value:.0f}".replace("-", "−")
+    return f"{value:.{digits}g}".replace("-", "−")
+
+
+def with_unit(value: Any, unit: str) -> str:
+    """A number and its unit.
+
+    Examples
+    --------
+    >>> with_unit(1.5, "mm"), with_unit(2, "1"), with_unit(0.195, "log")
+    ('1.5 mm', '2', '1.22 times')
+    """
+    if unit == "log" and value is not None:  # logarithm of a factor
+        return f"{number(np.exp(float(value)))} times"
+    return number(value) if unit in ("", "1") else f"{number(value)} {unit}"
+
+
+PLACES = {
+    "across": "at {percent:.0f} % of the width",
+    "along": "at {percent:.0f} % of the height",
+    "thickness": "{value} mm thick",
+    "time": "with a time of {value} s",
+    "x": "at x = {value} mm from where the indenter comes down",
+    "y": "y = {value} mm",
+    "below": "{value} mm below it",
+}
+"""Where an effect was tried, in words."""
+
+
+def place_words(place: dict[str, float], layers: Sequence[str] = ()) -> str:
+    """Where an effect was tried.
+
+    Examples
+    --------
+    >>> place_words({"across": 0.85, "along": 0.5}), place_words({"layer": 2}, ["top", "bottom"])
+    ('at 85 % of the width, at 50 % of the height', 'in the layer bottom')
+    """
+    found = []
+    for name, value in place.items():
+        if name == "layer" and 1 <= value <= len(layers):
+            found.append(f"in the layer {layers[int(value) - 1]}")
+        else:
+            words = PLACES.get(name, name + " = {value}")
+            found.append(words.format(value=number(value), percent=100 * float(value)))
+    return ", ".join(found)
+
+
+def commands(effect: str) -> tuple[str, str]:
+    """The lines that add an effect and fit and diagnose again; the page does not know the name of the settings."""
+    return f"fingerfit add {effect} --config YOURS.yaml", "snakemake diagnose --cores 2 --configfile YOURS.yaml"
+
+
+def first_upper(text: str) -> str:
+    """A sentence with a capital."""
+    return text[:1].upper() + text[1:]
+
+
+def titles(diagnosis: dict[str, Any]) -> dict[str, str]:
+    """Titles of the effects of a diagnosis by their names."""
+    return {str(e.get("effect")): str(e.get("title") or e.get("effect")) for e in diagnosis.get("ranking") or []}
+
+
+def _not_shown(diagnosis: dict[str, Any]) -> str:
+    """What an adequate model may lack all the same."""
+    named = titles(diagnosis)
+    hidden = [named[str(e.get("effect"))] for e in diagnosis.get("ranking") or [] if e.get("imitated")]
+    untried = [f"{e.get('title')} (needs {e.get('lacks')})" for e in diagnosis.get("not_tried") or []]
+    found = f" These data would not show: {', '.join(hidden)}." if hidden else ""
+    return found + (f" Not tried, for lack of what they need: {', '.join(untried)}." if untried else "")
+
+
+def headline(inputs: Inputs) -> dict[str, Any]:
+    """What was found and what to do next."""
+    last = inputs.models[-1]
+    first = inputs.models[0].error["fitted"]
+    error = last.error["fitted"]
+    falls = ""
+    if error is not None:
+        falls = f"What is left is {number(error)} times the noise"
+        falls += f"; it was {number(first)} times with {inputs.models[0].name}." if _fell(inputs, first) else "."
+    effects = last.diagnosis.get("effects") or []
+    add = commands(str(effects[0])) if effects else ()
+    named = titles(last.diagnosis)
+    blamed = [named.get(str(name), str(name)) for name in effects]
+    found, following = {
+        "adequate": (
+            f"The model “{last.name}” explains the measurements as well as their noise allows.",
+            "Nothing needs to be added: take the constants with their intervals from the ladder below."
+            + _not_shown(last.diagnosis),
+        ),
+        "missing": (
+            f"The model “{last.name}” lacks an effect" + (f": {' and '.join(blamed)}." if blamed else "."),
+            "Add it and fit again." if add else "Look at the candidates below.",
+        ),
+        "indistinguishable": (
+            f"The model “{last.name}” lacks " + (" or ".join(blamed) or "one of several effects")
+            + "; these measurements cannot tell which.",
+            "Make the further measurement that is suggested below, or add one of them knowing this.",
+        ),
+        "unexplained": (
+            f"The model “{last.name}” lacks something that none of the known effects explains.",
+            "See below where it fails, then describe an effect of your own or check the measurement there.",
+        ),
+    }.get(
+        last.verdict,
+        (f"The model “{last.name}” was compared with the measurements.", "The next step is the diagnosis."),
+    )  # fmt: skip
+    return {"found": found, "falls": falls, "next": following, "add": add, "sentence": last.sentence,
+            "verdict": last.verdict if last.verdict in VERDICTS else "none"}  # fmt: skip
+
+
+def _fell(inputs: Inputs, first: float | None) -> bool:
+    return len(inputs.models) > 1 and first is not None

@@ -1,0 +1,1 @@
+"""What a user chooses in config.yaml."""

@@ -1,0 +1,151 @@
+"""What follows from settings, and settings that were checked before, read again without the checks.
+
+`propose` runs in every round: importing what checks config.yaml, and checking it, would take a third of its time.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from fingerfit.core.errors import InputError, StateError
+from fingerfit.core.files import read_json
+from fingerfit.model.catalogue import catalogue, chosen, wrong_numbers
+from fingerfit.model.effect import Effect
+from fingerfit.model.parameters import Parameter
+from fingerfit.search import Plan, Stage
+
+CONFIG = "config.yaml"
+MATERIAL = ("mu", "alpha", "poisson")
+"""Constants of a material; ``mu_top`` is that of one layer."""
+WIDE = 100.0
+"""Ratio of bounds from which a number that an effect scans is searched in the logarithm: times."""
+
+
+def quantity_of(name: str) -> str:
+    """Constant of a material that a parameter is.
+
+    >>> quantity_of("mu_top")
+    'mu'
+    """
+    return name.partition("_")[0]
+
+
+class Model:
+    """What follows from the settings of a model."""
+
+    @property
+    def full_name(self: Any) -> str:
+        """Name with the effects: that of its folder."""
+        return str(self.path[-1])
+
+    @property
+    def path(self: Any) -> list[str]:
+        """Names of the models on the way to this one: without effects, with the first, ..., with all."""
+        effects = list(self.effects)
+        return ["+".join([self.name, *effects[:count]]) for count in range(len(effects) + 1)]
+
+
+class Choices:
+    """What follows from settings."""
+
+    def parameters(self: Any) -> tuple[Parameter, ...]:
+        """Parameters in the order of the file, then those of the effects."""
+        own = tuple(
+            Parameter(name, p.unit, p.lower, p.upper, p.start, p.log) for name, p in self.model.parameters.items()
+        )
+        added = []
+        for effect in self.effects():
+            given = self.model.effects[effect.name]
+            for p in effect.parameters:
+                start = given.get(p.name, p.null)
+                added.append(Parameter(effect.key(p.name), p.unit, p.lower, p.upper, start, False, p.scale))
+            for name, (lower, upper) in effect.refine.items():
+                start = min(max(given.get(name, effect.scan[name][0]), lower), upper)
+                added.append(Parameter(effect.key(name), "1", lower, upper, start, log=0 < WIDE * lower <= upper))
+        return own + tuple(added)
+
+    def starts(self: Any) -> dict[str, float]:
+        """Where the search starts, by the names of the parameters."""
+        return {parameter.name: parameter.start for parameter in self.parameters()}
+
+    def effects(self: Any, where: Path | str = CONFIG) -> tuple[Effect, ...]:
+        """Effects of the model, in order; `where` is named in errors.
+
+        Raises
+        ------
+        InputError
+            For an effect or a number of it that is not known, with the nearest one that is; for a number out of bounds.
+        """
+        if not self.model.effects:
+            return ()
+        every = catalogue(Path(self.study))
+        if not every.keys() >= self.model.effects.keys() and not Path(self.study).is_dir():
+            raise InputError(where, "study", self.study, "the folder of a study")
+        found = chosen(list(self.model.effects), every, where)
+        for problem in wrong_numbers(self.model.effects, every, where, "model.effects."):
+            raise problem
+        return found
+
+    def fixed(self: Any) -> dict[str, float]:
+        """Numbers of effects that are not fitted: places and the like."""
+        return {
+            effect.key(name): self.model.effects[effect.name].get(name, values[0])
+            for effect in self.effects()
+            for name, values in effect.scan.items()
+            if name not in effect.refine
+        }
+
+    def tied(self: Any, stage: Any) -> list[str]:
+        """Names of the parameters that are alike in a stage, in the order of the file."""
+        if isinstance(stage.tied, list):
+            return list(dict.fromkeys(stage.tied))
+        quantities = [quantity_of(name) for name in self.model.parameters]
+        wanted = stage.tied or min(quantities, key=MATERIAL.index)
+        return [name for name, own in zip(self.model.parameters, quantities, strict=True) if own == wanted]
+
+    def plan(self: Any) -> Plan:
+        """How to search."""
+        stages = tuple(
+            Stage(s.name, s.kind, s.tolx, s.tolf, s.points, s.step, s.restarts, tuple(self.tied(s)), s.tolx_in)
+            for s in self.fit.stages
+        )
+        return Plan(stages, self.fit.batch, self.fit.max_evaluations)
+
+
+class _ReadModel(SimpleNamespace, Model):
+    pass
+
+
+class _Read(SimpleNamespace, Choices):
+    pass
+
+
+def read_checked(path: Path) -> Any:
+    """Settings from the JSON that `fingerfit.provenance.stages.write_settings` wrote of checked ones.
+
+    They have all keys and methods of `fingerfit.settings.config.Settings` that a fit uses, not those of
+    pydantic's models.
+
+    Raises
+    ------
+    StateError
+        When the file is missing, damaged or something else.
+    """
+    data = read_json(path)
+    try:
+        model, fit = data["model"], data["fit"]
+        meshes = {name: SimpleNamespace(**model[name]) if model[name] else None for name in ("mesh", "refined")}
+        parameters = {name: SimpleNamespace(**entry) for name, entry in model["parameters"].items()}
+        stages = [SimpleNamespace(**stage) for stage in fit["stages"]]
+        read = _Read(
+            **{
+                **data,
+                "model": _ReadModel(**{**model, **meshes, "parameters": parameters}),
+                "fit": SimpleNamespace(**{**fit, "stages": stages}),
+            }
+        )
+    except (TypeError, KeyError, AttributeError) as error:
+        raise StateError(f"{path}: is not what the workflow wrote: {error}") from error
+    return read

@@ -1,0 +1,367 @@
+"""What a user sets in config.yaml: described, checked, and the source of the schema and of docs/config.md."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError, field_validator
+from pydantic_core import PydanticCustomError
+
+from fingerfit.core.described import HEAD, Described, models_in, problems_of, rows
+from fingerfit.core.errors import FingerfitError, InputError, Problems
+from fingerfit.core.keys import read_yaml, unknown_key
+from fingerfit.model.parameters import round_value
+from fingerfit.settings.choices import CONFIG, MATERIAL, Choices, Model, quantity_of
+
+PLAIN = r"^[\w./+@~:,=-]+$"
+"""Paths and names that need no quotes in a shell and are no patterns to Snakemake."""
+NAME = 255
+"""Bytes of a file's name that Linux's file systems have."""
+UNITS = {"mu": "MPa", "alpha": "1", "poisson": "1"}
+EXPONENT = math.floor(math.log(sys.float_info.max))
+"""Largest exponent of Ogden's law, either way: its powers of a stretch of e, or of its reciprocal, stay in double
+precision, since e^709 does."""
+FLAT = sys.float_info.epsilon**0.25
+"""Smallest one: the law's energy is a difference of powers near 1, known to epsilon, over the square of the exponent.
+At this one half of its digits are left; an exponent of 0 stands for a law that is not Ogden's."""
+LIMITS = {"mu": (0.0, math.inf), "alpha": (-float(EXPONENT + 1), float(EXPONENT + 1)), "poisson": (-1.0, 0.5)}
+RATIO = 1 / sys.float_info.epsilon
+"""Largest over smallest mu of one search: the condition of a stiffness matrix is no better than the ratio of the moduli
+in it, and beyond this one no digit of the softer part's displacements is left. A body of one mu would not move in any
+digit of its coordinates at the one bound where it is compressed as a whole at the other."""
+GRADING = 2.0**16
+"""Largest over smallest element. Strains are differences of coordinates: half of their digits are left where the
+smallest element is sqrt(epsilon) = 2^-26 of the body, as it can be among 1000 = 2^10 elements, the most across."""
+SPAN = math.ceil(math.log(RATIO))
+"""Distance of bounds in the logarithm that no parameter exceeds: that of `RATIO`. A share of it is 1 at most."""
+# fmt: off
+Element = Literal[
+    "CPE3", "CPE3H", "CPE4", "CPE4H", "CPE6", "CPE8", "CPE8H", "CPE8R", "CPE8RH",
+    "CPS3", "CPS4", "CPS6", "CPS8", "CPS8R",
+    "C3D4", "C3D4H", "C3D8", "C3D8H", "C3D10", "C3D10H", "C3D20", "C3D20H", "C3D20R", "C3D20RH",
+]
+# fmt: on
+"""What `fingerfit.mesh.blocks` makes of blocks and bricks."""
+
+
+class _Strict(Described):
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_for_numbers(cls, value: Any, info: Any) -> Any:
+        annotation = cls.model_fields[info.field_name].annotation
+        if annotation is bool or models_in(annotation):  # models look at their own fields
+            return value
+        inside = value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]
+        if any(isinstance(v, bool) for v in inside):
+            raise PydanticCustomError("truth", "a value that is not true or false")
+        return value
+
+
+class MeshSettings(_Strict):
+    """Mesh of a block or brick that the study describes."""
+
+    element: Element = Field(
+        description="Element type: plane strain, plane stress or, for bricks, solid; those with H, which have a"
+        " pressure field of their own, need `solver: builtin` or `abaqus`."
+    )
+    across: int = Field(ge=1, le=1000, description="Elements over the width (bricks: along each side).")
+    per_layer: int = Field(ge=1, le=1000, description="Elements over the height of each layer.")
+    grading: float = Field(
+        default=1.0,
+        ge=1.0,
+        le=GRADING,
+        description="Largest over smallest element: they shrink towards sides, base and indenter.",
+    )
+
+
+class ParameterSettings(_Strict):
+    """A constant to be identified."""
+
+    unit: Literal["MPa", "1"] = Field(description="Unit: MPa for mu, 1 for alpha and poisson.")
+    start: float = Field(description="Where the search starts.")
+    lower: float = Field(description="Lower bound.")
+    upper: float = Field(description="Upper bound.")
+    log: bool = Field(default=True, description="Search in the logarithm.")
+
+
+class ModelSettings(Model, _Strict):
+    """The model of the body."""
+
+    name: str = Field(default="base", pattern=r"^[\w-]+$", description="Folder of its results; not sims or meshes.")
+    template: str = Field(
+        default="block.inp.j2",
+        description="Deck template, looked up in the study's folder, then in templates/.",
+    )
+    material: dict[str, float] = Field(
+        default_factory=dict,
+        description="Fixed constants: mu (MPa), alpha, poisson, for all layers, or for one as alpha_top.",
+    )
+    mesh: MeshSettings | None = Field(
+        default=None, description="Mesh of the search; not allowed when the study brings a mesh."
+    )
+    refined: MeshSettings | None = Field(
+        default=None,
+        description="Finer mesh of the last steps: it gives the estimate, and the difference tells the error left.",
+    )
+    parameters: dict[str, ParameterSettings] = Field(
+        min_length=1, description="What is identified: mu, alpha or poisson, or for one layer as mu_top."
+    )
+    effects: dict[str, dict[str, float]] = Field(
+        default_factory=dict,
+        description="Effects that were added, in order; numbers of an effect where they differ from its own. With all"
+        " numbers of the last one no fit without it comes before.",
+    )
+
+
+class StageSettings(_Strict):
+    """A stage of the search."""
+
+    name: str = Field(pattern=r"^[\w +-]+$", description="For reports.")
+    kind: Literal["grid", "equal", "independent"] = Field(
+        description="grid: forward analyses, tied parameters alike; equal: simplex, tied parameters alike; independent:"
+        " simplex over all parameters."
+    )
+    tied: str | list[str] | None = Field(
+        default=None,
+        description="Parameters that are alike in grid and equal, within the bounds that they share: mu, alpha, poisson"
+        " or a list of names. When left out: all mu; where none is identified all alpha, or else all poisson.",
+    )
+    tolx: float = Field(
+        default=1e-3,
+        gt=0,
+        description="Stop when no parameter differs by more between the best guess and the other vertices, as a share"
+        " of its value (with log: false, of the distance of its bounds) ...",
+    )
+    tolx_in: Literal["share", "unit"] = Field(
+        default="share",
+        description="share, or unit: tolx is a difference in the unit of the parameters, as in the paper (MPa).",
+    )
+    tolf: float = Field(default=1e-5, gt=0, description="... and no score by more than this.")
+    points: int = Field(default=6, ge=2, description="Points of a grid.")
+    step: float = Field(
+        default=0.4,
+        gt=0,
+        le=SPAN,
+        description="Size of the first simplex: in the logarithm, or with log: false as a share of the distance of the"
+        " bounds.",
+    )
+    restarts: int = Field(
+        default=0,
+        ge=0,
+        description="New simplexes at the best point, in any case. More of them follow where a bound was met and"
+        " a point at either side of the best one is better.",
+    )
+
+
+class FitSettings(_Strict):
+    """How the model is fitted."""
+
+    score: Literal["nmi", "ssd", "likelihood"] = Field(
+        description="nmi: normalized mutual information; ssd: squared difference; likelihood: all data with noise."
+    )
+    steps: list[int] | None = Field(
+        default=None,
+        min_length=1,
+        description="Steps whose pictures are compared; all with a picture when left out.",
+    )
+    smooth: float = Field(default=1.0, ge=0, description="Gaussian on all pictures, standard deviation in pixels.")
+    crop: float = Field(
+        default=0.3,
+        ge=0.05,
+        description="How far beyond the undeformed body pictures are compared, as a share of its extent on each side.",
+    )
+    bins: int = Field(default=32, ge=4, le=512, description="Bins of the joint histogram.")
+    batch: int = Field(default=2, ge=1, description="Guesses tried at once; the result does not depend on it.")
+    max_evaluations: int = Field(default=400, ge=1, description="The search ends after as many.")
+    replicates: int = Field(
+        default=60,
+        ge=20,
+        description="Repetitions of the measurement with new noise, for the standard errors.",
+    )
+    seed: int = Field(default=1, ge=0, description="Of that noise.")
+    stages: list[StageSettings] = Field(min_length=1, description="Stages of the search, in order.")
+
+
+class Settings(Choices, _Strict):
+    """config.yaml."""
+
+    study: str = Field(pattern=PLAIN, description="Folder of the study.")
+    results: str = Field(
+        default="results",
+        pattern=PLAIN,
+        description="Folder of all results: in it those of each study, under its path without studies/.",
+    )
+    solver: str = Field(default="builtin", description="builtin, calculix, abaqus, or another one that is installed.")
+    time_limit: int | None = Field(
+        default=None,
+        ge=1,
+        description="Time for one simulation of a solver that runs a program, in s: a longer one is ended and stops the"
+        " fit with an error, and no answer is kept. Left out: 3600 for calculix, 14400 for abaqus (waiting for a"
+        " licence included). It changes no answer, so that another limit makes nothing run again.",
+    )
+    model: ModelSettings = Field(description="The model of the body.")
+    fit: FitSettings = Field(description="How the model is fitted.")
+
+
+def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) -> Settings:
+    """Check settings.
+
+    Parameters
+    ----------
+    source : mapping or Path
+        What was read from config.yaml, or its path.
+    where : Path or str
+        Named in errors when `source` is a mapping.
+
+    Raises
+    ------
+    Problems
+        With one line for each wrong key.
+    """
+    if isinstance(source, Path):
+        where, source = source, read_yaml(source)
+    try:
+        settings = Settings.model_validate(source)
+    except ValidationError as error:
+        raise Problems(problems_of(error, where, Settings)) from error
+    problems = _cross_check(settings, where)
+    if problems:
+        raise Problems(problems)
+    settings.effects(where)
+    return settings
+
+
+def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    from fingerfit.solvers.registry import get_solver
+
+    problems = too_long(where, "study", Path(settings.study))
+    try:
+        get_solver(settings.solver)
+    except FingerfitError as error:
+        problems.append(FingerfitError(f"{where}: {error}"))
+    for name, p in settings.model.parameters.items():
+        field = f"model.parameters.{name}"
+        quantity = name.partition("_")[0]
+        if not _is_constant(name):
+            problems.append(unknown_key(where, "model.parameters.", name, MATERIAL))
+        elif p.unit != UNITS[quantity]:
+            problems.append(InputError(where, f"{field}.unit", p.unit, UNITS[quantity]))
+        elif not p.lower <= p.start <= p.upper or round_value(p.lower) == round_value(p.upper):
+            problems.append(InputError(where, field, f"start {p.start:g}", f"{p.lower:g} to {p.upper:g}, the bounds"))
+        elif p.log and p.lower <= 0:
+            problems.append(InputError(where, f"{field}.lower", p.lower, "above 0, for a search in the logarithm"))
+        else:
+            problems += impossible(where, f"{field}.lower", quantity, p.lower)
+            problems += impossible(where, f"{field}.upper", quantity, p.upper)
+            if quantity == "alpha" and p.lower < 0 < p.upper:
+                problems.append(InputError(where, field, f"{p.lower:g} to {p.upper:g}", "bounds without 0 between"))
+    for name, value in settings.model.material.items():
+        if not _is_constant(name):
+            problems.append(unknown_key(where, "model.material.", name, MATERIAL))
+        else:
+            problems += impossible(where, f"model.material.{name}", name.partition("_")[0], value)
+    problems += [
+        InputError(where, f"model.material.{name}", "a constant that is fitted, too", "no such key, or no parameter")
+        for name in settings.model.material
+        if name in settings.model.parameters
+    ]
+    if not problems:
+        problems += _too_far_apart(settings, where)
+    steps = settings.fit.steps or []
+    for step in sorted({step for step in steps if steps.count(step) > 1}):
+        problems.append(InputError(where, "fit.steps", f"step {step} twice", "each step once"))
+    if not problems:
+        problems += _wrong_stages(settings, where)
+    most = settings.fit.max_evaluations
+    problems += [
+        InputError(where, f"fit.stages.{n}.points", stage.points, f"at most {most}, the max_evaluations of the search")
+        for n, stage in enumerate(settings.fit.stages)
+        if stage.kind == "grid" and stage.points > most
+    ]
+    names = [stage.name for stage in settings.fit.stages]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        problems.append(InputError(where, "fit.stages", f"{name} twice", "a name of its own for each stage"))
+    return problems
+
+
+def too_long(where: Path | str, field: str, path: Path) -> list[FingerfitError]:
+    """A problem of a path with a name that no file can have."""
+    sizes = [size for part in path.parts if (size := len(part.encode())) > NAME]
+    return [InputError(where, field, f"a name of {size} bytes", f"at most {NAME}, as files have") for size in sizes[:1]]
+
+
+def _too_far_apart(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    """A problem of the largest mu, fixed or a bound, where it is out of reach of the smallest."""
+    model = settings.model
+    given = {f"model.material.{name}": value for name, value in model.material.items()}
+    for name, p in model.parameters.items():
+        given |= {f"model.parameters.{name}.lower": p.lower, f"model.parameters.{name}.upper": p.upper}
+    given = {field: value for field, value in given.items() if field.split(".")[2].partition("_")[0] == "mu"}
+    if not given:
+        return []
+    low, high = min(given, key=given.__getitem__), max(given, key=given.__getitem__)
+    most = RATIO * given[low]
+    if given[high] <= most:
+        return []
+    expected = f"at most {most:.3g} MPa: {RATIO:.2g} times {low}, where double precision ends"
+    return [InputError(where, high, f"{given[high]:g} MPa", expected)]
+
+
+def _wrong_stages(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    """Tied parameters that are not there or cannot be alike, and units that cannot be compared."""
+    known, problems = settings.model.parameters, list[FingerfitError]()
+    for n, stage in enumerate(settings.fit.stages):
+        field, names = f"fit.stages.{n}.tied", settings.tied(stage)
+        missing = [name for name in names if name not in known]
+        if missing or not names:
+            found = ", ".join(missing) or str(stage.tied)
+            expected = f"{', '.join(dict.fromkeys(map(quantity_of, known)))} or a list of {', '.join(known)}"
+            problems.append(InputError(where, field, found, expected))
+            continue
+        tied = [known[name] for name in names]
+        lower, upper = max(p.lower for p in tied), min(p.upper for p in tied)
+        text = ", ".join(names)
+        if stage.kind != "independent" and len({(p.unit, p.log) for p in tied}) > 1:
+            expected = f"one unit and one log for all of them, or fewer of them, for a stage {stage.kind}"
+            problems.append(InputError(where, field, f"{text} with several", expected))
+        elif stage.kind != "independent" and not round_value(lower) < round_value(upper):
+            expected = f"bounds that overlap, or fewer of them, for a stage {stage.kind}"
+            problems.append(InputError(where, field, f"{text} with bounds that do not overlap", expected))
+        moved = tied if stage.kind == "equal" else list(known.values())
+        if stage.kind != "grid" and stage.tolx_in == "unit" and len({p.unit for p in moved}) > 1:
+            units = ", ".join(sorted({p.unit for p in moved}))
+            expected = "share, since the parameters have several units"
+            problems.append(InputError(where, f"fit.stages.{n}.tolx_in", f"unit, for {units}", expected))
+    return problems
+
+
+def _is_constant(name: str) -> bool:
+    quantity, joint, layer = name.partition("_")
+    return quantity in MATERIAL and bool(joint) == bool(layer)
+
+
+def impossible(where: Path | str, field: str, quantity: str, value: float) -> list[FingerfitError]:
+    """A problem where a constant of a material has a value that it cannot have."""
+    low, high = LIMITS[quantity]
+    if low < value < high and not (quantity == "alpha" and abs(value) < FLAT):
+        return []
+    sizes = f"not 0: {FLAT:.2g} to {EXPONENT}, or as far below 0"
+    expected = {"mu": "above 0", "alpha": sizes, "poisson": "between -1 and 0.5"}[quantity]
+    return [InputError(where, field, f"{value:g}", expected)]
+
+
+def schema() -> dict[str, Any]:
+    """JSON schema of config.yaml."""
+    return Settings.model_json_schema()
+
+
+def describe() -> str:
+    """Markdown table of all keys, for docs/config.md."""
+    return (
+        "\n".join(["# Keys of config.yaml", "", "Made by `fingerfit docs`; do not edit.", "", *HEAD, *rows(Settings)])
+        + "\n"
+    )

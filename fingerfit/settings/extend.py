@@ -1,0 +1,47 @@
+"""A model with one effect more: its settings, started where the model without it stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from fingerfit.model.effect import Effect
+from fingerfit.settings.config import Settings, load_settings
+
+EDGE = 0.02
+"""How near to a bound a start may be, as a share of the scale of its parameter."""
+
+
+def extended(
+    settings: Settings,
+    effect: Effect,
+    place: Mapping[str, float],
+    size: Mapping[str, float],
+    values: Mapping[str, float],
+) -> Settings:
+    """Settings of a model with one effect more.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of the model without it.
+    effect : Effect
+    place, size : mapping
+        Its scanned numbers, by their names in a guess, and the size that was predicted, by short names.
+    values : mapping
+        Estimate of the model without it: where the search starts.
+    """
+    data: dict[str, Any] = settings.model_dump(mode="json")
+    model = data["model"]
+    for name, entry in model["parameters"].items():
+        entry["start"] = min(max(values[name], entry["lower"]), entry["upper"])
+    bounds = {(one.name, key): pair for one in settings.effects() for key, pair in one.bounds().items()}
+    for name, numbers in model["effects"].items():
+        known = {key.split(".")[1]: v for key, v in values.items() if key.split(".")[0] == name}
+        numbers.update({key: min(max(v, bounds[name, key][0]), bounds[name, key][1]) for key, v in known.items()})
+    own = {key.split(".")[1]: value for key, value in place.items()}
+    for p in effect.parameters:
+        edge = EDGE * p.scale
+        own[p.name] = min(max(size.get(p.name, p.null), p.lower + edge), p.upper - edge)
+    model["effects"][effect.name] = own
+    return load_settings(data, "config.yaml")

@@ -1,0 +1,141 @@
+"""Measured data as arrays, ready to be compared: what `prepare` writes and every round reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerfit.core.errors import StateError
+from fingerfit.core.files import read_npz, write_npz
+
+
+@dataclass(frozen=True)
+class Data:
+    """Measured data of a study in mm, N and s; NaN stands for what was not measured.
+
+    Parameters
+    ----------
+    step : ndarray of int, shape (steps,)
+        Numbers of the steps as the study gives them.
+    force, displacement : ndarray, shape (steps,)
+        Of the indenter, positive in compression, N and mm.
+    control : str
+        ``force`` or ``displacement``: what the simulation prescribes. The other one is data.
+    force_noise : float or ndarray, shape (steps,)
+        Standard deviation of the forces, N.
+    displacement_noise, picture_noise, points_noise : float
+        Standard deviations; that of the pictures holds before smoothing, in scaled intensity.
+    before : ndarray, shape (ny, nx) or (nz, ny, nx)
+        Smoothed and scaled picture before compression; empty when there are no pictures. Volumes are single precision.
+    coefficients : ndarray, like `before`
+        Cubic B-spline coefficients of the scaled picture before compression, not smoothed: that follows the warp.
+    measured : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
+        Smoothed and scaled pictures during compression.
+    picture_step : ndarray of int, shape (pictures,)
+        Index into `step` of each picture.
+    spacing, origin, direction : ndarray
+        Geometry of the pictures, mm.
+    background : float
+        Intensity where there is no body.
+    smooth : float
+        Standard deviation of the Gaussian that was applied, pixels.
+    points, points_displacement : ndarray, shape (points, dim)
+        Reference positions and measured displacements of material points, mm.
+    points_step : ndarray of int, shape (points,)
+        Index into `step` of each measured point.
+    points_covariance : ndarray, shape (steps, steps)
+        Of the error of a point at two steps, mm^2; `points_noise` is the root of its mean on the diagonal.
+    frame_noise : float
+        Standard deviation of a shift common to all points of a step, mm.
+    force_gain : float
+        Standard deviation of a factor common to all measured forces.
+    history : str
+        What was done to the pictures, in words, one step a line.
+    remarks : str
+        What looks wrong in the measurements and is no error, one a line.
+    """
+
+    step: np.ndarray
+    force: np.ndarray
+    displacement: np.ndarray
+    control: str
+    force_noise: float | np.ndarray
+    displacement_noise: float
+    picture_noise: float
+    points_noise: float
+    before: np.ndarray
+    coefficients: np.ndarray
+    measured: np.ndarray
+    picture_step: np.ndarray
+    spacing: np.ndarray
+    origin: np.ndarray
+    direction: np.ndarray
+    background: float
+    smooth: float
+    points: np.ndarray
+    points_displacement: np.ndarray
+    points_step: np.ndarray
+    points_covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    frame_noise: float = 0.0
+    force_gain: float = 0.0
+    history: str = ""
+    remarks: str = ""
+
+    def save(self, path: Path) -> None:
+        """Write to .npz, whole or not at all; not compressed, because every round reads it and noise stays as large."""
+        write_npz(path, {name: np.asarray(value) for name, value in self.__dict__.items()}, compressed=False)
+
+    @classmethod
+    def load(cls, path: Path) -> Data:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        StateError
+            When the file is missing, damaged or something else.
+        """
+        arrays: dict[str, Any] = {k: v if v.ndim else v.item() for k, v in read_npz(path).items()}
+        try:
+            return cls(**arrays)
+        except TypeError as error:
+            raise StateError(f"{path}: is not prepared data: {error}") from error
+
+    @property
+    def control_noise(self) -> np.ndarray:
+        """Standard deviation of the prescribed quantity, shape (steps,)."""
+        return self._by_step(self.force_noise if self.control == "force" else self.displacement_noise)
+
+    @property
+    def controlled(self) -> np.ndarray:
+        """Prescribed quantity per step, N or mm."""
+        return self.force if self.control == "force" else self.displacement
+
+    @property
+    def conjugate(self) -> tuple[np.ndarray, np.ndarray]:
+        """Measured quantity that the control leaves free, and its standard deviation, shapes (steps,)."""
+        if self.control == "force":
+            return self.displacement, self._by_step(self.displacement_noise)
+        return self.force, self._by_step(self.force_noise)
+
+    @property
+    def between_steps(self) -> np.ndarray:
+        """Covariance of a point's error at two steps, shape (steps, steps), mm^2."""
+        if self.points_covariance.size:
+            return self.points_covariance
+        return self.points_noise**2 * np.eye(len(self.step))
+
+    @property
+    def entry_step(self) -> np.ndarray:
+        """Index of the step of each field of displacements: of pictures, then of points."""
+        return np.concatenate([self.picture_step, np.unique(self.points_step)]).astype(int)
+
+    @property
+    def conjugate_gain(self) -> float:
+        """Standard deviation of a factor common to all values of that quantity."""
+        return 0.0 if self.control == "force" else self.force_gain
+
+    def _by_step(self, noise: float | np.ndarray) -> np.ndarray:
+        return np.broadcast_to(np.asarray(noise, float), self.step.shape)

@@ -1,0 +1,1 @@
+"""Virtual experiments: a truth, its simulation, and pictures of it."""

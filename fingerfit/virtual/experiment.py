@@ -1,0 +1,323 @@
+"""Virtual experiments: measured data of a body that is described exactly, with noise; the truth sealed apart."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.core.errors import FingerfitError, InputError, LimitError, SolverError
+from fingerfit.core.files import digest, write_text
+from fingerfit.core.folders import template_folders
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.deck.render import render_deck
+from fingerfit.fit.rounds import simulation_name
+from fingerfit.forward.predict import since_first_picture
+from fingerfit.imaging.noise import add_rician
+from fingerfit.imaging.pictures import Picture, write_picture
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.effect import Effect
+from fingerfit.model.formulas import evaluate
+from fingerfit.model.observation import Observation
+from fingerfit.prepare.plausible import refuse_depth
+from fingerfit.prepare.prepare import make_mesh
+from fingerfit.settings.config import MeshSettings
+from fingerfit.solvers.contract import CONVERGED, Outcome
+from fingerfit.solvers.registry import get_solver
+from fingerfit.study.study import Noise, Step, Study
+from fingerfit.virtual.file import read_truth
+from fingerfit.virtual.scan import check_memory, take_pictures
+from fingerfit.virtual.truth import BRIGHTEST, Truth
+
+FULL_SCALE = 4000.0
+"""Stored intensity of 1."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A solved experiment without noise.
+
+    Parameters
+    ----------
+    force : ndarray, shape (steps,)
+        N, positive in compression.
+    pictures : ndarray, shape (1 + steps, ny, nx) or (1 + steps, nz, ny, nx)
+        Intensities 0..1; the first is before compression.
+    frame : Picture
+        Pixel grid.
+    displacement : ndarray, shape (steps,)
+        mm, positive in compression, as it is measured.
+    """
+
+    force: np.ndarray
+    pictures: np.ndarray
+    frame: Picture
+    displacement: np.ndarray
+
+
+def solve(truth: Truth, folder: Path, threads: int = 1) -> Solved:
+    """Solve the fine mesh and make the pictures, in a working folder; what was solved there is not solved again.
+
+    Parameters
+    ----------
+    truth : Truth
+    folder : Path
+    threads : int
+        Of the solver. With more than one CalculiX's digits change from run to run, and near its limits even whether it
+        finds an equilibrium.
+
+    Raises
+    ------
+    SolverError
+        When the body has no solution for these displacements.
+    InputError
+        When the mesh lacks a set, displacements leave nothing of it, or numbers are so large that forces or intensities
+        are not finite; a `LimitError` when mesh or pictures do not fit into the memory.
+    """
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is found in the results
+            solved = _solve(truth, folder, threads)
+    except MemoryError as error:
+        field = "body.mesh" if truth.mesh_file else "mesh"
+        raise LimitError(truth.path, field, "no memory for its solution", "a coarser mesh") from error
+    for field, values in (("body", solved.force), ("displacement", solved.displacement), ("picture", solved.pictures)):
+        if not np.isfinite(values).all():
+            found = "numbers so large or small that not all results are finite"
+            raise InputError(truth.path, field, found, "numbers whose results are in double precision")
+    return solved
+
+
+def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
+    times = truth.time or (None,) * len(truth.displacement)
+    steps = tuple(Step(n, t, d) for n, (t, d) in enumerate(zip(times, truth.displacement, strict=True), 1))
+    base, indenter = truth.boundary
+    study = Study(
+        truth.path, truth.title, "displacement", steps, None, Noise(), truth.body, base, indenter
+    )  # fmt: skip
+    mesh = make_mesh(study, MeshSettings(**truth.mesh) if truth.mesh else None)
+    refuse_depth(study, mesh, "displacement")
+    check_memory(truth, mesh)
+    if truth.mesh_file is not None:
+        # those that are no layers have a part in the deck and in the pictures too
+        every = {name.upper(): members for name, members in read_mesh(truth.mesh_file).element_sets.items()}
+        mesh = replace(mesh, element_sets={**every, **mesh.element_sets})
+    for name in truth.tissues:
+        if name not in mesh.element_sets:
+            expected = "one of " + ", ".join(sorted(mesh.element_sets))
+            raise InputError(truth.path, f"body.tissues.{name}", "no element set of this name", expected)
+    text = format_mesh(mesh)
+    included = f"{digest(text)}.inp"
+    write_text(folder / included, text)
+    # a load before the first picture is a force: the forces of the test itself are found without it
+    loaded_before = {e.name for e in _present(truth) if e.control == "force" and "before" in e.changes}
+    without = replace(truth, effects={name: own for name, own in truth.effects.items() if name not in loaded_before})
+    outcome = _run(without, study, mesh, included, folder, threads)
+    force = -outcome.reaction[:, -1]
+    if loaded_before:
+        # what the load before the first picture does is seen when the same forces are prescribed
+        loaded = tuple(replace(step, force=float(f)) for step, f in zip(steps, force, strict=True))
+        outcome = _run(truth, replace(study, control="force", steps=loaded), mesh, included, folder, threads)
+        outcome = since_first_picture(outcome, len(steps))
+    moved = -outcome.indenter[:, -1]
+    seen = Observation.of(_present(truth), truth.values, mesh.body, len(steps))
+    if seen is not None:
+        moved = seen.conjugate(moved, "displacement")
+    return Solved(_as_measured(truth, force), *take_pictures(truth, mesh, outcome, seen), moved)
+
+
+def _present(truth: Truth) -> list[Effect]:
+    return [effect for name, effect in truth.known.items() if name in truth.effects]
+
+
+def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, threads: int) -> Outcome:
+    """Solve a deck that includes its mesh by the name of its content, unless its solution is in the folder."""
+    solver = get_solver(truth.solver)
+    try:
+        context = deck_context(study, mesh, included, truth.values, truth.material, truth.known)
+        folders = template_folders(*([truth.own] if truth.own else []), truth.folder)
+        deck = render_deck(truth.template, context, folders)
+        write_text(folder / "deck.inp", deck)
+        known = folder / f"{simulation_name(deck, solver.identity())}.npz"
+        if not known.exists():
+            solver.solve(folder / "deck.inp", folder, threads).save(known)
+        outcome = Outcome.load(known)
+    except InputError as error:
+        raise _in_description(truth, folder, included, error) from error
+    except SolverError as error:
+        raise SolverError(f"{truth.path}: solver: {error}") from error
+    if outcome.status != CONVERGED:
+        raise SolverError(f"{truth.path}: displacement: {truth.solver}: {outcome.message}")
+    return outcome
+
+
+def _in_description(truth: Truth, folder: Path, included: str, error: InputError) -> InputError:
+    """An error of a deck, which is gone when it is read, as one of what the deck was made from."""
+    # an element without the line of a deck is one of the whole body, and a line of the included file one of its mesh
+    if Path(error.where) == folder / included or error.field == "*ELEMENT":
+        field, what = ("body.mesh", truth.mesh_file.name) if truth.mesh_file else ("mesh", "a mesh")
+        found = f"{what}, with {error.field}: {error.found}"
+    elif error.where.startswith("effect "):
+        field, found = f"effects.{error.where.removeprefix('effect ')}", f"{error.field}: {error.found}"
+    elif Path(error.where).parent == folder or error.where == truth.template:
+        # numbers of the description are right by now: what effects make of them need not be
+        field, what = ("effects", ", ".join(truth.effects)) if truth.effects else ("template", truth.template)
+        found = f"{what}, with which a deck has in {error.field}: {error.found}"
+    else:
+        return error  # a file of the user's own
+    return InputError(truth.path, field, found, error.expected)
+
+
+def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
+    """What a faulty sensor shows: effects tell, in a straight line, the force that is there from the one shown."""
+    for effect in _present(truth):
+        if "force" in effect.changes:
+            own = effect.own(truth.values)
+            try:
+                zero, one = (float(evaluate(effect.changes["force"], {"force": f, **own})) for f in (0.0, 1.0))
+                if one == zero:
+                    raise ValueError("no force moves what the sensor shows")
+            except (ValueError, TypeError) as error:
+                raise InputError(f"effect {effect.name}", "changes.force", error, "a straight line in force") from error
+            force = (force - zero) / (one - zero)
+    return force
+
+
+def add_noise(truth: Truth, solved: Solved, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Measured forces (N), displacements (mm) and pictures (stored intensity) with noise of a seed."""
+    rng = np.random.default_rng([seed, 2])
+    with np.errstate(all="ignore"):  # what is not finite is found below
+        force = solved.force + rng.normal(0.0, _force_spread(truth, solved), solved.force.shape)
+        moved = solved.displacement
+        moved = moved + rng.normal(0.0, truth.displacement_noise, moved.shape)
+    for field, spread, values in (
+        ("force", truth.force_noise, force),
+        ("displacement", truth.displacement_noise, moved),
+    ):
+        if not np.isfinite(values).all():
+            raise InputError(truth.path, f"noise.{field}", f"{spread:g}", f"one that leaves each {field} finite")
+    pictures = np.empty(solved.pictures.shape, np.uint16)
+    for picture, stored in zip(solved.pictures, pictures, strict=True):
+        noisy = add_rician(picture, truth.picture["noise"], rng)
+        stored[...] = np.rint(np.clip(noisy, 0, BRIGHTEST) * FULL_SCALE)
+    return force, moved, pictures
+
+
+def _force_spread(truth: Truth, solved: Solved) -> float:
+    """Standard deviation of the forces, N; a faulty sensor may show negative ones."""
+    return truth.force_noise * float(np.abs(solved.force).max())
+
+
+def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None) -> None:
+    """Write a study's folder with new noise, whole or not at all; what is there is replaced file by file.
+
+    Parameters
+    ----------
+    out : Path
+        Folder; the truth goes to ``sealed/truth.yaml`` in it.
+    seed : int, optional
+        Of the noise; that of the truth when left out.
+    """
+    import yaml
+
+    force, moved, pictures = add_noise(truth, solved, truth.seed if seed is None else seed)
+    pictured = truth.picture["pictured"]
+    out.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        temporary = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
+    except OSError as error:
+        raise FingerfitError(f"{out}: cannot be written: {error.strerror}") from error
+    try:
+        for number in [0, *pictured]:
+            name = "before" if number == 0 else f"step_{number}"
+            frame = solved.frame
+            picture = Picture(pictures[number], frame.spacing, frame.origin, frame.direction)
+            write_picture(temporary / "pictures" / f"{name}.nii.gz", picture)
+        timed = bool(truth.time)
+        rows = ["step,displacement,force,picture" + ",time" * timed]
+        for number, (d, f) in enumerate(zip(moved, force, strict=True), 1):
+            name = f"pictures/step_{number}.nii.gz" if number in pictured else ""
+            rows.append(f"{number},{d:.4f},{f:.4f},{name}" + (f",{truth.time[number - 1]:g}" if timed else ""))
+        write_text(temporary / "steps.csv", "\n".join(rows) + "\n")
+        write_text(temporary / "study.yaml", _study_text(truth, solved, temporary))
+        sealed = {
+            "constants": {f"mu_{layer['name']}": layer["mu"] for layer in truth.layers} | truth.material,
+            "unit": "MPa",
+            "mesh": truth.mesh or (truth.mesh_file.name if truth.mesh_file else ""),
+            "solver": get_solver(truth.solver).identity(),
+            "force": [round(float(f), 6) for f in solved.force],
+            "effects": truth.effects,
+        }
+        write_text(temporary / "sealed" / "truth.yaml", yaml.safe_dump(sealed, sort_keys=False))
+        for path in sorted(p for p in temporary.rglob("*") if p.is_file()):
+            target = out / path.relative_to(temporary)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(target)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _study_text(truth: Truth, solved: Solved, folder: Path) -> str:
+    """Text of study.yaml; meshes that it names are copied beside it."""
+    if truth.dim == 3:
+        return _study_in_space(truth, solved, folder)
+    layers = "".join(f"    - {{name: {lay['name']}, height: {lay['height']:g}}}\n" for lay in truth.layers)
+    return (
+        f"title: {truth.title}\n"
+        "units: {length: mm, force: N, time: s}\n"
+        "control: force\n"
+        "steps: steps.csv\n"
+        "pictures: {before: pictures/before.nii.gz, noise: estimated}\n"
+        f"noise: {{force: {_force_spread(truth, solved):.3g},"
+        f" displacement: {truth.displacement_noise:g}}}\n"
+        "body:\n"
+        f"  width: {truth.width:g}\n"
+        f"  thickness: {truth.thickness:g}\n"
+        f"  origin: [0, 0]\n"
+        f"  layers:\n{layers}"
+        "boundary: {base: held, indenter: glued}\n"
+    )
+
+
+def _study_in_space(truth: Truth, solved: Solved, folder: Path) -> str:
+    import yaml
+
+    given = truth.written
+    layers = [{"name": layer["name"], "height": layer.get("height")} for layer in truth.layers]
+    body = dict(given.get("body") or {"brick": list(truth.brick or ()), "layers": layers})
+    for key in ("mesh", "refined"):
+        if key in body:
+            mesh = truth.folder / str(body[key])
+            body[key] = mesh.name
+            if mesh.is_file():  # one that is morphed to the first picture comes later
+                shutil.copyfile(mesh, folder / mesh.name)
+    spread = {"force": _force_spread(truth, solved), "displacement": truth.displacement_noise}
+    data = {
+        "title": truth.title,
+        "units": {"length": "mm", "force": "N", "time": "s"},
+        "control": given.get("control", "force"),
+        "steps": "steps.csv",
+        "pictures": {"before": "pictures/before.nii.gz", "noise": "estimated", **(given.get("pictures") or {})},
+        "noise": {name: float(f"{value:.3g}") for name, value in spread.items() if value > 0},
+        "body": body,
+        "boundary": given.get("boundary") or dict(zip(("base", "indenter"), truth.boundary, strict=True)),
+    }
+    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
+
+
+def run_experiment(description: Path, out: Path) -> None:
+    """Make the study of a described experiment.
+
+    Raises
+    ------
+    FingerfitError
+        When the description is wrong or the body has no solution.
+    """
+    if not description.exists():
+        raise InputError(description, "file", "nothing", "the description of an experiment")
+    truth = read_truth(description)
+    with tempfile.TemporaryDirectory() as folder:
+        write_study(truth, solve(truth, Path(folder)), out)
