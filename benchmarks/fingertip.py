@@ -32,7 +32,8 @@ from fingerfit.core.files import write_text
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import render_deck
-from fingerfit.fit.refine import around_best, minimum
+from fingerfit.fit.minimum import minimum
+from fingerfit.fit.refine import around_best
 from fingerfit.fit.simulate import begin, solve_missing
 from fingerfit.provenance.results import model_folder
 from fingerfit.settings.config import load_settings
@@ -110,7 +111,7 @@ def elements() -> list[str]:
     ]
 
 
-def fit(settings: dict[str, Any], folder: Path) -> tuple[dict[str, Any], float]:
+def problem(settings: dict[str, Any], folder: Path) -> tuple[dict[str, Any], float]:
     """Estimate of a fit from a cold cache, and its seconds on the clock."""
     write_text(folder / "config.yaml", yaml.safe_dump(settings, sort_keys=False))
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
@@ -137,19 +138,19 @@ def solvers() -> list[str]:
             seconds[solver] = processor_time() - start
             outcomes[solver] = fits[solver].outcome(asked)
         seen = fits["calculix"].prediction(fits["calculix"].ask(VALUES)).pictures
-        fit = replace(fits["builtin"], data=replace(fits["builtin"].data, measured=seen))
+        problem = replace(fits["builtin"], data=replace(fits["builtin"].data, measured=seen))
         values = {key: value * share for (key, value), share in zip(VALUES.items(), (1.1, 0.95), strict=True)}
         for _ in range(3):
             base = {
                 "number": 1,
-                "solver": fit.solver,
-                "meshes": fit.mesh_names,
+                "solver": problem.solver,
+                "meshes": problem.mesh_names,
                 "history": [],
                 "best": {"values": values},
             }
-            asked_for = around_best(fit, base, values, "")
-            solve_missing(fit, asked_for.batch, 1)
-            found = minimum(fit, asked_for)
+            asked_for = around_best(problem, base, values, "")
+            solve_missing(problem, asked_for.batch, 1)
+            found = minimum(problem, asked_for)
             values = found.values
             if found.move < 0.01:
                 break
@@ -172,7 +173,7 @@ def fits() -> list[str]:
         settings = yaml.safe_load((STUDY / f"{name}.yaml").read_text(encoding="utf-8"))
         with tempfile.TemporaryDirectory() as folder:
             settings["results"] = f"{folder}/results"
-            found, seconds = fit(settings, Path(folder))
+            found, seconds = problem(settings, Path(folder))
             keep = CACHE / settings["model"]["name"]
             shutil.rmtree(keep, ignore_errors=True)
             chosen = load_settings(settings)

@@ -148,8 +148,8 @@ def run_case(case: Case, threads: int, keep: Path | None) -> dict[str, Any]:
                 "stages": [{"name": "independent", "kind": "independent", "step": 0.4, "tolx": 0.3, "tolf": 50.0}],
             },
         }
-        fit, everything = begin(load_settings(settings), folder / "model")
-        rungs = climb(fit, everything, truth, threads, 2)
+        problem, everything = begin(load_settings(settings), folder / "model")
+        rungs = climb(problem, everything, truth, threads, 2)
         return {"rungs": rungs, "minutes": (time.perf_counter() - began) / 60}
 
 
@@ -167,7 +167,7 @@ def row(name: str, found: dict[str, Any]) -> str:
     refits = ", ".join(f"{n} {misfit:.2f}" for n, (misfit, _, _) in first["refits"].items())
     numbers = ", ".join(f"{n} {v:.3g}" for n, v in last["values"].items() if "." in n) or "-"
     return (
-        f"| {name} | {first['verdict']} | {' or '.join(first['blamed']) or '-'} | {first['misfit']:.2f} -> {refits} |"
+        f"| {name} | {first['verdict']} | {' or '.join(first['named']) or '-'} | {first['misfit']:.2f} -> {refits} |"
         f" {error(first)} | {error(last) if climbed else '-'} | {constants(first)} |"
         f" {constants(last) if climbed else '-'} | {numbers} | {last['verdict']} | {found['minutes']:.0f} |"
     )

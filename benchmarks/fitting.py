@@ -10,7 +10,7 @@ from typing import Any
 
 from fingerfit.fit.course import next_round
 from fingerfit.fit.estimate import estimate_of
-from fingerfit.fit.problem import Fit
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import begin, solve_missing
 from fingerfit.settings.config import load_settings
@@ -27,14 +27,14 @@ class Fitted:
     ----------
     estimate : dict
         What estimate.json would hold.
-    fit : Fit
+    problem : InverseProblem
     last : Round
     seconds : dict
         Processor time of ``propose``, ``simulate``, ``estimate``.
     """
 
     estimate: dict[str, Any]
-    fit: Fit
+    problem: InverseProblem
     last: Round
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -46,16 +46,16 @@ def processor_time() -> float:
 
 def fit_study(config: Mapping[str, Any], folder: Path) -> Fitted:
     """Fit the study of a config; simulations go to `folder`."""
-    fit, last = begin(load_settings(config), folder)[0], None
+    problem, last = begin(load_settings(config), folder)[0], None
     seconds = {"propose": 0.0, "simulate": 0.0, "estimate": 0.0}
     while last is None or last.stop is None:
         start = processor_time()
-        last = next_round(fit, last)
+        last = next_round(problem, last)
         asked = processor_time()
-        solve_missing(fit, last.batch, 1)
+        solve_missing(problem, last.batch, 1)
         seconds["propose"] += asked - start
         seconds["simulate"] += processor_time() - asked
     start = processor_time()
-    found = estimate_of(fit, last)
+    found = estimate_of(problem, last)
     seconds["estimate"] = processor_time() - start
-    return Fitted(found, fit, last, seconds)
+    return Fitted(found, problem, last, seconds)

@@ -23,11 +23,11 @@ import yaml
 
 from fingerfit.core.errors import FingerfitError, SolverError
 from fingerfit.core.files import digest, write_json, write_text
-from fingerfit.diagnosis.examination import Examination
-from fingerfit.diagnosis.examine import Examined, added, errors, examine
+from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.diagnose import Diagnosis, added, diagnose, errors
 from fingerfit.fit.estimate import estimate_of
-from fingerfit.fit.problem import Fit
-from fingerfit.fit.refine import minimum
+from fingerfit.fit.minimum import minimum
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.model.catalogue import catalogue
@@ -122,19 +122,19 @@ def truth_of(hidden: dict[str, Any], solver: str, mesh: dict[str, Any]) -> Truth
     return replace(truth, effects=hidden, mesh=mesh, solver=solver, own=own)
 
 
-def rung(fit: Fit, last: Round, found: Examined, truth: Truth) -> dict[str, Any]:
+def rung(problem: InverseProblem, last: Round, found: Diagnosis, truth: Truth) -> dict[str, Any]:
     """One row of the table."""
-    examination: Examination = found.examination
-    fitted, held_out = errors(examination)
-    values = minimum(fit, last).values
-    intervals = {n: entry["interval95"] for n, entry in estimate_of(fit, last)["parameters"].items()}
+    comparison: Comparison = found.comparison
+    fitted, held_out = errors(comparison)
+    values = minimum(problem, last).values
+    intervals = {n: entry["interval95"] for n, entry in estimate_of(problem, last)["parameters"].items()}
     constants = {n: v for n, v in truth.values.items() if n in values and n.startswith("mu")}
     return {
-        "effects": list(fit.settings.model.effects),
+        "effects": list(problem.settings.model.effects),
         "verdict": found.verdict.kind,
-        "blamed": list(found.verdict.effects),
-        "ranking": [[one.suspect.effect.name, round(one.finding.fall, 1)] for one in found.looks[:4]],
-        "misfit": found.judge.misfit / found.judge.freedom,
+        "named": list(found.verdict.effects),
+        "ranking": [[one.candidate.effect.name, round(one.finding.fall, 1)] for one in found.ranking[:4]],
+        "misfit": found.score_test.misfit / found.score_test.freedom,
         "refits": {n: [r.misfit / r.freedom, r.fitted, r.held_out] for n, r in found.refits.items()},
         "fitted": fitted,
         "held_out": held_out,
@@ -157,17 +157,19 @@ def measured(name: str) -> tuple[Truth, Solved]:
     raise SolverError(f"{name}: neither solver nor mesh of the data finds an equilibrium")
 
 
-def climb(fit: Fit, everything: Data, truth: Truth, threads: int, highest: int = 3) -> list[dict[str, Any]]:
-    """Fit, diagnose, add what is blamed first, and again; a row for each rung."""
-    last = run_fit(fit, threads)[0]
+def climb(
+    problem: InverseProblem, everything: Data, truth: Truth, threads: int, highest: int = 3
+) -> list[dict[str, Any]]:
+    """Fit, diagnose, add what is named first, and again; a row for each rung."""
+    last = run_fit(problem, threads)[0]
     rungs = []
     while True:
-        found = examine(fit, last, everything, threads)
-        rungs.append(rung(fit, last, found, truth))
+        found = diagnose(problem, last, everything, threads)
+        rungs.append(rung(problem, last, found, truth))
         if not found.verdict.effects or len(rungs) == highest:
             return rungs
-        fit = added(fit, last, found, found.verdict.effects[0])
-        last = run_fit(fit, threads)[0]
+        problem = added(problem, last, found, found.verdict.effects[0])
+        last = run_fit(problem, threads)[0]
 
 
 def run_case(name: str, threads: int, keep: Path | None, highest: int = 3) -> dict[str, Any]:
@@ -183,8 +185,8 @@ def run_case(name: str, threads: int, keep: Path | None, highest: int = 3) -> di
         for constant in {KNOWN[effect] for effect in hidden if effect in KNOWN}:
             del config["model"]["parameters"][constant]
             config["model"]["material"][constant] = truth.values[constant]
-        fit, everything = begin(load_settings({**config, "study": str(folder / "study")}), folder / "model")
-        rungs = climb(fit, everything, truth, threads, highest)
+        problem, everything = begin(load_settings({**config, "study": str(folder / "study")}), folder / "model")
+        rungs = climb(problem, everything, truth, threads, highest)
     times = {"made": made - began, "found": time.perf_counter() - made}
     data = f"{truth.solver}, {truth.mesh['across']} x {truth.mesh['across']}"
     return {"hidden": hidden, "seed": seed, "data": data, "rungs": rungs, **times}
@@ -220,7 +222,7 @@ def counts(cases: dict[str, dict[str, Any]]) -> list[str]:
         return f"| {title} | {so} | {wanted} | {len(missed)}{listed} |"
 
     def first(case: dict[str, Any]) -> tuple[str, set[str]]:
-        return case["rungs"][0]["verdict"], set(case["rungs"][0]["blamed"])
+        return case["rungs"][0]["verdict"], set(case["rungs"][0]["named"])
 
     def reached(case: dict[str, Any], hidden: set[str]) -> bool:
         """Whether what is hidden was added in the end, and nothing is missing any more."""
@@ -238,7 +240,7 @@ def counts(cases: dict[str, dict[str, Any]]) -> list[str]:
         line("clear: the hidden effect is named, or is in the set that these data cannot tell apart", CLEAR,
              lambda case, hidden: hidden <= first(case)[1], 95),
         line("clear: its name alone", CLEAR, lambda case, hidden: first(case) == ("missing", hidden), 85),
-        line("clear: adequate once what was blamed first is added", CLEAR,
+        line("clear: adequate once what was named first is added", CLEAR,
              lambda case, hidden: len(case["rungs"]) == 2 and case["rungs"][1]["verdict"] == "adequate"),
         line("right effect added: held-out error at most 1.1 of the noise", added,
              lambda case, hidden: (after(case, hidden) or {})["held_out"] <= 1.1),
@@ -260,7 +262,7 @@ def counts(cases: dict[str, dict[str, Any]]) -> list[str]:
 
 
 COLUMNS = (
-    "hidden", "data", "verdict", "blamed", "error before", "after", "mu before", "after", "numbers found", "at last",
+    "hidden", "data", "verdict", "named", "error before", "after", "mu before", "after", "numbers found", "at last",
     "time",
 )  # fmt: skip
 
@@ -272,7 +274,7 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
         "",
         "Made by `benchmarks/hidden_effects.py` (`make benchmark-hidden`). Errors are root mean square differences of",
         "the pictures in multiples of what noise alone leaves, fitted / held-out steps; mu errors are those of the",
-        "three layers against the truth, before and after the blamed effects were added; times hold for one thread",
+        "three layers against the truth, before and after the named effects were added; times hold for one thread",
         "beside other work; data: solver and mesh of CPE8. The method was improved while the same cases with other",
         "noise were looked at. An error in the gain of the force sensor cannot be told from a common factor of all",
         "constants; there mu_bottom is known and not fitted.",
@@ -290,11 +292,11 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
         def constants(row: dict[str, Any]) -> str:
             return ", ".join(f"{100 * e:+.1f} %" for e in row["errors"].values())
 
-        blamed = " or ".join(first["blamed"]) or "-"
+        named = " or ".join(first["named"]) or "-"
         numbers = ", ".join(f"{n} {v:.4g}" for n, v in last["values"].items() if "." in n) or "-"
         climbed = len(case["rungs"]) > 1
         lines.append(
-            f"| {name} | {case['data']} | {first['verdict']} | {blamed} |"
+            f"| {name} | {case['data']} | {first['verdict']} | {named} |"
             f" {error(first)} | {error(last) if climbed else '-'} |"
             f" {constants(first)} | {constants(last) if climbed else '-'} | {numbers} | {last['verdict']} |"
             f" {case['found']:.0f} s |"
@@ -329,7 +331,7 @@ def main() -> None:
         if path.exists():
             cases[name] = json.loads(path.read_text(encoding="utf-8"))
             first = cases[name]["rungs"][0]
-            print(name, first["verdict"], first["blamed"], first["ranking"], flush=True)
+            print(name, first["verdict"], first["named"], first["ranking"], flush=True)
     if not args.write:
         write_text(HERE / "hidden_effects.md", table(cases))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fingerfit.fit.problem import Fit
+    from fingerfit.fit.problem import InverseProblem
     from fingerfit.settings.config import Settings
 
 
@@ -83,9 +83,9 @@ def _checked(path: Path) -> Settings:
     return load_settings(read_json(path), path) if path.suffix == ".json" else load_settings(path)
 
 
-def _fit(args: argparse.Namespace, settings: Settings | None = None) -> Fit:
+def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseProblem:
     from fingerfit.core.files import check_kept
-    from fingerfit.fit.problem import Fit
+    from fingerfit.fit.problem import InverseProblem
     from fingerfit.settings.choices import read_checked
     from fingerfit.study.data import Data
 
@@ -96,7 +96,7 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> Fit:
     files = {"search": args.mesh} | ({"refined": args.refined} if args.refined else {})
     for path in files.values():
         check_kept(path)
-    return Fit(settings, Data.load(args.data), files, args.sims)
+    return InverseProblem(settings, Data.load(args.data), files, args.sims)
 
 
 def propose(args: argparse.Namespace) -> None:
@@ -104,12 +104,14 @@ def propose(args: argparse.Namespace) -> None:
     from fingerfit.fit.course import next_round
     from fingerfit.fit.rounds import Round
 
-    fit = _fit(args)
-    current = next_round(fit, Round.load(args.last) if args.last else None, args.threads)
+    problem = _fit(args)
+    current = next_round(problem, Round.load(args.last) if args.last else None, args.threads)
     current.save(args.out)
     known = sum((args.sims / asked.sim / "solution.npz").exists() for asked in current.batch)
     scored = current.best is not None and current.best["score"] is not None
-    best = "" if current.best is None or not scored else f"best {fit.settings.fit.score} {current.best['score']:.6f}, "
+    best = (
+        "" if current.best is None or not scored else f"best {problem.settings.fit.score} {current.best['score']:.6f}, "
+    )
     stop = f"; stop: {current.stop}" if current.stop else ""
     print(
         f"round {current.number:3d}  {current.stage:<12} {best}simulations: {known} cached,"
@@ -124,9 +126,9 @@ def estimate(args: argparse.Namespace) -> None:
     from fingerfit.fit.estimate import estimate_of, table_of
     from fingerfit.fit.rounds import Round, asked_for
 
-    fit, last = _fit(args), Round.load(args.last)
-    fit.predict_all(last.batch, args.threads)
-    found = estimate_of(fit, last, args.threads, asked_for(args.last))
+    problem, last = _fit(args), Round.load(args.last)
+    problem.predict_all(last.batch, args.threads)
+    found = estimate_of(problem, last, args.threads, asked_for(args.last))
     write_text(args.table, table_of(found))
     keep_json(args.out, found)
 
@@ -142,19 +144,19 @@ def plot(args: argparse.Namespace) -> None:
 def diagnose(args: argparse.Namespace) -> None:
     """Say where a fitted model fails and which effect is missing."""
     from fingerfit.core.files import keep_json, read_record
-    from fingerfit.diagnosis.examine import examine
+    from fingerfit.diagnosis.diagnose import diagnose
     from fingerfit.fit.rounds import Round, asked_for
     from fingerfit.prepare.prepare import prepare
     from fingerfit.report.findings import count_simulations, rung_of, write_compare, write_diagnosis
 
-    fit, last = _fit(args, _checked(args.settings)), Round.load(args.last)
-    smooth, crop = fit.settings.fit.smooth, fit.settings.fit.crop
-    everything = prepare(fit.study, fit.meshes["search"], None, smooth, crop)
-    found = examine(fit, last, everything, args.threads)
+    problem, last = _fit(args, _checked(args.settings)), Round.load(args.last)
+    smooth, crop = problem.settings.fit.smooth, problem.settings.fit.crop
+    everything = prepare(problem.study, problem.meshes["search"], None, smooth, crop)
+    found = diagnose(problem, last, everything, args.threads)
     estimate = read_record(args.estimate, "parameters")
-    write_compare(found.examination, args.out.parent / "compare.npz")
-    study, model = args.out.parents[1], fit.settings.model
-    counted = count_simulations(study, model.path, set(asked_for(args.last)), fit.asked)
+    write_compare(found.comparison, args.out.parent / "compare.npz")
+    study, model = args.out.parents[1], problem.settings.model
+    counted = count_simulations(study, model.path, set(asked_for(args.last)), problem.asked)
     keep_json(args.out.parent / "rung.json", rung_of(found, estimate, counted))
     write_diagnosis(found, args.out)
     total, reused = counted["run"] + counted["reused"], counted["reused"]

@@ -16,7 +16,7 @@ from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import render_deck
 from fingerfit.fit.course import next_round
-from fingerfit.fit.problem import Fit
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import solve_missing
 from fingerfit.mesh.blocks import layered_block
@@ -40,13 +40,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items.sort(key=place)
 
 
-def all_rounds(fit: Fit, folder: Path) -> tuple[Round, int]:
+def all_rounds(problem: InverseProblem, folder: Path) -> tuple[Round, int]:
     """All rounds of a fit, kept as the workflow keeps them; the last one, and how many simulations were not known."""
     last, run = None, 0
     while last is None or last.stop is None:
-        last = next_round(fit, last)
+        last = next_round(problem, last)
         last.save(folder / f"{last.number}.json")
-        run += solve_missing(fit, last.batch, 1)
+        run += solve_missing(problem, last.batch, 1)
     return last, run
 
 

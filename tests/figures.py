@@ -9,18 +9,19 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from fingerfit.fit.estimate import plots
+from fingerfit.report import drawing, plots
 
 
 def recorded(patch: pytest.MonkeyPatch) -> dict[str, Figure]:
     """Figures that this process saves from now on, by the name of their file."""
-    drawn, save = {}, plots.save
+    drawn, save = {}, drawing.save
 
     def keep(figure, path):
         drawn[Path(path).stem] = figure
         save(figure, path)
 
-    patch.setattr(plots, "save", keep)
+    for module in (drawing, plots):
+        patch.setattr(module, "save", keep)
     return drawn
 
 
@@ -41,12 +42,12 @@ def legend_of(figure):
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
-def check_forces(figure, data, conjugate):
+def check_forces(figure, data, response):
     """Model through the origin, measured values with bars of two standard deviations, both axes with their unit."""
     (axes,) = figure.axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("displacement of the indenter in mm", "force in N")
     (model,) = (line for line in axes.lines if line.get_label() == "model")
-    moved, force = (conjugate, data.force) if data.control == "force" else (data.displacement, conjugate)
+    moved, force = (response, data.force) if data.control == "force" else (data.displacement, response)
     assert model.get_xydata() == pytest.approx(np.stack([[0, *moved], [0, *force]], axis=1))
     (measured,) = axes.containers
     points, _, bars = measured.lines

@@ -41,11 +41,11 @@ def loop(out: Path) -> None:
     settings = load_settings(ROOT / "config.yaml")
     settings = settings.model_copy(update={"study": str(ROOT / settings.study)})
     with tempfile.TemporaryDirectory() as folder:
-        fit, _ = begin(settings, Path(folder))
-        asked = fit.ask(GUESS)
-        solve_missing(fit, [asked], 1)
-        outcome, made, mesh = fit.outcome(asked), fit.prediction(asked), fit.meshes["search"]
-    data, start = fit.data, asked.deck.index("*MATERIAL")
+        problem, _ = begin(settings, Path(folder))
+        asked = problem.ask(GUESS)
+        solve_missing(problem, [asked], 1)
+        outcome, made, mesh = problem.outcome(asked), problem.prediction(asked), problem.meshes["search"]
+    data, start = problem.data, asked.deck.index("*MATERIAL")
     lines = asked.deck[start:].splitlines()[:12]
     figure = Figure(figsize=(11.0, 6.6))
     panel = _Panels(figure)

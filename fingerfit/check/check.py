@@ -268,7 +268,7 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
         seen.shift(1)
         seen.intensity(np.zeros(1), 1, *mesh.body[:1].T)
         for name in ("force", "displacement"):
-            seen.conjugate(np.zeros(len(study.steps)), name)
+            seen.response(np.zeros(len(study.steps)), name)
         found.append(", ".join(effect.observes))
     return f"changes {' and '.join(found)}" if found else "changes nothing in this study: not tested here"
 

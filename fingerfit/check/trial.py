@@ -14,7 +14,7 @@ from fingerfit.check.expect import expected
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.files import write_text
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.fit.problem import FINAL, REFINED, SEARCH, Fit
+from fingerfit.fit.problem import FINAL, REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, write_folders
 from fingerfit.forward.decks import make_deck
 from fingerfit.mesh.mesh import Mesh
@@ -53,19 +53,19 @@ def try_out(settings: Settings, study: Study, mesh: Mesh, data: Data, solve: boo
         When the solver is not there, or cannot be run.
     """
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name:
-        fit = _fit(settings, study, mesh, data, Path(name))
-        lines = [_solver(fit), *_deck(fit)]
-        expects = expected(settings, REFINED in fit.meshes)
+        problem = _fit(settings, study, mesh, data, Path(name))
+        lines = [_solver(problem), *_deck(problem)]
+        expects = expected(settings, REFINED in problem.meshes)
         low, high = expects.simulations
         finer = f", {expects.finest[0]} to {expects.finest[1]} of them on the finer mesh" if expects.finest[1] else ""
         words = f"about {low} to {high} simulations in {expects.rounds[0]} to {expects.rounds[1]} rounds{finer}"
         if not solve:
             return [*lines, "start: not simulated", f"to expect: {words}"]
-        told, seconds, scoring = _simulate(fit)
+        told, seconds, scoring = _simulate(problem)
         lines.append(told)
         cores = len(os.sched_getaffinity(0))
         shortest, longest = (
-            _time(fit, rounds, simulations, finest, seconds, scoring, cores)
+            _time(problem, rounds, simulations, finest, seconds, scoring, cores)
             for rounds, simulations, finest in zip(expects.rounds, expects.simulations, expects.finest, strict=True)
         )
         count = f"{cores} core{'s' * (cores > 1)}"
@@ -76,79 +76,83 @@ def try_out(settings: Settings, study: Study, mesh: Mesh, data: Data, solve: boo
         return lines
 
 
-def _fit(settings: Settings, study: Study, mesh: Mesh, data: Data, folder: Path) -> Fit:
+def _fit(settings: Settings, study: Study, mesh: Mesh, data: Data, folder: Path) -> InverseProblem:
     meshes = {SEARCH: mesh}
     if settings.model.refined or study.body.refined:
         meshes[REFINED] = make_mesh(study, settings.model.refined, finer=True)
     files = {name: folder / f"{name}.inp" for name in meshes}
     for name, one in meshes.items():
         write_text(files[name], format_mesh(one))
-    return Fit(settings, data, files, folder / "sims")
+    return InverseProblem(settings, data, files, folder / "sims")
 
 
-def _solver(fit: Fit) -> str:
+def _solver(problem: InverseProblem) -> str:
     """Name, version and place of the solver; of a template that is wrong too, both are told at once."""
     problems: list[FingerfitError] = []
     try:
-        found = fit.solver
+        found = problem.solver
     except FingerfitError as error:
         problems.append(error)
     try:
-        make_deck(fit.settings, fit.study, fit.meshes[SEARCH], "mesh", fit.settings.starts(), fit.effects)
+        make_deck(
+            problem.settings, problem.study, problem.meshes[SEARCH], "mesh", problem.settings.starts(), problem.effects
+        )
     except InputError as error:
         problems.append(error)
     if problems:
         raise Problems(problems) if len(problems) > 1 else problems[0]
-    place = getattr(get_solver(fit.settings.solver), "executable", None)
+    place = getattr(get_solver(problem.settings.solver), "executable", None)
     return f"solver: {found['name']} {found.get('version', '')}".rstrip() + (f", {place}" if place else "")
 
 
-def _deck(fit: Fit) -> list[str]:
+def _deck(problem: InverseProblem) -> list[str]:
     """The deck of the start on each mesh, as the solver sees it."""
-    start = fit.settings.starts()
+    start = problem.settings.starts()
     lines = []
     for role, kind in ((SEARCH, "mesh of the search"), (FINAL, "finer mesh")):
-        if role == FINAL and REFINED not in fit.mesh_files:
+        if role == FINAL and REFINED not in problem.mesh_files:
             continue
-        asked = fit.ask(start, role)
-        refused = fit.refusal(asked)
+        asked = problem.ask(start, role)
+        refused = problem.refusal(asked)
         if refused is not None:
             raise refused
-        nodes = len(fit.meshes[fit.mesh_of(asked)].points)
+        nodes = len(problem.meshes[problem.mesh_of(asked)].points)
         count = len(asked.deck.splitlines())
-        lines.append(f"deck: {fit.settings.model.template} makes {count} lines for the {kind}, {nodes} nodes; accepted")
+        lines.append(
+            f"deck: {problem.settings.model.template} makes {count} lines for the {kind}, {nodes} nodes; accepted"
+        )
     return lines
 
 
-def _simulate(fit: Fit) -> tuple[str, float, float]:
+def _simulate(problem: InverseProblem) -> tuple[str, float, float]:
     """What the simulation of the start showed; seconds of the job, and of a round's job beside Snakemake."""
-    asked = fit.ask(fit.settings.starts())
-    write_folders(fit.sims.parent, [asked], fit.solver, {asked.mesh: fit.mesh_files[SEARCH]})
-    folder = fit.sims / asked.sim
+    asked = problem.ask(problem.settings.starts())
+    write_folders(problem.sims.parent, [asked], problem.solver, {asked.mesh: problem.mesh_files[SEARCH]})
+    folder = problem.sims / asked.sim
     deck, solver, out = (str(folder / name) for name in ("deck.inp", "solver.json", "solution.npz"))
     seconds = _run("-m", "fingerfit", "simulate", deck, "--solver", solver, "--out", out)
     scoring = _run("-c", "import fingerfit.fit.course")
-    outcome = fit.outcome(asked)
+    outcome = problem.outcome(asked)
     values = ", ".join(f"{name} {value:g}" for name, value in asked.values.items())
     if outcome.status != CONVERGED:
         told = f"{outcome.message}; such guesses get the worst score, so that most others should have a solution"
         return f"start ({values}): {told}", seconds, scoring
     start = time.perf_counter()
-    fit.predict_all([asked], 1)
-    score = fit.score(fit.prediction(asked))
+    problem.predict_all([asked], 1)
+    score = problem.score(problem.prediction(asked))
     scoring += time.perf_counter() - start
-    return f"start ({values}): {_steps(fit, asked)} in {seconds:.2g} s; {_scored(fit, score)}", seconds, scoring
+    return f"start ({values}): {_steps(problem, asked)} in {seconds:.2g} s; {_scored(problem, score)}", seconds, scoring
 
 
-def _steps(fit: Fit, asked: Asked) -> str:
-    iterations = sum(fit.outcome(asked).iterations)
-    return f"solved, {len(fit.data.step)} steps" + (f" with {iterations} iterations," if iterations else ",")
+def _steps(problem: InverseProblem, asked: Asked) -> str:
+    iterations = sum(problem.outcome(asked).iterations)
+    return f"solved, {len(problem.data.step)} steps" + (f" with {iterations} iterations," if iterations else ",")
 
 
-def _scored(fit: Fit, score: float) -> str:
+def _scored(problem: InverseProblem, score: float) -> str:
     if not math.isfinite(score):
-        raise FingerfitError(f"start: its {fit.settings.fit.score} is {score}: there is nothing to compare")
-    return f"score {fit.settings.fit.score} {score:.6g}"
+        raise FingerfitError(f"start: its {problem.settings.fit.score} is {score}: there is nothing to compare")
+    return f"score {problem.settings.fit.score} {score:.6g}"
 
 
 def _run(*arguments: str) -> float:
@@ -167,13 +171,15 @@ def _run(*arguments: str) -> float:
     return time.perf_counter() - start
 
 
-def _time(fit: Fit, rounds: int, simulations: int, finest: int, seconds: float, scoring: float, cores: int) -> float:
+def _time(
+    problem: InverseProblem, rounds: int, simulations: int, finest: int, seconds: float, scoring: float, cores: int
+) -> float:
     """Seconds of a fit: rounds follow each other, their simulations run beside each other."""
     turns = max(rounds, math.ceil(simulations / cores))
     growth = 1.0
-    if REFINED in fit.meshes:
-        nodes = {name: len(mesh.points) for name, mesh in fit.meshes.items()}
-        growth = (nodes[REFINED] / nodes[SEARCH]) ** GROWTH[fit.meshes[SEARCH].dim]
+    if REFINED in problem.meshes:
+        nodes = {name: len(mesh.points) for name, mesh in problem.meshes.items()}
+        growth = (nodes[REFINED] / nodes[SEARCH]) ** GROWTH[problem.meshes[SEARCH].dim]
     return rounds * (scoring + BETWEEN) + (turns + finest * (growth - 1)) * seconds
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fingerfit.core.errors import InputError
-from fingerfit.fit.problem import REFINED, SEARCH, Fit
+from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.decks import with_effect
 from fingerfit.model.applicable import not_measured, unmet
@@ -14,7 +14,7 @@ from fingerfit.model.effect import OBSERVATION, Effect
 
 
 @dataclass(frozen=True)
-class Suspect:
+class Candidate:
     """An effect at one place, with the simulations that show it.
 
     Parameters
@@ -31,25 +31,25 @@ class Suspect:
     asked: tuple[Asked, ...] = ()
 
 
-def suspects(fit: Fit, values: Mapping[str, float]) -> tuple[list[Suspect], dict[str, InputError]]:
+def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[list[Candidate], dict[str, InputError]]:
     """Effects that make sense in this study and are not in the model, with their simulations at small sizes.
 
     Returns
     -------
-    list of Suspect
+    list of Candidate
     dict
         What the solver lacks for others, by their titles: they are not tried.
     """
-    study = fit.study
-    found: list[Suspect] = []
+    study = problem.study
+    found: list[Candidate] = []
     lacking: dict[str, InputError] = {}
-    without = fit.ask(values).sim
-    for effect in fit.effects.values():
-        if effect.name in fit.settings.model.effects or unmet(effect, study, fit.meshes[SEARCH].dim):
+    without = problem.ask(values).sim
+    for effect in problem.effects.values():
+        if effect.name in problem.settings.model.effects or unmet(effect, study, problem.meshes[SEARCH].dim):
             continue
-        if _is_fitted(effect, fit):
+        if _is_fitted(effect, problem):
             continue
-        if effect.name == "coarse_mesh" and REFINED not in fit.mesh_files:
+        if effect.name == "coarse_mesh" and REFINED not in problem.mesh_files:
             continue
         for place in effect.places():
             if "layer" in effect.scan and place[effect.key("layer")] > len(study.layer_names):
@@ -57,30 +57,30 @@ def suspects(fit: Fit, values: Mapping[str, float]) -> tuple[list[Suspect], dict
             asked = []
             for parameter in effect.parameters if effect.acts != OBSERVATION and effect.name != "coarse_mesh" else ():
                 trial = with_effect(effect, place, parameter.name)
-                asked.append(fit.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
+                asked.append(problem.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
             if asked and all(one.sim == without for one in asked):
                 continue  # no part of this study's deck: friction where nothing is in contact
             if asked and not any(one.effect.name == effect.name for one in found):
                 # its first place only: the others have the same keywords
-                refused = next(filter(None, map(fit.refusal, asked)), None)
+                refused = next(filter(None, map(problem.refusal, asked)), None)
                 if refused is not None:
                     lacking[effect.title] = refused
                     break
-            found.append(Suspect(effect, place, tuple(asked)))
+            found.append(Candidate(effect, place, tuple(asked)))
     return found, lacking
 
 
-def untestable(fit: Fit) -> dict[str, InputError]:
+def untestable(problem: InverseProblem) -> dict[str, InputError]:
     """Effects that may be in this body but cannot be tested on what was measured, by title, and what is lacking.
 
     Those on the observation are not among them: a brightness that drifts is none where there are no pictures.
     """
-    study, found = fit.study, dict[str, InputError]()
-    for effect in fit.effects.values():
-        if effect.name in fit.settings.model.effects or effect.acts == OBSERVATION:
+    study, found = problem.study, dict[str, InputError]()
+    for effect in problem.effects.values():
+        if effect.name in problem.settings.model.effects or effect.acts == OBSERVATION:
             continue
-        lacking = not_measured(effect, study, fit.meshes[SEARCH].dim)
-        if effect.name == "coarse_mesh" and REFINED not in fit.mesh_files:
+        lacking = not_measured(effect, study, problem.meshes[SEARCH].dim)
+        if effect.name == "coarse_mesh" and REFINED not in problem.mesh_files:
             lacking = ["a finer mesh"]
         if lacking:
             expected = "it in the study, or for a mesh in the settings: then the effect is tested"
@@ -88,10 +88,10 @@ def untestable(fit: Fit) -> dict[str, InputError]:
     return found
 
 
-def _is_fitted(effect: Effect, fit: Fit) -> bool:
+def _is_fitted(effect: Effect, problem: InverseProblem) -> bool:
     """Whether all that an effect changes are constants that the model fits in every layer."""
-    model = fit.settings.model.parameters
-    names = fit.study.layer_names
+    model = problem.settings.model.parameters
+    names = problem.study.layer_names
     return (
         set(effect.changes) <= {"alpha", "poisson"}
         and bool(effect.changes)

@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerfit.diagnosis.candidates import Suspect
-from fingerfit.diagnosis.examination import Examination, Look
-from fingerfit.diagnosis.score_test import Judge
-from fingerfit.fit.linear import STEP, sensitivity_values
-from fingerfit.fit.problem import REFINED, SEARCH, Fit
+from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.comparison import Comparison, Ranked
+from fingerfit.diagnosis.score_test import ScoreTest
+from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.fit.simulate import solve_missing
+from fingerfit.fit.slopes import STEP, difference, neighbours
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.study.reader import with_gain
 from fingerfit.study.study import Study
@@ -74,14 +74,14 @@ def designs(study: Study, refined: bool = True) -> list[Design]:
 
 
 def separation(
-    examination: Examination, first: Look, second: Look, threads: int = 1
+    comparison: Comparison, first: Ranked, second: Ranked, threads: int = 1
 ) -> tuple[list[tuple[str, float]], int]:
     """How much better each further measurement would separate two effects.
 
     Parameters
     ----------
-    examination : Examination
-    first, second : Look
+    comparison : Comparison
+    first, second : Ranked
     threads : int
         Simulations beside each other.
 
@@ -93,13 +93,13 @@ def separation(
     int
         Simulations that were not known before.
     """
-    fit, run = examination.fit, 0
-    fit = fit.with_mesh(HALF, half_indenter(fit.meshes[SEARCH]))
-    base = _Shown(examination, fit, MEASURED).signal(first, second)
+    problem, run = comparison.problem, 0
+    problem = problem.with_mesh(HALF, half_indenter(problem.meshes[SEARCH]))
+    base = _Shown(comparison, problem, MEASURED).signal(first, second)
     found = []
-    for design in designs(fit.study, REFINED in fit.mesh_files):
-        shown = _Shown(examination, fit, design)
-        run += solve_missing(fit, shown.asked(first, second), threads)
+    for design in designs(problem.study, REFINED in problem.mesh_files):
+        shown = _Shown(comparison, problem, design)
+        run += solve_missing(problem, shown.asked(first, second), threads)
         signal = shown.signal(first, second)
         if signal is not None and base:
             found.append((design.title, signal / base))
@@ -109,39 +109,39 @@ def separation(
 class _Shown:
     """What a design would show of a model and of effects."""
 
-    def __init__(self, examination: Examination, fit: Fit, design: Design) -> None:
-        self.examination, self.fit, self.design = examination, fit, design
-        self.values = examination.base.values
+    def __init__(self, comparison: Comparison, problem: InverseProblem, design: Design) -> None:
+        self.comparison, self.problem, self.design = comparison, problem, design
+        self.values = comparison.base.values
 
-    def asked(self, *looks: Look) -> list[Asked]:
+    def asked(self, *ranking: Ranked) -> list[Asked]:
         """Simulations that are needed."""
         if self.design.study is None:
             return []
         own = [a for pair in self._sides.values() for a in pair]
-        return [self._null, *own, *(a for look in looks for a in self._suspect(look).asked)]
+        return [self._null, *own, *(a for one in ranking for a in self._candidate(one).asked)]
 
-    def signal(self, first: Look, second: Look) -> float | None:
+    def signal(self, first: Ranked, second: Ranked) -> float | None:
         """Squared size of the first effect that nothing else can imitate; None without a solution."""
-        examination, design = self.examination, self.design
-        if any(examination.read(asked) is None for asked in self.asked(first, second)):
+        comparison, design = self.comparison, self.design
+        if any(comparison.read(asked) is None for asked in self.asked(first, second)):
             return None
-        residual = examination.residual
+        residual = comparison.residual
         pictures = np.flatnonzero(residual.kept) < residual.value.size
         scale = np.where(pictures, design.pictures, design.forces)
-        covariance = residual.covariance * np.outer(scale, scale) + examination.mesh_covariance() * design.error**2
-        slope = self._slope if design.study else examination.slope
-        own, unknown = examination.own(slope), examination.nuisance(slope)
+        covariance = residual.covariance * np.outer(scale, scale) + comparison.mesh_covariance() * design.error**2
+        slope = self._slope if design.study else comparison.slope
+        own, unknown = comparison.own(slope), comparison.nuisance(slope)
         one, other = self._columns(first), self._columns(second)
         if one is None or other is None:
             return None
         # columns of the prescribed quantity and of the mesh take turns
         unknown = unknown * np.tile([design.forces, design.error], unknown.shape[1] // 2)
-        judge = Judge(residual.vector, covariance, np.concatenate([own, other], axis=1), unknown)
-        return float((judge.signature(one @ first.finding.size[:, None]) ** 2).sum())
+        score_test = ScoreTest(residual.vector, covariance, np.concatenate([own, other], axis=1), unknown)
+        return float((score_test.signature(one @ first.finding.size[:, None]) ** 2).sum())
 
     def _ask(self, values: Mapping[str, float], role: str, gain: float = 1.0) -> Asked:
-        study = self.design.study or self.fit.study
-        return self.fit.ask(values, role, study=with_gain(study, gain), mesh=self.design.mesh)
+        study = self.design.study or self.problem.study
+        return self.problem.ask(values, role, study=with_gain(study, gain), mesh=self.design.mesh)
 
     @cached_property
     def _null(self) -> Asked:
@@ -150,28 +150,27 @@ class _Shown:
     @cached_property
     def _sides(self) -> dict[str, tuple[Asked, Asked]]:
         """Simulations on either side, by constant."""
-        around = sensitivity_values(self.fit.settings.parameters(), self.values)
+        around = neighbours(self.problem.settings.parameters(), self.values)
         asked = {role: self._ask(values, role) for role, values in around.items()}
         asked |= {"+control": self._ask(self.values, "+control", 1 + STEP)}
         asked |= {"-control": self._ask(self.values, "-control", 1 - STEP)}
         names = [role[1:] for role in asked if role[0] == "+"]
         return {name: (asked["+" + name], asked["-" + name]) for name in names if "-" + name in asked}
 
-    def _suspect(self, look: Look) -> Suspect:
-        roles = {asked.role: asked.values for asked in look.suspect.asked}
-        return replace(look.suspect, asked=tuple(self._ask(values, role) for role, values in roles.items()))
+    def _candidate(self, one: Ranked) -> Candidate:
+        roles = {asked.role: asked.values for asked in one.candidate.asked}
+        return replace(one.candidate, asked=tuple(self._ask(values, role) for role, values in roles.items()))
 
-    def _columns(self, look: Look) -> np.ndarray | None:
-        if self.design.study is None or not look.suspect.asked:
-            return look.columns
-        return self.examination.columns(self._suspect(look), self._null)
+    def _columns(self, one: Ranked) -> np.ndarray | None:
+        if self.design.study is None or not one.candidate.asked:
+            return one.columns
+        return self.comparison.columns(self._candidate(one), self._null)
 
     def _slope(self, name: str) -> np.ndarray:
         sides = self._sides.get(name)
-        ahead, behind = (None, None) if sides is None else map(self.examination.read, sides)
-        if ahead is None or behind is None:
-            return np.zeros(len(self.examination.residual.kept))
-        return (ahead - behind) / (2 * STEP)
+        ahead, behind = (None, None) if sides is None else map(self.comparison.read, sides)
+        found = difference(ahead, behind, lambda: self.comparison.read(self._null))
+        return np.zeros(len(self.comparison.residual.kept)) if found is None else found
 
 
 def _unloading(study: Study) -> Study:

@@ -15,7 +15,7 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.solvers.contract import Outcome
 from fingerfit.study.data import Data
 
-MOVES, BRIGHTNESS, CONJUGATE = "moves", "brightness", "conjugate"
+DISPLACEMENT, BRIGHTNESS, RESPONSE = "residual_displacement", "brightness", "response"
 """Parts of what a model leaves, and of what an effect would leave: displacements and brightness of patches, and the
 quantity of each step that is not prescribed."""
 DRAWS = 40
@@ -82,16 +82,16 @@ class Residual:
     """What is left, as one vector with its covariance.
 
     The vector has, for each picture and patch, a displacement (mm) and a brightness, then the same for each step with
-    measured points (mean of those of a patch, without a brightness), then the conjugate quantity of each step (N or
+    measured points (mean of those of a patch, without a brightness), then the response of each step (N or
     mm). `kept` says which of them are known.
 
     Parameters
     ----------
     value : ndarray, shape (pictures + steps with points, patches, dim + 1)
         Measured minus predicted.
-    conjugate : ndarray, shape (steps,)
+    response : ndarray, shape (steps,)
     covariance : ndarray, shape (kept, kept)
-        Of the noise of pictures and of the conjugate quantity.
+        Of the noise of pictures and of the response.
     kept : ndarray of bool, shape (all,)
     error, floor : ndarray, shape (pictures,)
         Root mean square difference of intensity inside the body, and what noise alone leaves of it.
@@ -103,7 +103,7 @@ class Residual:
     """
 
     value: np.ndarray
-    conjugate: np.ndarray
+    response: np.ndarray
     covariance: np.ndarray
     kept: np.ndarray
     error: np.ndarray
@@ -115,19 +115,19 @@ class Residual:
     @property
     def vector(self) -> np.ndarray:
         """All known values, shape (kept,)."""
-        return flat(self.value, self.conjugate)[self.kept]
+        return flat(self.value, self.response)[self.kept]
 
 
-def flat(value: np.ndarray, conjugate: np.ndarray) -> np.ndarray:
-    """One vector of displacements, brightness and conjugate quantity."""
-    return np.concatenate([value.ravel(), conjugate])
+def flat(value: np.ndarray, response: np.ndarray) -> np.ndarray:
+    """One vector of displacements, brightness and response."""
+    return np.concatenate([value.ravel(), response])
 
 
 def common_modes(residual: Residual, entry_step: np.ndarray, control: np.ndarray) -> np.ndarray:
     """What all values of a step have in common, shape (kept, modes).
 
     Of each step the slope by the prescribed quantity, a displacement of everything along each axis, a change of
-    brightness, and the conjugate quantity.
+    brightness, and the response.
 
     Parameters
     ----------
@@ -138,12 +138,12 @@ def common_modes(residual: Residual, entry_step: np.ndarray, control: np.ndarray
         Slope by the prescribed quantity.
     """
     columns, entries = [], residual.value.shape
-    for step in range(len(residual.conjugate)):
-        here, conjugate = (entry_step == step)[:, None, None], np.zeros(len(residual.conjugate))
-        conjugate[step] = 1.0
-        columns += [flat(np.zeros(entries), conjugate), control * flat(here & np.ones(entries, bool), conjugate)]
+    for step in range(len(residual.response)):
+        here, response = (entry_step == step)[:, None, None], np.zeros(len(residual.response))
+        response[step] = 1.0
+        columns += [flat(np.zeros(entries), response), control * flat(here & np.ones(entries, bool), response)]
         if here.any():
-            columns += [flat(here * np.ones((*entries[:2], 1)) * one, 0 * conjugate) for one in np.eye(entries[2])]
+            columns += [flat(here * np.ones((*entries[:2], 1)) * one, 0 * response) for one in np.eye(entries[2])]
     kept = np.stack(columns, axis=1)[residual.kept]
     return kept[:, np.abs(kept).max(axis=0, initial=0.0) > 0]
 
@@ -175,9 +175,9 @@ def residual_of(
     value = np.concatenate(
         [value * scale, points_by_patch(data, data.points_displacement - prediction.points, patches)]
     )
-    measured, spread = data.conjugate
-    conjugate = np.where(spread > 0, measured - prediction.conjugate, np.nan)
-    vector = flat(value, conjugate)
+    measured, spread = data.response
+    response = np.where(spread > 0, measured - prediction.response, np.nan)
+    vector = flat(value, response)
     kept = np.isfinite(vector)
     noise, floor = _noise(data, maps, fits, owners, scale, seed)
     covariance = np.zeros((len(vector), len(vector)))
@@ -187,12 +187,12 @@ def residual_of(
         if len(rows):
             covariance[np.ix_(rows, rows)] = noise[patch]
     _add_points_noise(covariance, data, patches)
-    last = np.arange(len(vector) - len(conjugate), len(vector))
-    shared = data.conjugate_gain * np.nan_to_num(measured)
+    last = np.arange(len(vector) - len(response), len(vector))
+    shared = data.response_gain * np.nan_to_num(measured)
     covariance[np.ix_(last, last)] = np.diag(spread**2) + np.outer(shared, shared)
     error = [float(np.sqrt(np.mean((s - m)[o >= 0] ** 2))) for s, m, o in pairs]
     places = _places(data, frame, maps, owners, count) if dim == 3 and len(maps) else ()
-    return Residual(value, conjugate, covariance[np.ix_(kept, kept)], kept, np.array(error), floor, fits, *places)
+    return Residual(value, response, covariance[np.ix_(kept, kept)], kept, np.array(error), floor, fits, *places)
 
 
 def _places(
@@ -375,7 +375,7 @@ class Reader:
         self._probe = Probe(mesh, points)
 
     def read(self, outcome: Outcome) -> np.ndarray:
-        """Displacements (mm), brightness 0, and the conjugate quantity of a solution since the first picture."""
+        """Displacements (mm), brightness 0, and the response of a solution since the first picture."""
         data, found = self.data, []
         for step in data.picture_step:
             u = self._probe.read(outcome.displacement[step])
@@ -388,5 +388,5 @@ class Reader:
                 own = data.points_step == step
                 at[own] = self._points.read(outcome.displacement[step])[own]
             found += list(points_by_patch(data, at, self._patches))
-        conjugate = outcome.indenter if data.control == "force" else outcome.reaction
-        return flat(np.array(found), -conjugate[: len(data.step), -1])
+        response = outcome.indenter if data.control == "force" else outcome.reaction
+        return flat(np.array(found), -response[: len(data.step), -1])

@@ -36,7 +36,7 @@ class Finding:
     signal: float
 
 
-class Judge:
+class ScoreTest:
     """Residual and own sensitivities, whitened.
 
     Parameters

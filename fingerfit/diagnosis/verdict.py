@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from fingerfit.diagnosis.examination import Look, alike
-from fingerfit.diagnosis.score_test import Judge
+from fingerfit.diagnosis.comparison import Ranked, alike
+from fingerfit.diagnosis.score_test import ScoreTest
 from fingerfit.model.applicable import cure_of
 from fingerfit.model.effect import NUMERICS
 
@@ -92,41 +92,41 @@ class Verdict:
     threshold: float
 
 
-def threshold(judge: Judge, looks: Sequence[Look], tests: int, columns: int = 1) -> float:
+def threshold(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, columns: int = 1) -> float:
     """Fall of the misfit beyond chance, for effects of as many parameters."""
     from scipy.special import chdtri
 
-    best = max((look.finding.fall for look in looks), default=0.0)
-    spread = max(1.0, (judge.misfit - best) / max(judge.freedom, 1))
+    best = max((one.finding.fall for one in ranking), default=0.0)
+    spread = max(1.0, (score_test.misfit - best) / max(score_test.freedom, 1))
     return float(chdtri(columns, LEVEL / max(tests, 1))) * spread
 
 
-def to_refit(judge: Judge, looks: Sequence[Look], tests: int, known: Collection[str] = ()) -> list[Look]:
+def to_refit(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, known: Collection[str] = ()) -> list[Ranked]:
     """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's.
 
     Where some are `known` and did not explain it, the next best: far from the truth predictions from slopes rank
     roughly.
     """
     found = [
-        look
-        for look in looks
-        if look.suspect.effect.acts != NUMERICS
-        and look.finding.fall > threshold(judge, looks, tests, look.columns.shape[1])
-        and look.finding.visible > _seen(judge)
+        one
+        for one in ranking
+        if one.candidate.effect.acts != NUMERICS
+        and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
+        and one.finding.visible > _seen(score_test)
     ]
     if known:
-        return [look for look in found if look.suspect.effect.name not in known][:TRIED]
-    return [look for look in found if look.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
+        return [one for one in found if one.candidate.effect.name not in known][:TRIED]
+    return [one for one in found if one.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
 
 
-def _seen(judge: Judge) -> float:
-    return SEEN if judge.freedom > FEW else SEEN_OF_FEW
+def _seen(score_test: ScoreTest) -> float:
+    return SEEN if score_test.freedom > FEW else SEEN_OF_FEW
 
 
-def unseen(judge: Judge, looks: Sequence[Look]) -> list[Look]:
+def unseen(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[Ranked]:
     """Effects that may be there without a trace: the model's own constants imitate them."""
-    found = [look for look in looks if look.suspect.effect.acts != NUMERICS]
-    return [look for look in found if look.finding.visible <= _seen(judge) and look.finding.signal > 0]
+    found = [one for one in ranking if one.candidate.effect.acts != NUMERICS]
+    return [one for one in found if one.finding.visible <= _seen(score_test) and one.finding.signal > 0]
 
 
 def good(freedom: int) -> float:
@@ -140,13 +140,13 @@ def good(freedom: int) -> float:
     return max(GOOD, float(chdtri(max(freedom, 1), LEVEL)) / max(freedom, 1))
 
 
-def explains(one: Judge | Refit) -> bool:
+def explains(one: ScoreTest | Refit) -> bool:
     """Whether a model explains the data: all values together, and those few that all of a step have in common."""
     whole = one.misfit <= good(one.freedom) * max(one.freedom, 1)
     return whole and one.common_misfit <= _common_limit(one)
 
 
-def _common_limit(one: Judge | Refit) -> float:
+def _common_limit(one: ScoreTest | Refit) -> float:
     """Of chance; where all other values differ by more than their noise, which `good` allows, of as much more."""
     from scipy.special import chdtri
 
@@ -156,31 +156,33 @@ def _common_limit(one: Judge | Refit) -> float:
     return float(chdtri(one.common_freedom, LEVEL)) * max(1.0, spread)
 
 
-def explained_share(judge: Judge, refit: Refit) -> float:
+def explained_share(score_test: ScoreTest, refit: Refit) -> float:
     """Share of the misfit beyond the noise that a refit explains."""
-    return (judge.misfit - refit.misfit) / max(judge.misfit - judge.freedom, 1.0)
+    return (score_test.misfit - refit.misfit) / max(score_test.misfit - score_test.freedom, 1.0)
 
 
-def half_explained(judge: Judge, looks: Sequence[Look], refits: Mapping[str, Refit], tests: int) -> Look | None:
+def half_explained(
+    score_test: ScoreTest, ranking: Sequence[Ranked], refits: Mapping[str, Refit], tests: int
+) -> Ranked | None:
     """The best refitted effect where it is one beyond chance, but does not explain enough alone."""
-    if not refits or judge.freedom < 1:
+    if not refits or score_test.freedom < 1:
         return None
-    best = min((look for look in looks if look.suspect.effect.name in refits), key=lambda look: _left(look, refits))
-    refit = refits[best.suspect.effect.name]
-    beyond = judge.misfit - refit.misfit >= threshold(judge, looks, tests)
-    return best if beyond and not explains(refit) and explained_share(judge, refit) < ENOUGH else None
+    best = min((one for one in ranking if one.candidate.effect.name in refits), key=lambda one: _left(one, refits))
+    refit = refits[best.candidate.effect.name]
+    beyond = score_test.misfit - refit.misfit >= threshold(score_test, ranking, tests)
+    return best if beyond and not explains(refit) and explained_share(score_test, refit) < ENOUGH else None
 
 
-def _left(look: Look, refits: Mapping[str, Refit]) -> float:
-    return refits[look.suspect.effect.name].misfit
+def _left(one: Ranked, refits: Mapping[str, Refit]) -> float:
+    return refits[one.candidate.effect.name].misfit
 
 
 def decide(
-    judge: Judge,
-    looks: Sequence[Look],
+    score_test: ScoreTest,
+    ranking: Sequence[Ranked],
     refits: Mapping[str, Refit],
     tests: int,
-    partner: tuple[Look, Refit] | None = None,
+    partner: tuple[Ranked, Refit] | None = None,
     held_out: float | None = None,
 ) -> Verdict:
     """The verdict on a model.
@@ -190,50 +192,50 @@ def decide(
 
     Parameters
     ----------
-    judge : Judge
+    score_test : ScoreTest
         Of the model without any of them.
-    looks : sequence of Look
+    ranking : sequence of Ranked
         Tested effects, the best first.
     refits : mapping
         Refits of the best ones, by name of the effect.
     tests : int
         Number of tests that were made.
-    partner : (Look, Refit), optional
+    partner : (Ranked, Refit), optional
         Where the best effect does not explain enough: the one that explains most of what it leaves, and the refit of
         both.
     held_out : float, optional
         Error of the model on held-out steps, where there are some.
     """
-    if judge.freedom < 1:
+    if score_test.freedom < 1:
         text = "there are as many constants as measured values: nothing can be said about what is missing"
         return Verdict("unexplained", (), text, 0.0)
-    limit = threshold(judge, looks, tests)
-    adequate = explains(judge)
-    by_name = {look.suspect.effect.name: look for look in looks}
-    refitted, refits = refits, generalising(judge, refits, held_out)
+    limit = threshold(score_test, ranking, tests)
+    adequate = explains(score_test)
+    by_name = {one.candidate.effect.name: one for one in ranking}
+    refitted, refits = refits, generalising(score_test, refits, held_out)
     tried = [name for name in by_name if name in refits]
     if refitted and not tried:
         names = ", ".join(_title(by_name[name]) for name in refitted)
         text = f"no known effect improves the fit on held-out steps; only on the fitted ones does: {names}"
         return Verdict("adequate" if adequate else "unexplained", (), text, limit)
     if not tried:
-        candidates = [look.suspect.effect.name for look in to_refit(judge, looks, tests)]
-        if candidates or not adequate:
+        chosen = [one.candidate.effect.name for one in to_refit(score_test, ranking, tests)]
+        if chosen or not adequate:
             text = "something is missing, but none of the known effects explains it"
             return Verdict("unexplained", (), text, limit)
         text = "the model explains the measurements to within their noise"
-        hidden = ", ".join(_title(look) for look in unseen(judge, looks))
+        hidden = ", ".join(_title(one) for one in unseen(score_test, ranking))
         return Verdict("adequate", (), f"{text}; these data would not show: {hidden}" if hidden else text, limit)
     best = min(tried, key=lambda name: refits[name].misfit)
-    fell = judge.misfit - refits[best].misfit >= limit
+    fell = score_test.misfit - refits[best].misfit >= limit
     # each misfit has its model's own error of the mesh, which is too large where the model is wrong
     if not fell and not (explains(refits[best]) and refits[best].fall >= limit):
         kind = "adequate" if adequate else "unexplained"
         text = "no known effect improves the fit beyond chance"
         return Verdict(kind, (), text, limit)
-    share = explained_share(judge, refits[best]) if fell else 1.0
-    if half_explained(judge, looks, refits, tests) is not None:
-        if partner is None or not explains(partner[1]) or not _generalises(judge, partner[1], held_out):
+    share = explained_share(score_test, refits[best]) if fell else 1.0
+    if half_explained(score_test, ranking, refits, tests) is not None:
+        if partner is None or not explains(partner[1]) or not _generalises(score_test, partner[1], held_out):
             nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of it"
             return Verdict("unexplained", (), f"something is missing; {nearest}", limit)
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
@@ -249,25 +251,25 @@ def decide(
     return Verdict("missing", (best,), text, limit)
 
 
-def generalising(judge: Judge, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:
+def generalising(score_test: ScoreTest, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:
     """Refits that are no worse than the model on the steps that no fit has seen, whose error with it was `held_out`."""
-    return {name: refit for name, refit in refits.items() if _generalises(judge, refit, held_out)}
+    return {name: refit for name, refit in refits.items() if _generalises(score_test, refit, held_out)}
 
 
-def _generalises(judge: Judge, refit: Refit, held_out: float | None) -> bool:
-    worse = WORSE if judge.freedom > FEW else WORSE_OF_FEW
+def _generalises(score_test: ScoreTest, refit: Refit, held_out: float | None) -> bool:
+    worse = WORSE if score_test.freedom > FEW else WORSE_OF_FEW
     return held_out is None or refit.held_out is None or refit.held_out <= held_out + worse
 
 
-def by_settings(verdict: Verdict, judge: Judge, looks: Sequence[Look], tests: int) -> Verdict:
+def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> Verdict:
     """The verdict, and where no effect explains the misfit but mesh or load steps would: that they do, and the cure.
 
     They are never refitted, so that the prediction must do.
     """
-    excess = max(judge.misfit - judge.freedom, 1.0)
-    for look in looks if verdict.kind == "unexplained" else ():
-        effect, fall = look.suspect.effect, look.finding.fall
-        beyond = fall > threshold(judge, looks, tests, look.columns.shape[1])
+    excess = max(score_test.misfit - score_test.freedom, 1.0)
+    for one in ranking if verdict.kind == "unexplained" else ():
+        effect, fall = one.candidate.effect, one.finding.fall
+        beyond = fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         if effect.acts == NUMERICS and beyond and fall >= ENOUGH * excess:
             wrong, cure = cure_of(effect)
             share = f"that explains {100 * min(fall / excess, 1.0):.0f} % of the misfit beyond the noise"
@@ -308,17 +310,17 @@ def _rival(one: Refit, best: Refit) -> bool:
     return explains(one) and behind < NEAR * one.freedom
 
 
-def _title(look: Look) -> str:
-    return look.suspect.effect.title
+def _title(one: Ranked) -> str:
+    return one.candidate.effect.title
 
 
-def confusions(judge: Judge, looks: Sequence[Look], count: int = 6) -> list[dict[str, float | str]]:
+def confusions(score_test: ScoreTest, ranking: Sequence[Ranked], count: int = 6) -> list[dict[str, float | str]]:
     """Pairs of the first few effects that look alike on these data."""
     found: list[dict[str, float | str]] = []
-    first = [look for look in looks[:count] if look.finding.visible > 1e-4]
+    first = [one for one in ranking[:count] if one.finding.visible > 1e-4]
     for n, a in enumerate(first):
         for b in first[n + 1 :]:
-            value = alike(judge, a, b)
+            value = alike(score_test, a, b)
             if value > 0.5:
-                found.append({"a": a.suspect.effect.name, "b": b.suspect.effect.name, "likeness": value})
+                found.append({"a": a.candidate.effect.name, "b": b.candidate.effect.name, "likeness": value})
     return sorted(found, key=lambda entry: -float(entry["likeness"]))

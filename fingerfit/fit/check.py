@@ -126,7 +126,7 @@ def check_data(settings: Settings, study: Study, data: Data) -> None:
         return
     if data.measured.size and not data.picture_noise > 0:
         raise InputError(study.path, "pictures.noise", f"{data.picture_noise:g}, as estimated", "a number above 0")
-    measured, noise = data.conjugate
+    measured, noise = data.response
     beside = bool((np.isfinite(measured) & (noise > 0)).any())
     if not (data.measured.size or beside or (data.points.size and data.points_noise > 0)):
         raise InputError(study.path, "noise", "0 for all that is compared", "a number above 0 for some of it")
@@ -166,21 +166,21 @@ def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[F
     chosen = [step for step in study.steps if fit.steps is None or step.number in fit.steps]
     beside = study.steps if pictured else chosen  # as `prepare` leaves forces out
     pictured = fit.steps if pictured and fit.steps is not None else pictured
-    conjugate = "displacement" if study.control == "force" else "force"
-    measured = [step for step in beside if getattr(step, conjugate) is not None]
+    response = "displacement" if study.control == "force" else "force"
+    measured = [step for step in beside if getattr(step, response) is not None]
     if fit.score != "likelihood" and not pictured:
         return [InputError(where, "fit.score", fit.score, "likelihood, since no pictures are compared")]
     points = [step for step in chosen if step.points]
     noisy = [
         step
         for step in measured
-        if getattr(study.noise, conjugate) or (conjugate == "force" and step.force_noise is not None)
+        if getattr(study.noise, response) or (response == "force" and step.force_noise is not None)
     ]
     if fit.score != "likelihood" or pictured or noisy or (points and study.noise.points is not None):
         return []
     if not measured and not points:
-        what = f"steps {fit.steps} without {conjugate} and points"
+        what = f"steps {fit.steps} without {response} and points"
         return [InputError(where, "fit.steps", what, "a step with something measured beside the control")]
     if not measured:
         return [InputError(study.path, "noise.points", "nothing", "a number or estimated, which the likelihood needs")]
-    return [InputError(study.path, f"noise.{conjugate}", "nothing", "a number, which the likelihood needs")]
+    return [InputError(study.path, f"noise.{response}", "nothing", "a number, which the likelihood needs")]

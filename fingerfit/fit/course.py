@@ -7,19 +7,19 @@ from collections.abc import Mapping
 from typing import Any
 
 from fingerfit.core.processes import side_by_side
-from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, Fit
+from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.refine import ADDED, around_best, refine_round
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.forward.predict import Predictor
 from fingerfit.search import Evaluation, propose
 
 
-def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
+def next_round(problem: InverseProblem, last: Round | None, threads: int = 1) -> Round:
     """Score the batch of the last round and ask for the next guesses, or say stop.
 
     Parameters
     ----------
-    fit : Fit
+    problem : InverseProblem
     last : Round or None
         The round before; None for the first.
     threads : int
@@ -31,71 +31,71 @@ def next_round(fit: Fit, last: Round | None, threads: int = 1) -> Round:
         In the first round, for a deck that the solver does not take.
     """
     if last is not None and last.stage in (SENSITIVITY, FINAL):
-        fit.predict_all(last.batch, threads)
-        return refine_round(fit, last)
-    parameters = fit.settings.parameters()
-    if last is None and fit.settings.model.effects:
+        problem.predict_all(last.batch, threads)
+        return refine_round(problem, last)
+    parameters = problem.settings.parameters()
+    if last is None and problem.settings.model.effects:
         # a model with effects starts where the one without them stopped
-        start = fit.settings.starts()
+        start = problem.settings.starts()
         base: dict[str, Any] = {
             "number": 0,
-            "solver": fit.solver,
-            "meshes": _meshes(fit),
+            "solver": problem.solver,
+            "meshes": _meshes(problem),
             "best": {"values": start, "score": None},
         }
-        _refuse(fit, start)
-        return around_best(fit, base, start, ADDED, rough=True)
+        _refuse(problem, start)
+        return around_best(problem, base, start, ADDED, rough=True)
     names = [parameter.name for parameter in parameters]
     history = list(last.history) if last else []
     if last:
-        history += _evaluate_all(fit, last.batch, threads)
+        history += _evaluate_all(problem, last.batch, threads)
     evaluations = [Evaluation(tuple(e["values"][n] for n in names), e["score"]) for e in history]
-    proposal = propose(evaluations, parameters, fit.settings.plan())
+    proposal = propose(evaluations, parameters, problem.settings.plan())
     scored = [e for e in history if e["score"] is not None]
     best = min(scored, key=lambda e: e["score"]) if scored else None
     base = {
         "number": last.number + 1 if last else 0,
-        "solver": fit.solver,
-        "meshes": _meshes(fit),
+        "solver": problem.solver,
+        "meshes": _meshes(problem),
         "history": history,
         "best": best,
     }
     if proposal.stop is None:
-        batch = [fit.ask(dict(zip(names, point, strict=True))) for point in proposal.batch]
+        batch = [problem.ask(dict(zip(names, point, strict=True))) for point in proposal.batch]
         if last is None:
-            _refuse(fit, batch[0].values)
+            _refuse(problem, batch[0].values)
         return Round(stage=proposal.stage, stop=None, batch=batch, **base)
     if best is None:
         return Round(stage=proposal.stage, stop="no guess has a solution", **base)
-    return around_best(fit, base, best["values"], proposal.stop)
+    return around_best(problem, base, best["values"], proposal.stop)
 
 
-def _refuse(fit: Fit, values: Mapping[str, float]) -> None:
+def _refuse(problem: InverseProblem, values: Mapping[str, float]) -> None:
     """Ask the solver about the first deck, on each mesh, before anything runs."""
-    for role in (SEARCH, *[FINAL] * (REFINED in fit.mesh_files)):
-        refused = fit.refusal(fit.ask(values, role))
+    for role in (SEARCH, *[FINAL] * (REFINED in problem.mesh_files)):
+        refused = problem.refusal(problem.ask(values, role))
         if refused is not None:
             raise refused
 
 
-def _meshes(fit: Fit) -> dict[str, str]:
-    return {fit.mesh_names[name]: path.name for name, path in fit.mesh_files.items()}
+def _meshes(problem: InverseProblem) -> dict[str, str]:
+    return {problem.mesh_names[name]: path.name for name, path in problem.mesh_files.items()}
 
 
-def _evaluate_all(fit: Fit, batch: list[Asked], threads: int) -> list[dict[str, Any]]:
-    predictor = fit.predictor(SEARCH)
-    fit.seen({})  # what is read here is not read again by each process
-    return side_by_side(lambda asked: _evaluate(fit, asked, predictor), batch, threads)
+def _evaluate_all(problem: InverseProblem, batch: list[Asked], threads: int) -> list[dict[str, Any]]:
+    predictor = problem.predictor(SEARCH)
+    problem.seen({})  # what is read here is not read again by each process
+    return side_by_side(lambda asked: _evaluate(problem, asked, predictor), batch, threads)
 
 
-def _evaluate(fit: Fit, asked: Asked, predictor: Predictor) -> dict[str, Any]:
+def _evaluate(problem: InverseProblem, asked: Asked, predictor: Predictor) -> dict[str, Any]:
     """Score one simulated guess: its entry of the history."""
-    outcome = fit.outcome(asked)
-    made = predictor.predict(outcome, fit.seen(asked.values))
+    outcome = problem.outcome(asked)
+    made = predictor.predict(outcome, problem.seen(asked.values))
     entry: dict[str, Any] = {"values": asked.values, "sim": asked.sim, "score": None}
     if made is None:
         return {**entry, "message": outcome.message}
-    score = fit.score(made.prediction)
+    score = problem.score(made.prediction)
     if not math.isfinite(score):  # of huge displacements or tiny noise: worse than all others
         return {**entry, "message": f"a score of {score}"}
     entry = {**entry, "score": score, "message": ""}

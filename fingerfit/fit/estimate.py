@@ -9,18 +9,20 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.fit.intervals import SURE, as_json, bound_of, repeat, summarise
-from fingerfit.fit.linear import Replicates
-from fingerfit.fit.problem import REFINED, Fit
-from fingerfit.fit.refine import mesh_error, minimum, on_search_mesh
+from fingerfit.fit.minimum import mesh_error, minimum, on_search_mesh
+from fingerfit.fit.problem import REFINED, InverseProblem
+from fingerfit.fit.replicates import Replicates
 from fingerfit.fit.rounds import Round
 
 
-def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | None = None) -> dict[str, Any]:
+def estimate_of(
+    problem: InverseProblem, last: Round, threads: int = 1, asked: Sequence[str] | None = None
+) -> dict[str, Any]:
     """The estimate: what goes to estimate.json.
 
     Parameters
     ----------
-    fit : Fit
+    problem : InverseProblem
     last : Round
     threads : int
         Pictures of repetitions that are made beside each other.
@@ -37,18 +39,18 @@ def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | 
         raise StateError(
             f"no guess had a solution ({why}): widen or move the bounds, or look at mesh, forces and their noise"
         )
-    settings, parameters = fit.settings, fit.settings.parameters()
-    best = minimum(fit, last)
-    mesh = fit.mesh_of(best.base)
-    searched = on_search_mesh(fit, last) if mesh == REFINED else best
-    maps = fit.synthesis(best.base).maps
+    settings, parameters = problem.settings, problem.settings.parameters()
+    best = minimum(problem, last)
+    mesh = problem.mesh_of(best.base)
+    searched = on_search_mesh(problem, last) if mesh == REFINED else best
+    maps = problem.synthesis(best.base).maps
     size, values = len(parameters), best.values
     how = settings.fit
-    replicates = Replicates(best.model, fit.data, maps, how.score, how.bins, how.seed, threads)
-    sure = SURE if fit.exact else np.inf
+    replicates = Replicates(best.model, problem.data, maps, how.score, how.bins, how.seed, threads)
+    sure = SURE if problem.exact else np.inf
     shifts, hessian = repeat(replicates.draw, size, how.replicates, sure)
     point = [values[p.name] for p in parameters]
-    found = summarise(shifts, hessian, parameters, point, mesh_error(fit, best, searched), sure)
+    found = summarise(shifts, hessian, parameters, point, mesh_error(problem, best, searched), sure)
     names = [p.name for p in parameters]
     if asked is None:
         asked = [*(e["sim"] for e in last.history), *(a.sim for a in last.batch)]
@@ -63,15 +65,15 @@ def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | 
         },
         "remarks": [
             *found.remarks,
-            *_bound_remarks(fit, values),
-            *_mesh_remarks(fit, mesh),
-            *_thickness_remarks(fit),
-            *(f"measurements: {line}" for line in fit.data.remarks.splitlines()),
+            *_bound_remarks(problem, values),
+            *_mesh_remarks(problem, mesh),
+            *_thickness_remarks(problem),
+            *(f"measurements: {line}" for line in problem.data.remarks.splitlines()),
         ],
         "score": {
             "kind": settings.fit.score,
             "search": last.best["score"],
-            "final": fit.score(best.model.base),
+            "final": problem.score(best.model.base),
         },
         "search": {
             "best": last.best["values"],
@@ -88,17 +90,17 @@ def estimate_of(fit: Fit, last: Round, threads: int = 1, asked: Sequence[str] | 
     }
 
 
-def _bound_remarks(fit: Fit, values: Mapping[str, float]) -> list[str]:
+def _bound_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list[str]:
     """A sentence on each constant or number of an effect that ends at its bound."""
-    absent = {e.key(p.name): p.null for e in fit.settings.effects() for p in e.parameters}
+    absent = {e.key(p.name): p.null for e in problem.settings.effects() for p in e.parameters}
     found = []
-    for p in fit.settings.parameters():
+    for p in problem.settings.parameters():
         which = bound_of(p, values[p.name])
         if which is None:
             continue
         bound = p.lower if which == "lower" else p.upper
         text = f"{p.name} ends at its {which} bound, {bound:g}{'' if p.unit == '1' else f' {p.unit}'}"
-        if p.name in fit.settings.model.parameters:
+        if p.name in problem.settings.model.parameters:
             text += f": the data may want it {'smaller' if which == 'lower' else 'larger'} (model.parameters.{p.name})"
         elif absent.get(p.name) == bound:
             text += ", where the effect is absent"
@@ -106,14 +108,14 @@ def _bound_remarks(fit: Fit, values: Mapping[str, float]) -> list[str]:
     return found
 
 
-def _mesh_remarks(fit: Fit, mesh: str) -> list[str]:
-    if REFINED in fit.mesh_files and mesh != REFINED:
+def _mesh_remarks(problem: InverseProblem, mesh: str) -> list[str]:
+    if REFINED in problem.mesh_files and mesh != REFINED:
         return ["the finer mesh has no solution at the best guess: the estimate is that of the search mesh"]
     return []
 
 
-def _thickness_remarks(fit: Fit) -> list[str]:
-    if fit.study.body.thick:
+def _thickness_remarks(problem: InverseProblem) -> list[str]:
+    if problem.study.body.thick:
         return []
     return ["the thickness is not known: moduli are those of 1 mm; only modulus times thickness (N/mm) is identified"]
 

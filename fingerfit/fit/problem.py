@@ -40,7 +40,7 @@ SENSITIVITY, FINAL = "sensitivity", "final"
 
 
 @dataclass(frozen=True)
-class Fit:
+class InverseProblem:
     """Everything a round needs.
 
     Parameters
@@ -132,12 +132,12 @@ class Fit:
         settings, file = self.settings, self.mesh_files[self.mesh_of(asked)]
         return refusal(settings.solver, settings.model.template, asked.deck, file, asked.mesh)
 
-    def with_mesh(self, name: str, mesh: Mesh) -> Fit:
+    def with_mesh(self, name: str, mesh: Mesh) -> InverseProblem:
         """The fit with one mesh more."""
         text = format_mesh(mesh)
         path = self.sims.parent / "meshes" / f"{digest(text)}.inp"
         write_text(path, text)
-        return Fit(self.settings, self.data, {**self.mesh_files, name: path}, self.sims, self.asked)
+        return InverseProblem(self.settings, self.data, {**self.mesh_files, name: path}, self.sims, self.asked)
 
     @cached_property
     def effects(self) -> dict[str, Effect]:

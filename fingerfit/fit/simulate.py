@@ -14,7 +14,7 @@ from fingerfit.core.files import write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_data
 from fingerfit.fit.course import next_round
-from fingerfit.fit.problem import REFINED, SEARCH, Fit
+from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round, write_folders
 from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.settings.config import Settings
@@ -23,7 +23,7 @@ from fingerfit.study.data import Data
 from fingerfit.study.reader import load_study
 
 
-def begin(settings: Settings, folder: Path) -> tuple[Fit, Data]:
+def begin(settings: Settings, folder: Path) -> tuple[InverseProblem, Data]:
     """A fit outside the workflow, its meshes and simulations in `folder`; also the data with all pictures.
 
     Raises
@@ -43,16 +43,16 @@ def begin(settings: Settings, folder: Path) -> tuple[Fit, Data]:
         for steps in (settings.fit.steps, None)
     )
     check_data(settings, study, fitted)
-    return Fit(settings, fitted, files, folder / "sims"), everything
+    return InverseProblem(settings, fitted, files, folder / "sims"), everything
 
 
-def solve_missing(fit: Fit, asked: Sequence[Asked], threads: int) -> int:
+def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int) -> int:
     """Solve what has no solution yet; returns how many that were."""
-    fit.asked.update(a.sim for a in asked)
-    batch = [a for a in asked if not (fit.sims / a.sim / "solution.npz").exists()]
-    meshes = {fit.mesh_names[name]: path for name, path in fit.mesh_files.items()}
-    missing = write_folders(fit.sims.parent, batch, fit.solver, meshes)
-    solve = functools.partial(_solve, fit.sims, fit.settings.solver, fit.settings.time_limit)
+    problem.asked.update(a.sim for a in asked)
+    batch = [a for a in asked if not (problem.sims / a.sim / "solution.npz").exists()]
+    meshes = {problem.mesh_names[name]: path for name, path in problem.mesh_files.items()}
+    missing = write_folders(problem.sims.parent, batch, problem.solver, meshes)
+    solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
     if threads < 2 or len(missing) < 2:
         for sim in missing:
             solve(sim)
@@ -71,10 +71,10 @@ def _solve(sims: Path, solver: str, limit: int | None, sim: str) -> None:
     get_solver(solver, limit).solve(folder / "deck.inp", folder, 1).save(folder / "solution.npz")
 
 
-def run_fit(fit: Fit, threads: int) -> tuple[Round, int]:
+def run_fit(problem: InverseProblem, threads: int) -> tuple[Round, int]:
     """All rounds of a fit in this process; the last round, and how many simulations were not known before."""
     last, run = None, 0
     while last is None or last.stop is None:
-        last = next_round(fit, last, threads)
-        run += solve_missing(fit, last.batch, threads)
+        last = next_round(problem, last, threads)
+        run += solve_missing(problem, last.batch, threads)
     return last, run

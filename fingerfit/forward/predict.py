@@ -83,15 +83,15 @@ class Predictor:
             ]
         pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
         axis = self.mesh.dim - 1
-        conjugate = outcome.indenter if data.control == "force" else outcome.reaction
+        response = outcome.indenter if data.control == "force" else outcome.reaction
         points = np.empty_like(data.points_displacement)
         for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
             shift = 0.0 if seen is None else seen.shift(int(step) + 1)
             points[chosen] = self._probe.read(outcome.displacement[step])[chosen] + shift
-        measured = -conjugate[: len(data.step), axis]
+        measured = -response[: len(data.step), axis]
         if seen is not None:
-            measured = seen.conjugate(measured, "displacement" if data.control == "force" else "force")
+            measured = seen.response(measured, "displacement" if data.control == "force" else "force")
         return Synthesis(Prediction(pictures, measured, points), maps)
 
     def maps(self, outcome: Outcome, seen: Observation | None = None) -> list[BackwardMap]:

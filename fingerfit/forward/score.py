@@ -20,30 +20,30 @@ class Prediction:
     ----------
     pictures : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
         Synthesized pictures.
-    conjugate : ndarray, shape (steps,)
+    response : ndarray, shape (steps,)
         Force in N under displacement control, displacement in mm under force control.
     points : ndarray, shape (points, dim)
         Displacements of the measured points, mm.
     """
 
     pictures: np.ndarray
-    conjugate: np.ndarray
+    response: np.ndarray
     points: np.ndarray
 
     def __add__(self, other: Prediction) -> Prediction:
-        return Prediction(self.pictures + other.pictures, self.conjugate + other.conjugate, self.points + other.points)
+        return Prediction(self.pictures + other.pictures, self.response + other.response, self.points + other.points)
 
     def __sub__(self, other: Prediction) -> Prediction:
         return self + other * -1.0
 
     def __mul__(self, factor: float) -> Prediction:
-        return Prediction(self.pictures * factor, self.conjugate * factor, self.points * factor)
+        return Prediction(self.pictures * factor, self.response * factor, self.points * factor)
 
     def by_step(self, factor: np.ndarray, data: Data) -> Prediction:
         """Each step times its own factor, shape (steps,)."""
         per_picture = factor[data.picture_step].reshape(-1, *[1] * (self.pictures.ndim - 1))
         per_point = factor[data.points_step][:, None]
-        return Prediction(self.pictures * per_picture, self.conjugate * factor, self.points * per_point)
+        return Prediction(self.pictures * per_picture, self.response * factor, self.points * per_point)
 
 
 def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
@@ -85,9 +85,9 @@ def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
     total: dict[str, float] = {}
     if data.measured.size and data.picture_noise > 0:
         total["pictures"] = float(np.sum((prediction.pictures - data.measured) ** 2) / (2.0 * data.picture_noise**2))
-    conjugate, points = _deviations(prediction, data)
-    if conjugate.size:
-        total["conjugate"] = float(np.sum(conjugate**2))
+    response, points = _deviations(prediction, data)
+    if response.size:
+        total["response"] = float(np.sum(response**2))
     if points.size:
         total["points"] = float(np.sum(points**2))
     return total
@@ -99,10 +99,10 @@ def deviations(prediction: Prediction, data: Data) -> np.ndarray:
 
 
 def _deviations(prediction: Prediction, data: Data) -> tuple[np.ndarray, np.ndarray]:
-    measured, noise = data.conjugate
+    measured, noise = data.response
     known = np.isfinite(measured) & (noise > 0)
     points = np.zeros(0)
     if data.points.size and data.points_noise > 0:
         noise_of = np.sqrt(data.between_steps.diagonal())[data.points_step]
         points = ((prediction.points - data.points_displacement) / noise_of[:, None]).ravel()
-    return (prediction.conjugate - measured)[known] / noise[known], points
+    return (prediction.response - measured)[known] / noise[known], points

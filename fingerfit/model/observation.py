@@ -53,7 +53,7 @@ class Observation:
         names = {"k": k, "n": self.steps, **places(np.stack(at, axis=-1), self.low, self.high)}
         return np.asarray(self._apply("intensity", picture, names))
 
-    def conjugate(self, values: np.ndarray, name: str) -> np.ndarray:
+    def response(self, values: np.ndarray, name: str) -> np.ndarray:
         """Measured ``force`` or ``displacement`` by step."""
         return np.asarray(self._apply(name, values, {"k": np.arange(1, len(values) + 1), "n": self.steps}))
 

@@ -127,22 +127,22 @@ def falls(data: Data) -> list[str]:
     A body that relaxes or softens may do that: so it is a remark, not an error. Where a noise is not known, any fall
     is told.
     """
-    conjugate, spread = data.conjugate
+    response, spread = data.response
     name = "displacement" if data.control == "force" else "force"
     controlled = data.controlled
-    steps = np.flatnonzero(np.isfinite(conjugate) & np.isfinite(controlled))
+    steps = np.flatnonzero(np.isfinite(response) & np.isfinite(controlled))
     sure = surely(len(steps) - 1)
     units = {"force": "N", "displacement": "mm"}
     found = []
     for last, step in pairwise(steps):
-        more, gained = controlled[step] - controlled[last], conjugate[step] - conjugate[last]
+        more, gained = controlled[step] - controlled[last], response[step] - response[last]
         error = float(np.hypot(spread[step], spread[last]))
         own = float(np.hypot(data.control_noise[step], data.control_noise[last]))
         if more * gained < 0 and abs(gained) > sure * error and abs(more) > sure * own:
             which = "falls" if gained < 0 else "grows"
             other = "grows" if more > 0 else "falls"
             found.append(
-                f"step {data.step[step]}: {name} {which} from {conjugate[last]:.4g} to {conjugate[step]:.4g}"
+                f"step {data.step[step]}: {name} {which} from {response[last]:.4g} to {response[step]:.4g}"
                 f" {units[name]} (noise {spread[step]:.2g} {units[name]}) while {data.control} {other} from"
                 f" {controlled[last]:.4g} to {controlled[step]:.4g} {units[data.control]}:"
                 " a slip, or a body that relaxes or softens"

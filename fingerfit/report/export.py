@@ -49,7 +49,7 @@ class Results:
     compare : dict of ndarray
         As `fingerfit.report.findings.write_compare` writes them.
     stiffness : ndarray, shape (places, dim + 2)
-        As from `fingerfit.diagnosis.examination.stiffness_map`; no places where there is no map.
+        As from `fingerfit.diagnosis.comparison.stiffness_map`; no places where there is no map.
     ranking : list of dict
         Tested effects, as ``diagnosis.json`` has them.
     """
@@ -127,7 +127,8 @@ def write_fields(found: Results, folder: Path) -> list[Path]:
     write_text(series, "\n".join([head, *rows, "  </Collection>", "</VTKFile>"]) + "\n")
     dim, centre = found.mesh.dim, found.compare["patch_centre"]
     for index, left, noise in zip(
-        *(found.compare[key] for key in ("picture_step", "moves", "moves_noise")), strict=True
+        *(found.compare[key] for key in ("picture_step", "residual_displacement", "residual_displacement_noise")),
+        strict=True,
     ):
         known = np.isfinite(left).all(axis=1)
         written.append(folder / f"residual_step_{found.compare['step'][index]}.vtu")
@@ -194,7 +195,7 @@ def write_pictures(found: Results, folder: Path) -> list[Path]:
             written[-1], Picture(values, frame.spacing, frame.origin, frame.direction), np.float32,
         )  # fmt: skip
 
-    moves = compare["moves"]
+    moves = compare["residual_displacement"]
     owner = _patches(compare, frame)
     for n, index in enumerate(compare["picture_step"]):
         step = f"step_{compare['step'][index]}"
@@ -256,17 +257,17 @@ def _forces(compare: dict[str, np.ndarray]) -> list[list[object]]:
 
 
 def _errors(compare: dict[str, np.ndarray]) -> list[list[object]]:
-    """What is left of each step's picture or points, and of the quantity that is not prescribed."""
+    """What is left of each step's picture or points, and of the response."""
     rows: list[list[object]] = [["step", "fitted", *(f"rms_{of}" for of in ("left", "noise")), "times_the_noise",
-                                 "conjugate_times_the_noise"]]  # fmt: skip
+                                 "response_times_the_noise"]]  # fmt: skip
     field = {int(index): n for n, index in enumerate(compare["picture_step"])}
     for index, step in enumerate(compare["step"]):
         n = field.get(index)
         error, floor = (None, None) if n is None else (float(compare["error"][n]), float(compare["floor"][n]))
-        spread = compare["conjugate_noise"][index]
-        conjugate = abs(compare["conjugate"][index]) / spread if spread > 0 else None
+        spread = compare["response_noise"][index]
+        response = abs(compare["response"][index]) / spread if spread > 0 else None
         fitted = "yes" if compare["step_fitted"][index] else "no"
-        rows.append([int(step), fitted, error, floor, error / floor if error and floor else None, conjugate])
+        rows.append([int(step), fitted, error, floor, error / floor if error and floor else None, response])
     return rows
 
 
@@ -279,7 +280,7 @@ def _residuals(found: Results) -> tuple[list[list[object]], list[list[object]]]:
     layer = _layers(found.mesh, compare["patch_centre"])
     for n, index in enumerate(compare["picture_step"]):
         step = int(compare["step"][index])
-        moves, noise = compare["moves"][n], compare["moves_noise"][n]
+        moves, noise = compare["residual_displacement"][n], compare["residual_displacement_noise"][n]
         known = np.isfinite(moves).all(axis=1)
         for patch in np.flatnonzero(known):
             name = names[layer[patch]].lower() if layer[patch] >= 0 else ""

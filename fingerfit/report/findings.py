@@ -1,4 +1,4 @@
-"""What an examination found, written down: compare.npz, diagnosis.json and .npz, and the model's rung of the ladder."""
+"""What an comparison found, written down: compare.npz, diagnosis.json and .npz, and the model's rung of the ladder."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.files import digest, keep_json, read_json, write_npz
-from fingerfit.diagnosis.examination import Examination, Look, summary
-from fingerfit.diagnosis.examine import Examined, are_fitted, errors, fitted_steps
-from fingerfit.diagnosis.residual import BRIGHTNESS, CONJUGATE, MOVES
+from fingerfit.diagnosis.comparison import Comparison, Ranked, summary
+from fingerfit.diagnosis.diagnose import Diagnosis, are_fitted, errors, fitted_steps
+from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.diagnosis.verdict import confusions, unseen
 from fingerfit.fit.intervals import bound_of
 from fingerfit.imaging.sections import border_triangles, parts_of
@@ -28,25 +28,25 @@ SHOWN = 6
 """Effects whose patterns are kept, and so drawn."""
 
 
-def write_compare(examination: Examination, path: Path) -> None:
+def write_compare(comparison: Comparison, path: Path) -> None:
     """Measured and synthesized pictures, what is left with all of its noise, forces and meshes, as arrays."""
-    fit, data, residual = examination.fit, examination.data, examination.residual
-    mesh = fit.meshes[examination.mesh]
-    outcome = fit.outcome(examination.base)
-    steps = data.entry_step[: shown(examination)]
-    left, noise = (parts_left(examination, known) for known in (residual.vector, examination.judge.spread))
-    error, floor = residual.error, examination.floor
+    problem, data, residual = comparison.problem, comparison.data, comparison.residual
+    mesh = problem.meshes[comparison.mesh]
+    outcome = problem.outcome(comparison.base)
+    steps = data.entry_step[: shown(comparison)]
+    left, noise = (parts_left(comparison, known) for known in (residual.vector, comparison.score_test.spread))
+    error, floor = residual.error, comparison.floor
     if not len(data.picture_step):  # of measured points: displacements, mm
-        error, floor = (np.array([_typical(one) for one in each[MOVES]]) for each in (left, noise))
-    conjugate = examination.prediction.conjugate
-    moved, force = (conjugate, data.force) if data.control == "force" else (data.displacement, conjugate)
+        error, floor = (np.array([_typical(one) for one in each[DISPLACEMENT]]) for each in (left, noise))
+    response = comparison.prediction.response
+    moved, force = (response, data.force) if data.control == "force" else (data.displacement, response)
     write_npz(
         path,
         {
             "measured": data.measured,
-            "synthesized": examination.prediction.pictures,
+            "synthesized": comparison.prediction.pictures,
             "picture_step": steps,
-            "fitted": fitted_steps(fit, data)[: len(steps)],
+            "fitted": fitted_steps(problem, data)[: len(steps)],
             "error": error,
             "floor": floor,
             "spacing": data.spacing,
@@ -55,12 +55,12 @@ def write_compare(examination: Examination, path: Path) -> None:
             **left,
             **{f"{name}_noise": values for name, values in noise.items()},
             "control": np.array(data.control),
-            "step_fitted": are_fitted(fit, data, np.arange(len(data.step))),
-            "patch_centre": examination.patches.centre,
-            "patch_count": np.array(examination.patches.count),
+            "step_fitted": are_fitted(problem, data, np.arange(len(data.step))),
+            "patch_centre": comparison.patches.centre,
+            "patch_count": np.array(comparison.patches.count),
             "mesh_points": mesh.points,
             "mesh_moved": mesh.points + outcome.displacement[steps],
-            **_outlines(mesh, examination),
+            **_outlines(mesh, comparison),
             "mesh_layer": np.maximum(parts_of(mesh), 0),
             "layer_names": np.array(list(mesh.parts)),
             "step": data.step,
@@ -74,11 +74,11 @@ def write_compare(examination: Examination, path: Path) -> None:
     )
 
 
-def _outlines(mesh: Mesh, examination: Examination) -> dict[str, np.ndarray]:
+def _outlines(mesh: Mesh, comparison: Comparison) -> dict[str, np.ndarray]:
     """Outlines of the elements of a plane mesh; in space, faces of its parts, and the part most of each patch is of."""
     if mesh.dim == 3:
         faces, part = border_triangles(mesh)
-        residual, centres = examination.residual, examination.patches.centre
+        residual, centres = comparison.residual, comparison.patches.centre
         points, owner = residual.places, residual.place_patch
         if not len(points):
             points, owner = centres, np.arange(len(centres))
@@ -91,57 +91,57 @@ def _outlines(mesh: Mesh, examination: Examination) -> dict[str, np.ndarray]:
     return {"mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks])}
 
 
-def shown(examination: Examination) -> int:
+def shown(comparison: Comparison) -> int:
     """Fields of displacements that are drawn: those of pictures, or where there are none those of points."""
-    return len(examination.data.picture_step) or len(examination.residual.value)
+    return len(comparison.data.picture_step) or len(comparison.residual.value)
 
 
-def parts_left(examination: Examination, known: np.ndarray) -> dict[str, np.ndarray]:
+def parts_left(comparison: Comparison, known: np.ndarray) -> dict[str, np.ndarray]:
     """A vector like the residual by its parts, with NaN for what was not measured.
 
     Parameters
     ----------
-    examination : Examination
+    comparison : Comparison
     known : ndarray, shape (kept,)
 
     Returns
     -------
     dict of ndarray
-        ``moves``, shape (fields, patches, dim), mm; ``brightness``, shape (pictures, patches); ``conjugate``, shape
+        ``moves``, shape (fields, patches, dim), mm; ``brightness``, shape (pictures, patches); ``response``, shape
         (steps,), N or mm.
     """
-    residual = examination.residual
+    residual = comparison.residual
     whole = np.full(residual.kept.shape, np.nan)
     whole[residual.kept] = known
-    fields = whole[: residual.value.size].reshape(residual.value.shape)[: shown(examination)]
-    brightness = fields[: len(examination.data.picture_step), :, -1]
-    return {MOVES: fields[..., :-1], BRIGHTNESS: brightness, CONJUGATE: whole[residual.value.size :]}
+    fields = whole[: residual.value.size].reshape(residual.value.shape)[: shown(comparison)]
+    brightness = fields[: len(comparison.data.picture_step), :, -1]
+    return {DISPLACEMENT: fields[..., :-1], BRIGHTNESS: brightness, RESPONSE: whole[residual.value.size :]}
 
 
 def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:
     """The part of what is left in which an effect is shown.
 
-    Brightness for those that change the brightness, the quantity that is not prescribed for those that change loads
+    Brightness for those that change the brightness, the response for those that change loads
     or their reading, else displacements; another one where that is not measured or would not change.
     """
-    chosen = MOVES
+    chosen = DISPLACEMENT
     if "intensity" in effect.observes:
         chosen = BRIGHTNESS
     elif effect.acts == LOADING or set(effect.observes) & {"force", "displacement"}:
-        chosen = CONJUGATE
-    order = sorted((MOVES, CONJUGATE, BRIGHTNESS), key=lambda name: name != chosen)
+        chosen = RESPONSE
+    order = sorted((DISPLACEMENT, RESPONSE, BRIGHTNESS), key=lambda name: name != chosen)
     return next((name for name in order if np.nan_to_num(pattern[name]).any()), chosen)
 
 
-def kept_looks(found: Examined) -> list[Look]:
-    """The effects whose patterns are kept: those that are blamed, those that were refitted, then the likeliest."""
-    blamed = list(found.verdict.effects)
+def kept_ranking(found: Diagnosis) -> list[Ranked]:
+    """The effects whose patterns are kept: those that are named, those that were refitted, then the likeliest."""
+    named = list(found.verdict.effects)
 
-    def rank(look: Look) -> tuple[int, bool]:
-        name = look.suspect.effect.name
-        return blamed.index(name) if name in blamed else len(blamed), name not in found.refits
+    def rank(one: Ranked) -> tuple[int, bool]:
+        name = one.candidate.effect.name
+        return named.index(name) if name in named else len(named), name not in found.refits
 
-    return sorted(found.looks, key=rank)[:SHOWN]
+    return sorted(found.ranking, key=rank)[:SHOWN]
 
 
 def _typical(values: np.ndarray) -> float:
@@ -150,17 +150,15 @@ def _typical(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
-def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
+def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
     """Verdict and ranking as JSON, patterns beside it as .npz; returns the former."""
-    model = found.examination.fit.settings.model
-    hidden = {look.suspect.effect.name for look in unseen(found.judge, found.looks)}
-    kept = kept_looks(found)
-    patterns = {
-        look.suspect.effect.name: parts_left(found.examination, look.columns @ look.finding.size) for look in kept
-    }
+    model = found.comparison.problem.settings.model
+    hidden = {one.candidate.effect.name for one in unseen(found.score_test, found.ranking)}
+    kept = kept_ranking(found)
+    patterns = {one.candidate.effect.name: parts_left(found.comparison, one.columns @ one.finding.size) for one in kept}
     ranking = []
-    for look, entry in zip(found.looks, summary(found.judge, found.looks), strict=True):
-        effect, refit = look.suspect.effect, found.refits.get(look.suspect.effect.name)
+    for one, entry in zip(found.ranking, summary(found.score_test, found.ranking), strict=True):
+        effect, refit = one.candidate.effect, found.refits.get(one.candidate.effect.name)
         ranking.append(
             {
                 **as_text(effect),
@@ -186,13 +184,13 @@ def write_diagnosis(found: Examined, path: Path) -> dict[str, Any]:
         "verdict": verdict.kind,
         "sentence": verdict.sentence,
         "effects": list(verdict.effects),
-        "misfit": found.judge.misfit,
-        "freedom": found.judge.freedom,
+        "misfit": found.score_test.misfit,
+        "freedom": found.score_test.freedom,
         "threshold": verdict.threshold,
         "ranking": ranking,
         "patterns": list(patterns),
-        "layers": [name.lower() for name in found.examination.fit.study.layer_names],
-        "confusions": confusions(found.judge, found.looks),
+        "layers": [name.lower() for name in found.comparison.problem.study.layer_names],
+        "confusions": confusions(found.score_test, found.ranking),
         "measurements": [{"title": title, "gain": gain} for title, gain in found.measurements],
         "not_tried": [
             {"title": title, "lacks": str(error.found), "expected": error.expected}
@@ -242,10 +240,10 @@ def count_simulations(study: Path, models: list[str], fit: set[str], diagnosis: 
     return {"run": len(fit) - len(reused), "reused": len(reused)}
 
 
-def rung_of(found: Examined, estimate: dict[str, Any], simulations: dict[str, int]) -> dict[str, Any]:
+def rung_of(found: Diagnosis, estimate: dict[str, Any], simulations: dict[str, int]) -> dict[str, Any]:
     """The model's rung of the ladder; `simulations` says how many its fit ran and how many it reused."""
-    fitted, held_out = errors(found.examination)
-    settings, judge = found.examination.fit.settings, found.judge
+    fitted, held_out = errors(found.comparison)
+    settings, score_test = found.comparison.problem.settings, found.score_test
     count = len(settings.parameters())
     return {
         "model": settings.model.full_name,
@@ -253,11 +251,11 @@ def rung_of(found: Examined, estimate: dict[str, Any], simulations: dict[str, in
         "effects": list(settings.model.effects),
         "parameters": estimate["parameters"],
         "error": {"fitted": fitted, "held_out": held_out},
-        "misfit": judge.misfit,
-        "freedom": judge.freedom,
+        "misfit": score_test.misfit,
+        "freedom": score_test.freedom,
         "parameters_count": count,
-        "aic": judge.misfit + 2 * count,
-        "bic": judge.misfit + count * float(np.log(max(judge.freedom + count, 1))),
+        "aic": score_test.misfit + 2 * count,
+        "bic": score_test.misfit + count * float(np.log(max(score_test.freedom + count, 1))),
         "verdict": found.verdict.kind,
         "sentence": found.verdict.sentence,
         "simulations": simulations,

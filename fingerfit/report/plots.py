@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fingerfit.fit.problem import Fit
-from fingerfit.fit.refine import finest
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.report.drawing import COLOURS, draw_mesh, extent, save
@@ -63,11 +63,11 @@ def figure_pictures(data: Data, synthesized: np.ndarray) -> Figure:
     return figure
 
 
-def figure_forces(data: Data, conjugate: np.ndarray) -> Figure:
-    """Force against displacement of the indenter, measured and of the model, whose one is `conjugate`."""
+def figure_forces(data: Data, response: np.ndarray) -> Figure:
+    """Force against displacement of the indenter, measured and of the model, whose one is `response`."""
     figure = Figure(figsize=(5.2, 3.8), layout="constrained")
     axes = figure.subplots()
-    moved, force = (conjugate, data.force) if data.control == "force" else (data.displacement, conjugate)
+    moved, force = (response, data.force) if data.control == "force" else (data.displacement, response)
     axes.plot([0, *moved], [0, *force], "-", color=COLOURS[4], label="model")
     axes.errorbar(
         data.displacement,
@@ -108,14 +108,14 @@ def figure_search(last: Round, kind: str) -> Figure:
     return figure
 
 
-def plot_fit(fit: Fit, last: Round, folder: Path) -> None:
+def plot_fit(problem: InverseProblem, last: Round, folder: Path) -> None:
     """All figures of a finished fit, into a folder."""
-    shown = finest(fit, last)
-    outcome, prediction, data = fit.outcome(shown), fit.prediction(shown), fit.data
-    mesh = fit.meshes[fit.mesh_of(shown)]
-    save(figure_forces(data, prediction.conjugate), folder / "force.png")
+    shown = finest(problem, last)
+    outcome, prediction, data = problem.outcome(shown), problem.prediction(shown), problem.data
+    mesh = problem.meshes[problem.mesh_of(shown)]
+    save(figure_forces(data, prediction.response), folder / "force.png")
     if last.history:
-        save(figure_search(last, fit.settings.fit.score), folder / "search.png")
+        save(figure_search(last, problem.settings.fit.score), folder / "search.png")
     if mesh.dim == 2 and len(data.measured):
         steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
         save(figure_deformed(mesh, outcome, steps), folder / "deformed_mesh.png")

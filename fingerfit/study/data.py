@@ -114,7 +114,7 @@ class Data:
         return self.force if self.control == "force" else self.displacement
 
     @property
-    def conjugate(self) -> tuple[np.ndarray, np.ndarray]:
+    def response(self) -> tuple[np.ndarray, np.ndarray]:
         """Measured quantity that the control leaves free, and its standard deviation, shapes (steps,)."""
         if self.control == "force":
             return self.displacement, self._by_step(self.displacement_noise)
@@ -133,7 +133,7 @@ class Data:
         return np.concatenate([self.picture_step, np.unique(self.points_step)]).astype(int)
 
     @property
-    def conjugate_gain(self) -> float:
+    def response_gain(self) -> float:
         """Standard deviation of a factor common to all values of that quantity."""
         return 0.0 if self.control == "force" else self.force_gain
 

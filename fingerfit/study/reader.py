@@ -345,14 +345,14 @@ def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
         if path is not None and not path.exists():
             problems.append(InputError(file, f"body.{key}", path.name, "a file that exists"))
     _check_sets(study, problems)
-    conjugate = "displacement" if study.control == "force" else "force"
-    measured = [step for step in study.steps if getattr(step, conjugate) is not None]
+    response = "displacement" if study.control == "force" else "force"
+    measured = [step for step in study.steps if getattr(step, response) is not None]
     if study.noise.force_gain and study.control == "force":
         problems.append(InputError(file, "noise.force_gain", f"{study.noise.force_gain:g} with control: force",
                                    "no such key: it is for measured forces, not for prescribed ones"))  # fmt: skip
     if not pictures and not measured and not any(step.points for step in study.steps):
         problems.append(InputError(file, "steps", "nothing measured beside the control",
-                                   f"pictures, points or {conjugate}"))  # fmt: skip
+                                   f"pictures, points or {response}"))  # fmt: skip
 
 
 def _check_sets(study: Study, problems: list[FingerfitError]) -> None:

@@ -125,7 +125,7 @@ def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
     moved = -outcome.indenter[:, -1]
     seen = Observation.of(_present(truth), truth.values, mesh.body, len(steps))
     if seen is not None:
-        moved = seen.conjugate(moved, "displacement")
+        moved = seen.response(moved, "displacement")
     return Solved(_as_measured(truth, force), *take_pictures(truth, mesh, outcome, seen), moved)
 
 

@@ -104,7 +104,7 @@
       for (const button of all("button[data-group]")) button.setAttribute("aria-pressed", String(button.dataset.group === group));
     }
     const effect = here.first_effect ? state.effect || here.first_effect : "";
-    const kind = here.parts[effect] || "", curve = kind === "conjugate";
+    const kind = here.parts[effect] || "", curve = kind === "response";
     for (const part of all(".now-effect")) part.textContent = here.titles[effect] || effect;
     for (const part of all(".when-step")) part.hidden = curve;
     for (const img of all("img[data-panel]")) {

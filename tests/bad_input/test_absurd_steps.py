@@ -172,9 +172,9 @@ def test_the_remark_reaches_the_estimate(place, capsys):
     from fingerfit.settings.config import load_settings
 
     text("3,1.5,22.8", "3,1.5,3.8")(place)
-    fit, _ = begin(load_settings(place / "config.yaml"), place / "work")
-    last, _ = all_rounds(fit, place / "rounds")
-    found = estimate_of(fit, last)
+    problem, _ = begin(load_settings(place / "config.yaml"), place / "work")
+    last, _ = all_rounds(problem, place / "rounds")
+    found = estimate_of(problem, last)
     (remark,) = [line for line in found["remarks"] if line.startswith("measurements: step 3: force falls")]
     assert remark in table_of(found)
     assert json.loads(json.dumps(found))["remarks"] == found["remarks"]

@@ -15,7 +15,7 @@ from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError, InputError, Problems, StateError
 from fingerfit.core.files import keep_json, read_json, read_npz, read_record, write_json, write_npz
 from fingerfit.diagnosis.residual import Patches
-from fingerfit.diagnosis.score_test import Judge
+from fingerfit.diagnosis.score_test import ScoreTest
 from fingerfit.diagnosis.verdict import Refit, _rival
 from fingerfit.fit.check import check_data
 from fingerfit.fit.estimate import estimate_of
@@ -44,8 +44,8 @@ def place(tmp_path, monkeypatch):
 
 
 def fitted():
-    fit, _ = begin(load_settings({"study": "study", "model": MODEL, "fit": FIT}), Path("m"))
-    return fit, run_fit(fit, 1)[0]
+    problem, _ = begin(load_settings({"study": "study", "model": MODEL, "fit": FIT}), Path("m"))
+    return problem, run_fit(problem, 1)[0]
 
 
 def steps(*rows):
@@ -163,21 +163,21 @@ def test_a_sensor_that_shows_no_straight_line(place, monkeypatch, formula):
 @pytest.mark.parametrize("force", ["1e300", "1e305"])
 def test_scores_that_overflow_are_no_scores(place, force):
     write(place, steps(f"1,0.4,{force}", f"2,0.8,{force}"))
-    fit, last = fitted()
+    problem, last = fitted()
     assert last.stop == "no guess has a solution"
     with pytest.raises(
         StateError, match=r"no guess had a solution \(a score of inf\): .* look at .* forces and their noise"
     ):
-        estimate_of(fit, last)
+        estimate_of(problem, last)
 
 
 def test_bounds_too_near_for_a_slope(place):
     mu = {**MODEL["parameters"]["mu"], "start": 0.05, "lower": 0.05, "upper": 0.0501}
-    fit, _ = begin(
+    problem, _ = begin(
         load_settings({"study": "study", "model": {**MODEL, "parameters": {"mu": mu}}, "fit": FIT}), Path("m")
     )
     with pytest.raises(InputError, match=r"config.yaml: model.parameters.mu: found bounds next to each other"):
-        run_fit(fit, 1)
+        run_fit(problem, 1)
 
 
 @pytest.mark.parametrize("noise", [{}, {"displacement": 0.01}])
@@ -188,15 +188,15 @@ def test_a_likelihood_of_what_has_no_noise(place, noise):
 
 
 def test_a_likelihood_of_pictures_without_noise(place):
-    fit, _ = begin(load_settings({"study": "study", "model": MODEL, "fit": FIT}), Path("m"))
-    pictured = replace(fit.data, measured=np.ones((1, 4, 4)), picture_noise=0.0)
+    problem, _ = begin(load_settings({"study": "study", "model": MODEL, "fit": FIT}), Path("m"))
+    pictured = replace(problem.data, measured=np.ones((1, 4, 4)), picture_noise=0.0)
     with pytest.raises(InputError, match=r"pictures.noise: found 0, as estimated; expected a number above 0"):
-        check_data(fit.settings, fit.study, pictured)
+        check_data(problem.settings, problem.study, pictured)
 
 
 def test_measurements_without_noise_cannot_be_weighed():
     with pytest.raises(StateError, match="some measurements have no noise of their own"):
-        Judge(np.ones(3), np.diag([1.0, 0.0, 1.0]), np.ones((3, 1)), np.zeros((3, 1)))
+        ScoreTest(np.ones(3), np.diag([1.0, 0.0, 1.0]), np.ones((3, 1)), np.zeros((3, 1)))
 
 
 def test_json_of_what_is_not_finite(tmp_path):

@@ -16,9 +16,9 @@ STAGES = {
     "simulate": ("fitted", "all", ("results/study/sims",), "results/study/sims/*/solver.log"),
     "estimate": ("fitted", "all", (f"{MODEL}/estimate.json",), f"{MODEL}/logs/estimate.log"),
     "plot": ("fitted", "all", (f"{MODEL}/figures",), f"{MODEL}/logs/plot.log"),
-    "examine": ("diagnosed", "diagnose", (f"{MODEL}/diagnosis.json",), f"{MODEL}/logs/examine.log"),
+    "diagnose_model": ("diagnosed", "diagnose", (f"{MODEL}/diagnosis.json",), f"{MODEL}/logs/diagnose.log"),
     "ladder": ("diagnosed", "diagnose", ("results/study/ladder.json",), "results/study/ladder.log"),
-    "discover": ("fitted", "discover", (), f"{MODEL}/logs/examine.log"),
+    "discover": ("fitted", "discover", (), f"{MODEL}/logs/diagnose.log"),
 }
 
 

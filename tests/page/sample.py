@@ -69,10 +69,10 @@ def compare(tilt_left, mu=1.0, seed=3, names=LAYERS):
     error = np.sqrt(((measured - synthesized)[:, inside] ** 2).mean(axis=1))
     return {
         "measured": measured, "synthesized": synthesized, "picture_step": PICTURES, "fitted": FITTED, "error": error,
-        "floor": np.full(4, NOISE * np.sqrt(2)), "spacing": np.full(2, PIXEL), "origin": origin, "moves": moves,
-        "moves_noise": np.where(np.isfinite(moves), MOVES_NOISE, np.nan), "patch_centre": centre, "patch_count": count,
+        "floor": np.full(4, NOISE * np.sqrt(2)), "spacing": np.full(2, PIXEL), "origin": origin, "residual_displacement": moves,
+        "residual_displacement_noise": np.where(np.isfinite(moves), MOVES_NOISE, np.nan), "patch_centre": centre, "patch_count": count,
         "brightness": np.where(np.isfinite(moves[..., 0]), 0.004, np.nan), "brightness_noise": np.full(moves.shape[:2], 0.003),
-        "conjugate": depths * 0.01 - 0.004, "conjugate_noise": np.full(len(STEPS), 0.006), "control": np.array("force"),
+        "response": depths * 0.01 - 0.004, "response_noise": np.full(len(STEPS), 0.006), "control": np.array("force"),
         "step_fitted": STEPS != 5, "mesh_points": points, "mesh_moved": moved, "mesh_rings": rings, "mesh_layer": layer,
         "layer_names": np.array(names), "step": STEPS, "force": force, "displacement": depths,
         "force_model": force_model, "displacement_model": depths, "force_noise": 0.03, "displacement_noise": 0.005,
@@ -115,13 +115,22 @@ def ladder(done=True):
 def diagnosis_of_base():
     refit = {"misfit": 611.0, "error": {"fitted": 1.01, "held_out": 1.04}, "parameters": {"tilt": 2.02}}
     ranking = [
-        candidate("indenter_slip", "Indenter slips", 0.98, None, 0.3, "mm", "moves"),
-        candidate("tilt", "Indenter tilt", 0.94, refit, 2.1, "deg", "moves"),
-        candidate("inclusion", "An inclusion", 0.3, None, 0.195, "log", "moves", place={"across": 0.85, "along": 0.5}),
-        candidate("skin", "A skin", 0.2, None, 0.3, "log", "moves", place={"thickness": 0.5}),
+        candidate("indenter_slip", "Indenter slips", 0.98, None, 0.3, "mm", "residual_displacement"),
+        candidate("tilt", "Indenter tilt", 0.94, refit, 2.1, "deg", "residual_displacement"),
+        candidate(
+            "inclusion",
+            "An inclusion",
+            0.3,
+            None,
+            0.195,
+            "log",
+            "residual_displacement",
+            place={"across": 0.85, "along": 0.5},
+        ),
+        candidate("skin", "A skin", 0.2, None, 0.3, "log", "residual_displacement", place={"thickness": 0.5}),
         candidate("intensity_drift", "Drift of the intensity", 0.2, None, 0.01, "1", "brightness"),
-        candidate("onset", "Contact onset offset", 0.1, None, 0.02, "mm", "conjugate"),
-        candidate("gradient", "Stiffness gradient", 0.05, None, 0.02, "log", "moves"),
+        candidate("onset", "Contact onset offset", 0.1, None, 0.02, "mm", "response"),
+        candidate("gradient", "Stiffness gradient", 0.05, None, 0.02, "log", "residual_displacement"),
         candidate("split_layer", "A layer that is two", 0.05, None, 0.02, "log", place={"layer": 1.0}),
         candidate("force_gain", "Force gain", 0.04, None, 1.02, "1", visible=0.005, imitated=True),
     ]
@@ -149,12 +158,12 @@ def write(folder, names=LAYERS, done=True, only_compare=False):
     centre, depths = base["patch_centre"], 0.35 * STEPS[PICTURES]
     patterns = {}
     zero = np.array([displacement(centre, d) for d in depths])
-    patterns["moves_tilt"] = np.array([displacement(centre, d, TILT) for d in depths]) - zero
-    patterns["moves_indenter_slip"] = np.array([displacement(centre, d, 0, 0.3) for d in depths]) - zero
+    patterns["residual_displacement_tilt"] = np.array([displacement(centre, d, TILT) for d in depths]) - zero
+    patterns["residual_displacement_indenter_slip"] = np.array([displacement(centre, d, 0, 0.3) for d in depths]) - zero
     for name, share in (("inclusion", 0.3), ("skin", 0.2), ("gradient", 0.1)):
-        patterns[f"moves_{name}"] = share * patterns["moves_tilt"]
+        patterns[f"residual_displacement_{name}"] = share * patterns["residual_displacement_tilt"]
     patterns["brightness_intensity_drift"] = 0.01 * np.arange(1, 5)[:, None] * np.ones(len(centre))
-    patterns["conjugate_onset"] = np.full(len(STEPS), 0.02)
+    patterns["response_onset"] = np.full(len(STEPS), 0.02)
     save(folder / "base/diagnosis.npz", patterns)
     keep_json(folder / "base/diagnosis.json", diagnosis_of_base())
     keep_json(folder / "ladder.json", ladder(done))

@@ -116,7 +116,7 @@ def test_only_compare_gives_a_page(tmp_path):
 
 def test_only_forces_give_a_page(tmp_path):
     keep = ("step", "force", "displacement", "force_model", "displacement_model", "force_noise", "displacement_noise",
-            "conjugate", "conjugate_noise", "control", "step_fitted")  # fmt: skip
+            "response", "response_noise", "control", "step_fitted")  # fmt: skip
     found = sample.compare(sample.TILT)
     arrays = {k: found[k] for k in keep} | {
         k: found[k][:0]
@@ -127,8 +127,8 @@ def test_only_forces_give_a_page(tmp_path):
             "fitted",
             "error",
             "floor",
-            "moves",
-            "moves_noise",
+            "residual_displacement",
+            "residual_displacement_noise",
             "mesh_moved",
         )
     }
@@ -140,7 +140,7 @@ def test_only_forces_give_a_page(tmp_path):
     assert (
         "0.0205" in table
         and "clearly above the noise" in table
-        and "there|base|steps|conjugate" in data_of(text)["panels"]
+        and "there|base|steps|response" in data_of(text)["panels"]
     )
     assert "This study has no pictures" in text and "force|base" in data_of(text)["panels"]
 
@@ -186,7 +186,7 @@ for (const row of rows) {
   row.scrollIntoView({ block: "start" });
   row.querySelector("button").click();
   out["pattern of " + effect] = pattern.src === uri(`pattern|base|${curve ? "steps" : 0}|${effect}`) && !pattern.closest("figure").hidden;
-  const part = { onset: "steps|conjugate", intensity_drift: "0|brightness" }[effect] || "0|moves";
+  const part = { onset: "steps|response", intensity_drift: "0|brightness" }[effect] || "0|residual_displacement";
   out["there of " + effect] = there.src === uri(`there|base|${part}`) && !there.closest("figure").hidden;
   const box = there.getBoundingClientRect();
   out["view of " + effect] = box.bottom > 0 && box.top < innerHeight;

@@ -56,8 +56,8 @@ def arrays(turned=False, seed=1):
         "spacing": spacing,
         "origin": origin,
         "direction": frame.direction,
-        "moves": np.tile(centre * [0.01, 0.001, -0.02], (2, 1, 1)),
-        "moves_noise": np.full((2, 60, 3), 0.02),
+        "residual_displacement": np.tile(centre * [0.01, 0.001, -0.02], (2, 1, 1)),
+        "residual_displacement_noise": np.full((2, 60, 3), 0.02),
         "brightness": np.full((2, 60), 0.008),
         "patch_centre": centre,
         "patch_count": count,
@@ -106,7 +106,9 @@ def test_patches_of_a_slice_move_in_its_plane(compare):
         assert view.mains == mains
         assert view.compare.patch_centre == pytest.approx(whole[:, mains])
         assert np.abs(whole[:, 3 - sum(mains)] - cut.position).max() <= (SIZE / [5, 4, 3])[3 - sum(mains)] / 2 + 1e-9
-        assert view.compare.moves == pytest.approx(compare.moves[:, view.patches][..., mains])
+        assert view.compare.residual_displacement == pytest.approx(
+            compare.residual_displacement[:, view.patches][..., mains]
+        )
         # cells of a map: flat index along the right axis first, as in plane studies
         nx, ny = view.compare.patch_count
         right = view.compare.patch_centre.reshape(nx, ny, 2)
@@ -134,7 +136,10 @@ def page(folder, done=True):
     found = arrays()
     write_npz(study / "base/compare.npz", found)
     rng = generator(4)
-    patterns = {"moves_tilt": found["moves"] + rng.normal(0, 0.01, found["moves"].shape)}
+    patterns = {
+        "residual_displacement_tilt": found["residual_displacement"]
+        + rng.normal(0, 0.01, found["residual_displacement"].shape)
+    }
     patterns["brightness_drift"] = np.full((2, 60), 0.01)
     patterns["stiffness"] = np.array([[x, y, 4.0, 0.2 * y - 0.7, x - 4.0] for x in (2.0, 5.0) for y in (3.0, 6.0)])
     write_npz(study / "base/diagnosis.npz", patterns)
@@ -146,7 +151,7 @@ def page(folder, done=True):
             "share_of_excess": 0.5,
             "size": {},
             "units": {},
-            "shows": "moves",
+            "shows": "residual_displacement",
         },
         {"effect": "drift", "title": "drift", "predicted_fall": 1.0, "share_of_excess": 0.1, "shows": "brightness"},
     ]
@@ -172,7 +177,12 @@ def test_every_slice_of_every_picture_is_there(whole):
     assert len(data["views"]) == len(data["frames"]) == len(data["maps"]) == count
     for panel in ("measured", "synthesized", "difference", "map"):
         assert all(f"{panel}|base|{n}@{v}" in data["panels"] for n in range(2) for v in range(count))
-    for key in ("there|base|{}|moves", "pattern|base|{}|tilt", "there|base|{}|brightness", "pattern|base|{}|drift"):
+    for key in (
+        "there|base|{}|residual_displacement",
+        "pattern|base|{}|tilt",
+        "there|base|{}|brightness",
+        "pattern|base|{}|drift",
+    ):
         assert all(key.format(f"{n}@{v}") in data["panels"] for n in range(2) for v in range(count))
     assert "z upwards" in whole
     assert set(data["meshes"]["base"]["lines"]) == {f"{n}@{v}" for n in range(2) for v in range(count)}

@@ -189,10 +189,10 @@ def test_fits_take_what_was_expected(place, parameters):
             "fit": {**FIT, "stages": [*FIT["stages"], SIMPLEX]},
         }
     )
-    fit, _ = begin(settings, place / "work")
-    last, _ = run_fit(fit, 1)
+    problem, _ = begin(settings, place / "work")
+    last, _ = run_fit(problem, 1)
     found = expected(settings, refined=False)
-    asked = len(fit.asked)
+    asked = len(problem.asked)
     assert last.stop == "tolerances met"
     # quartiles of bowls: a fit outside of them is no wonder, by half as much again it is
     assert found.simulations[0] / 1.5 <= asked <= 1.5 * found.simulations[1]

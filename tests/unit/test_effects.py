@@ -344,7 +344,7 @@ def test_misregistration():
     seen = observation(misregistration__x=0.1, misregistration__y=-0.2)
     for k in (1, 4):
         assert seen.shift(k) == pytest.approx([0.1, -0.2])
-    assert seen.conjugate(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.0, 2.0])
+    assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.0, 2.0])
 
 
 def test_intensities(rng):
@@ -372,8 +372,8 @@ def test_positions_count_from_the_body(rng):
 
 def test_onset():
     seen = observation(onset__offset=0.15)
-    assert seen.conjugate(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.15, 2.15])
-    assert seen.conjugate(np.array([1.0, 2.0]), "force") == pytest.approx([1.0, 2.0])
+    assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.15, 2.15])
+    assert seen.response(np.array([1.0, 2.0]), "force") == pytest.approx([1.0, 2.0])
 
 
 # --- formulas

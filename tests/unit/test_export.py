@@ -114,15 +114,15 @@ def made(tmp_path_factory):
         "synthesized": 0.5 * data.measured,
         "picture_step": data.picture_step,
         "step_fitted": np.array([True, False]),
-        "conjugate": np.array([0.03, np.nan]),
-        "conjugate_noise": np.array([0.01, np.nan]),
+        "response": np.array([0.03, np.nan]),
+        "response_noise": np.array([0.01, np.nan]),
         "error": np.array([0.02, 0.03]),
         "floor": np.array([0.01, 0.01]),
         "spacing": data.spacing,
         "origin": data.origin,
         "direction": data.direction,
-        "moves": moves,
-        "moves_noise": np.full_like(moves, 0.02),
+        "residual_displacement": moves,
+        "residual_displacement_noise": np.full_like(moves, 0.02),
         "patch_centre": centre,
         "patch_count": np.array([2, 2, 2]),
         "mesh_points": mesh.points,
@@ -220,7 +220,7 @@ def test_residual_displacements_are_vectors_in_space(made):
     assert image.GetNumberOfComponentsPerPixel() == 3
     for patch, centre in enumerate(compare["patch_centre"]):
         index = image.TransformPhysicalPointToIndex(centre.tolist())
-        expected = np.nan_to_num(compare["moves"][1, patch])
+        expected = np.nan_to_num(compare["residual_displacement"][1, patch])
         assert image.GetPixel(index) == pytest.approx(expected, abs=1e-6)
     outside = image.TransformPhysicalPointToIndex((-1.2, 2.0, 1.0))
     assert image.GetPixel(outside) == (0, 0, 0)
@@ -229,9 +229,9 @@ def test_residual_displacements_are_vectors_in_space(made):
 def test_residual_displacements_are_vectors_at_points(made):
     folder, _, _, compare = made
     points = meshio.read(folder / "fields/residual_step_4.vtu")
-    known = np.isfinite(compare["moves"][1, :, 0])
+    known = np.isfinite(compare["residual_displacement"][1, :, 0])
     assert points.points == pytest.approx(compare["patch_centre"][known])
-    assert points.point_data["residual_displacement_mm"] == pytest.approx(compare["moves"][1, known])
+    assert points.point_data["residual_displacement_mm"] == pytest.approx(compare["residual_displacement"][1, known])
     assert (points.point_data["noise_mm"] == 0.02).all()
 
 
@@ -240,14 +240,18 @@ def test_a_study_of_forces_alone_has_its_errors_by_step(made):
 
     folder = made[0]
     found = read_results(folder.parent)
-    nothing = {"picture_step": np.zeros(0, int), "moves": np.zeros((0, 8, 3)), "moves_noise": np.zeros((0, 8, 3))}
+    nothing = {
+        "picture_step": np.zeros(0, int),
+        "residual_displacement": np.zeros((0, 8, 3)),
+        "residual_displacement_noise": np.zeros((0, 8, 3)),
+    }
     write_tables(replace(found, compare=found.compare | nothing), folder.parent)
     errors = rows(folder.parent / "error_by_step.csv")
     assert [(row["step"], row["fitted"], row["times_the_noise"]) for row in errors] == [
         ("1", "yes", ""),
         ("4", "no", ""),
     ]
-    assert errors[0]["conjugate_times_the_noise"] == "3"
+    assert errors[0]["response_times_the_noise"] == "3"
 
 
 def rows(path):
@@ -264,15 +268,15 @@ def test_tables(made):
     assert [row["force_noise_N"] for row in forces] == ["0.01", "0.01"]
     errors = rows(folder / "error_by_step.csv")
     assert [(row["fitted"], float(row["times_the_noise"])) for row in errors] == [("yes", 2.0), ("no", 3.0)]
-    assert [row["conjugate_times_the_noise"] for row in errors] == ["3", ""]
+    assert [row["response_times_the_noise"] for row in errors] == ["3", ""]
     patches = rows(folder / "residual_by_patch.csv")
     assert len(patches) == 15  # one is not known
     row = next(r for r in patches if r["step"] == "4" and (r["x_mm"], r["y_mm"], r["z_mm"]) == ("3", "2.25", "1.5"))
     assert row["layer"] == "top"
-    assert float(row["residual_z_mm"]) == pytest.approx(compare["moves"][1, 7, 2], rel=1e-4)
+    assert float(row["residual_z_mm"]) == pytest.approx(compare["residual_displacement"][1, 7, 2], rel=1e-4)
     layers = rows(folder / "residual_by_layer.csv")
     lower = next(r for r in layers if r["step"] == "1" and r["layer"] == "bottom")
-    own = np.linalg.norm(compare["moves"][0, ::2], axis=1)
+    own = np.linalg.norm(compare["residual_displacement"][0, ::2], axis=1)
     assert float(lower["rms_mm"]) == pytest.approx(np.sqrt(np.mean(own**2)), rel=1e-4)
     assert float(lower["largest_mm"]) == pytest.approx(own.max(), rel=1e-4)
     assert lower["patches"] == "4"

@@ -14,11 +14,11 @@ def case(hidden, *rungs, found=60.0):
     return {"hidden": {name: {} for name in hidden}, "rungs": list(rungs), "found": found}
 
 
-def rung(effects=(), verdict="adequate", blamed=(), errors=RIGHT, **more):
+def rung(effects=(), verdict="adequate", named=(), errors=RIGHT, **more):
     return {
         "effects": list(effects),
         "verdict": verdict,
-        "blamed": list(blamed),
+        "named": list(named),
         "errors": errors,
         "held_out": 1.0,
         **more,
@@ -37,8 +37,8 @@ def test_a_constant_is_right_by_either():
 
 def test_what_is_required_stands_beside_it():
     after = rung(["tilt"])
-    tilt = case(["tilt"], rung(verdict="missing", blamed=["tilt"], errors={"mu_top": 0.2}), after)
-    quiet, alarm = case([], rung()), case([], rung(verdict="missing", blamed=["skin"]), found=301.0)
+    tilt = case(["tilt"], rung(verdict="missing", named=["tilt"], errors={"mu_top": 0.2}), after)
+    quiet, alarm = case([], rung()), case([], rung(verdict="missing", named=["skin"]), found=301.0)
     cases = {"tilt": tilt, "nothing, noise 1": quiet, "nothing, noise 2": alarm}
     assert row(cases, "clear: its name alone") == "| clear: its name alone | 1 of 1 (100 %) | 85 %: met | 0 |"
     assert row(cases, "nothing hidden: no effect").endswith("| 1 of 2 (50 %) | 95 %: NOT met | 1: nothing, noise 2 |")

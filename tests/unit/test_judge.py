@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fingerfit.diagnosis.score_test import Judge, likeness
+from fingerfit.diagnosis.score_test import ScoreTest, likeness
 
 VALUES, OWN = 60, 3
 WIDE = np.full(2, np.inf)
@@ -31,12 +31,12 @@ def test_it_is_a_refit(columns, rng):
     full = covariance + nuisance @ nuisance.T
     for _ in range(5):
         residual = rng.multivariate_normal(np.zeros(VALUES), full) + effect @ rng.normal(size=2)
-        judge = Judge(residual, covariance, own, nuisance)
-        finding = judge.test(effect, -WIDE, WIDE)
+        score_test = ScoreTest(residual, covariance, own, nuisance)
+        finding = score_test.test(effect, -WIDE, WIDE)
         without, _ = refit(residual, full, own)
         within, size = refit(residual, full, np.concatenate([own, effect], axis=1))
-        assert judge.misfit == pytest.approx(without, rel=1e-9)
-        assert judge.freedom == VALUES - OWN
+        assert score_test.misfit == pytest.approx(without, rel=1e-9)
+        assert score_test.freedom == VALUES - OWN
         assert finding.fall == pytest.approx(without - within, rel=1e-8)
         assert finding.size == pytest.approx(size[OWN:], rel=1e-8)
 
@@ -44,7 +44,7 @@ def test_it_is_a_refit(columns, rng):
 def test_the_signal_is_what_the_constants_leave_of_it(columns):
     own, effect, nuisance, covariance = columns
     full = covariance + nuisance @ nuisance.T
-    finding = Judge(np.zeros(VALUES), covariance, own, nuisance).test(effect, -WIDE, WIDE)
+    finding = ScoreTest(np.zeros(VALUES), covariance, own, nuisance).test(effect, -WIDE, WIDE)
     left = [refit(column, full, own)[0] for column in effect.T]
     assert finding.signal == pytest.approx(sum(left), rel=1e-9)
     total = np.trace(effect.T @ np.linalg.inv(full) @ effect)
@@ -55,19 +55,19 @@ def test_the_signal_is_what_the_constants_leave_of_it(columns):
 
 def test_the_constants_follow_as_in_a_refit(columns, rng):
     own, effect, nuisance, covariance = columns
-    judge = Judge(rng.normal(size=VALUES), covariance, own, nuisance)
+    score_test = ScoreTest(rng.normal(size=VALUES), covariance, own, nuisance)
     for signal in effect.T:
         # what is left of a signal when the constants make up for it
-        assert judge.follow(signal) == pytest.approx(-refit(signal, covariance + nuisance @ nuisance.T, own)[1])
+        assert score_test.follow(signal) == pytest.approx(-refit(signal, covariance + nuisance @ nuisance.T, own)[1])
 
 
 def test_falls_by_chance_are_chi_square(columns, rng):
     own, effect, nuisance, covariance = columns
     root, one, two = np.linalg.cholesky(covariance + nuisance @ nuisance.T), [], []
     for noise in (root @ rng.normal(size=(VALUES, 800))).T:
-        judge = Judge(noise, covariance, own, nuisance)
-        one.append(judge.test(effect[:, :1], -WIDE[:1], WIDE[:1]).fall)
-        two.append(judge.test(effect, -WIDE, WIDE).fall)
+        score_test = ScoreTest(noise, covariance, own, nuisance)
+        one.append(score_test.test(effect[:, :1], -WIDE[:1], WIDE[:1]).fall)
+        two.append(score_test.test(effect, -WIDE, WIDE).fall)
     # mean k and variance 2 k of chi-square; five standard errors of 800 draws
     assert np.mean(one) == pytest.approx(1.0, abs=5 * np.sqrt(2 / 800))
     assert np.mean(two) == pytest.approx(2.0, abs=5 * np.sqrt(4 / 800))
@@ -78,22 +78,22 @@ def test_falls_by_chance_are_chi_square(columns, rng):
 def test_what_the_constants_can_imitate_is_not_seen(columns, rng):
     own, effect, nuisance, covariance = columns
     inside = own @ np.array([[1.0], [-2.0], [0.5]])
-    judge = Judge(5 * inside[:, 0] + rng.normal(size=VALUES), covariance, own, nuisance)
-    finding = judge.test(inside, -WIDE[:1], WIDE[:1])
+    score_test = ScoreTest(5 * inside[:, 0] + rng.normal(size=VALUES), covariance, own, nuisance)
+    finding = score_test.test(inside, -WIDE[:1], WIDE[:1])
     assert finding.visible < 1e-12
     assert finding.fall == 0
     assert finding.size == pytest.approx([0.0])
     # what stands at right angles to them, after whitening, is seen whole
     root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
-    signature = judge.signature(effect)
-    assert judge.test(root @ signature, -WIDE, WIDE).visible == pytest.approx(1.0, abs=1e-12)
+    signature = score_test.signature(effect)
+    assert score_test.test(root @ signature, -WIDE, WIDE).visible == pytest.approx(1.0, abs=1e-12)
 
 
 def test_own_columns_may_depend_on_each_other(columns, rng):
     own, effect, nuisance, covariance = columns
     residual = rng.normal(size=VALUES)
     twice = np.concatenate([own, own[:, :1] + own[:, 1:2], np.zeros((VALUES, 1))], axis=1)
-    a, b = Judge(residual, covariance, own, nuisance), Judge(residual, covariance, twice, nuisance)
+    a, b = ScoreTest(residual, covariance, own, nuisance), ScoreTest(residual, covariance, twice, nuisance)
     assert b.freedom == a.freedom == VALUES - OWN
     assert b.misfit == pytest.approx(a.misfit, rel=1e-9)
     assert b.test(effect, -WIDE, WIDE).fall == pytest.approx(a.test(effect, -WIDE, WIDE).fall, rel=1e-8)
@@ -102,10 +102,10 @@ def test_own_columns_may_depend_on_each_other(columns, rng):
 def test_sizes_stay_within_bounds(columns, rng):
     own, effect, nuisance, covariance = columns
     residual = effect @ np.array([8.0, -3.0]) + rng.normal(size=VALUES)
-    judge = Judge(residual, covariance, own, nuisance)
-    free = judge.test(effect, -WIDE, WIDE)
+    score_test = ScoreTest(residual, covariance, own, nuisance)
+    free = score_test.test(effect, -WIDE, WIDE)
     low, high = np.array([-1.0, -np.inf]), np.array([1.0, np.inf])
-    bound = judge.test(effect, low, high)
+    bound = score_test.test(effect, low, high)
     full = covariance + nuisance @ nuisance.T
     assert free.size == pytest.approx(refit(residual, full, np.concatenate([own, effect], axis=1))[1][OWN:], rel=1e-8)
     assert free.size[0] > high[0]
@@ -114,10 +114,10 @@ def test_sizes_stay_within_bounds(columns, rng):
     columns = np.concatenate([own, effect[:, 1:]], axis=1)
     misfit, size = refit(residual - effect[:, 0], full, columns)
     assert bound.size[1] == pytest.approx(size[-1], rel=1e-8)
-    assert bound.fall == pytest.approx(judge.misfit - misfit, rel=1e-8)
+    assert bound.fall == pytest.approx(score_test.misfit - misfit, rel=1e-8)
     assert 0 < bound.fall < free.fall
     # the wrong sign only: nothing is better than the bound at zero
-    assert judge.test(effect[:, :1], np.array([-5.0]), np.array([0.0])).fall == 0
+    assert score_test.test(effect[:, :1], np.array([-5.0]), np.array([0.0])).fall == 0
 
 
 def test_common_modes_are_chi_square(columns, rng):
@@ -126,16 +126,18 @@ def test_common_modes_are_chi_square(columns, rng):
     root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
     # one of the modes twice, and one that is a constant's own
     common = np.concatenate([modes, 3 * modes[:, :1], own[:, :1]], axis=1)
-    judges = [Judge(noise, covariance, own, nuisance, common) for noise in (root @ rng.normal(size=(VALUES, 800))).T]
-    assert {judge.common_freedom for judge in judges} == {2}
-    found = np.array([judge.common_misfit for judge in judges])
+    judges = [
+        ScoreTest(noise, covariance, own, nuisance, common) for noise in (root @ rng.normal(size=(VALUES, 800))).T
+    ]
+    assert {score_test.common_freedom for score_test in judges} == {2}
+    found = np.array([score_test.common_misfit for score_test in judges])
     assert found.mean() == pytest.approx(2.0, abs=5 * np.sqrt(4 / 800))
     assert np.mean(found > 5.991) == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / 800))
     # they are part of the whole, and a test of the very modes finds the same
-    judge = Judge(modes @ np.array([3.0, -2.0]), covariance, own, nuisance, common)
-    assert judge.common_misfit == pytest.approx(judge.misfit, rel=1e-9)
-    judge = Judge(rng.normal(size=VALUES), covariance, own, nuisance, common)
-    assert judge.common_misfit == pytest.approx(judge.test(modes, -WIDE, WIDE).fall, rel=1e-8)
+    score_test = ScoreTest(modes @ np.array([3.0, -2.0]), covariance, own, nuisance, common)
+    assert score_test.common_misfit == pytest.approx(score_test.misfit, rel=1e-9)
+    score_test = ScoreTest(rng.normal(size=VALUES), covariance, own, nuisance, common)
+    assert score_test.common_misfit == pytest.approx(score_test.test(modes, -WIDE, WIDE).fall, rel=1e-8)
 
 
 def test_likeness(rng):

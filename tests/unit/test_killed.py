@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import pytest
 
 from fingerfit.core.errors import FingerfitError
-from fingerfit.fit.problem import simulate
+from fingerfit.fit import simulate
 
 
 def test_a_killed_solve_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(simulate, "_solve", _killed)
     monkeypatch.setattr(simulate, "write_folders", lambda *_: ["one", "two", "three"])
-    fit = SimpleNamespace(
+    problem = SimpleNamespace(
         asked=set(),
         sims=tmp_path,
         mesh_names={},
@@ -25,7 +25,7 @@ def test_a_killed_solve_is_told(tmp_path, monkeypatch):
     signal.alarm(60)  # the default action ends a test that waits for ever; seconds, many times what it takes
     try:
         with pytest.raises(FingerfitError, match="a process that solved was killed, perhaps out of memory"):
-            simulate.solve_missing(fit, [], 2)
+            simulate.solve_missing(problem, [], 2)
     finally:
         signal.alarm(0)
     assert not list(Path(tmp_path).iterdir())

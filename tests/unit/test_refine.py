@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from fingerfit.core.errors import StateError
-from fingerfit.fit.linear import LinearModel, coordinates, moved, sensitivity_values
+from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.minimum import ORDER, Minimum, finest, mesh_error, minimum
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY
-from fingerfit.fit.refine import ADDED, ORDER, Minimum, around_best, finest, mesh_error, minimum, refine_round
+from fingerfit.fit.refine import ADDED, around_best, refine_round
 from fingerfit.fit.rounds import Asked, Round
+from fingerfit.fit.slopes import coordinates, moved, neighbours
 from fingerfit.forward.score import Prediction, score
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.model.parameters import Parameter
@@ -39,8 +41,8 @@ COARSE, FINE = {"mu_top": 0.020, "poisson": 0.40}, {"mu_top": 0.022, "poisson": 
 
 @pytest.mark.parametrize(("across", "per_layer", "ratio"), [(8, 4, 2.0), (6, 3, 1.5), (4, 4, np.sqrt(2))])
 def test_the_error_left_is_the_change_continued_with_the_order_of_a_glued_corner(across, per_layer, ratio):
-    fit = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, across, per_layer))
-    left = mesh_error(fit, at(FINE, REFINED), at(COARSE, SEARCH))
+    problem = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, across, per_layer))
+    left = mesh_error(problem, at(FINE, REFINED), at(COARSE, SEARCH))
     change = [np.log(1.1), 0.01 / 0.2]
     assert left == pytest.approx(np.array(change) / (ratio**1.2 - 1), rel=1e-12)
 
@@ -49,22 +51,22 @@ def test_a_sequence_of_that_order_is_continued_exactly():
     # log mu(h) = log mu(0) - c h^p, solved with h and h / 2
     exact, c, h = np.log(0.0211), 0.08, 0.5
     mu = {name: float(np.exp(exact - c * size**ORDER)) for name, size in ((SEARCH, h), (REFINED, h / 2))}
-    fit = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
+    problem = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
     minima = [at({"mu_top": mu[name], "poisson": 0.4}, name) for name in (REFINED, SEARCH)]
-    left = mesh_error(fit, *minima)
+    left = mesh_error(problem, *minima)
     assert left[0] == pytest.approx(exact - np.log(mu[REFINED]), rel=1e-9)
     assert left[1] == 0.0
 
 
 def test_sizes_of_a_brick_follow_the_cube_root():
-    fit = fit_on(brick([1.0] * 3, [2, 2, 2]), brick([1.0] * 3, [4, 4, 4]))
-    left = mesh_error(fit, at(FINE, REFINED), at(COARSE, SEARCH))
+    problem = fit_on(brick([1.0] * 3, [2, 2, 2]), brick([1.0] * 3, [4, 4, 4]))
+    left = mesh_error(problem, at(FINE, REFINED), at(COARSE, SEARCH))
     assert left[0] == pytest.approx(np.log(1.1) / (2**1.2 - 1), rel=1e-12)
 
 
 def test_the_sign_of_the_change_does_not_matter():
-    fit = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
-    there, back = (mesh_error(fit, at(a, REFINED), at(b, SEARCH)) for a, b in ((FINE, COARSE), (COARSE, FINE)))
+    problem = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
+    there, back = (mesh_error(problem, at(a, REFINED), at(b, SEARCH)) for a, b in ((FINE, COARSE), (COARSE, FINE)))
     assert there == pytest.approx(back)
     assert (there > 0).all()
 
@@ -76,13 +78,13 @@ def test_nearly_the_same_mesh_does_not_make_the_error_endless():
 
 
 def test_without_a_finer_solution_nothing_is_known():
-    fit = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
-    assert mesh_error(fit, at(COARSE, SEARCH), at(COARSE, SEARCH)) is None
-    assert mesh_error(fit_on(fit.meshes[SEARCH]), at(COARSE, SEARCH), at(COARSE, SEARCH)) is None
+    problem = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
+    assert mesh_error(problem, at(COARSE, SEARCH), at(COARSE, SEARCH)) is None
+    assert mesh_error(fit_on(problem.meshes[SEARCH]), at(COARSE, SEARCH), at(COARSE, SEARCH)) is None
 
 
 def test_sensitivities_are_at_either_side():
-    sides = sensitivity_values(PARAMETERS, COARSE)
+    sides = neighbours(PARAMETERS, COARSE)
     assert set(sides) == {"+mu_top", "-mu_top", "+poisson", "-poisson"}
     assert sides["+mu_top"]["mu_top"] / sides["-mu_top"]["mu_top"] == pytest.approx(np.exp(0.06), rel=1e-8)
     assert sides["+poisson"]["poisson"] - sides["-poisson"]["poisson"] == pytest.approx(0.06 * 0.2, rel=1e-8)
@@ -101,7 +103,7 @@ def test_a_linear_model_adds_slopes_and_offset():
 
     model = LinearModel(one(1.0), (one(10.0), one(100.0)), one(7.0), COARSE)
     assert np.all(model.at(np.array([0.1, 0.02])).pictures == pytest.approx(1 + 1 + 2))
-    assert model.at(np.zeros(2), one(0.5)).conjugate == pytest.approx([1.5])
+    assert model.at(np.zeros(2), one(0.5)).response == pytest.approx([1.5])
 
 
 @pytest.mark.parametrize("kind", ["ssd", "likelihood"])
@@ -170,58 +172,58 @@ class Body:
     def start(self, mu):
         best = {"mu_top": mu}
         batch = [self.ask(best, FINAL)]
-        batch += [self.ask(values, role) for role, values in sensitivity_values(PARAMETERS[:1], best).items()]
+        batch += [self.ask(values, role) for role, values in neighbours(PARAMETERS[:1], best).items()]
         batch += [self.ask(best, "+control", 1.03), self.ask(best, "-control", 0.97)]
         history = {"values": best, "sim": "s", "score": 0.0}
         return Round(9, "sensitivity", None, {}, {}, [], batch, history, "tolerances met")
 
 
 def test_rounds_end_at_the_minimum_of_the_finer_mesh(tmp_path):
-    fit = Body(tmp_path)
-    last = fit.start(0.026)
+    problem = Body(tmp_path)
+    last = problem.start(0.026)
     numbers = []
     while last.stop is None:
-        last = refine_round(fit, last)
+        last = refine_round(problem, last)
         numbers.append(last.number)
     assert last.stop == "tolerances met"
     assert numbers == list(range(10, 10 + len(numbers)))
-    assert finest(fit, last).mesh == REFINED
-    assert finest(fit, last).values["mu_top"] == pytest.approx(0.030 / 1.05, rel=1e-3)
+    assert finest(problem, last).mesh == REFINED
+    assert finest(problem, last).values["mu_top"] == pytest.approx(0.030 / 1.05, rel=1e-3)
     # a first move of 9 % is checked by another solution; the next one is short
     assert sum(asked.role == FINAL for asked in last.batch) == 3
 
 
 def test_a_short_move_is_not_solved_again_and_again(tmp_path):
-    fit = Body(tmp_path)
-    last = refine_round(fit, fit.start(0.0290))
+    problem = Body(tmp_path)
+    last = refine_round(problem, problem.start(0.0290))
     assert last.stop == "tolerances met"
     assert sum(asked.role == FINAL for asked in last.batch) == 2
 
 
 def test_a_model_with_effects_is_followed_closer(tmp_path):
-    fit = Body(tmp_path)
-    searched = fit.start(0.0264)
+    problem = Body(tmp_path)
+    searched = problem.start(0.0264)
     effects = replace(searched, reason=ADDED, slopes=2)
     # a move of 8 %: new slopes, where constants and an effect may compensate each other
-    assert refine_round(fit, searched).stage == FINAL
-    again = refine_round(fit, effects)
+    assert refine_round(problem, searched).stage == FINAL
+    again = refine_round(problem, effects)
     assert (again.stage, again.slopes) == (SENSITIVITY, 3)
     # one of 3 %: another solution after the next one
-    searched = fit.start(0.0277)
-    assert refine_round(fit, searched).stop == "tolerances met"
-    effects = refine_round(fit, replace(searched, reason=ADDED, slopes=2))
+    searched = problem.start(0.0277)
+    assert refine_round(problem, searched).stop == "tolerances met"
+    effects = refine_round(problem, replace(searched, reason=ADDED, slopes=2))
     assert (effects.stage, effects.stop) == (FINAL, None)
-    assert refine_round(fit, effects).stop == ADDED
+    assert refine_round(problem, effects).stop == ADDED
 
 
 @pytest.mark.parametrize(("far", "stage"), [(0.20, SENSITIVITY), (0.02, FINAL)])
 def test_a_move_that_raised_the_score_goes_back_unless_it_is_there(tmp_path, far, stage):
     """Halving a move again and again, for slopes that lead nowhere, would go on until the last turn."""
-    fit, begun = Body(tmp_path), 0.030 / 1.05
-    last = fit.start(begun * float(np.exp(far)))
+    problem, begun = Body(tmp_path), 0.030 / 1.05
+    last = problem.start(begun * float(np.exp(far)))
     before = {"values": {"mu_top": begun}, "score": -1.0, "fall": 1e-3}
     last = replace(last, reason=ADDED, slopes=3, best={**last.best, "before": before, "trust": 0.1})
-    found = refine_round(fit, last)
+    found = refine_round(problem, last)
     assert found.stage == stage
     if stage == SENSITIVITY:
         assert np.log(found.best["values"]["mu_top"] / begun) == pytest.approx(0.4 * far, rel=1e-6)
@@ -235,18 +237,18 @@ def roles(asked):
 @pytest.mark.parametrize(("begun", "rough"), [(0.0200, True), (0.0260, False), (0.0286, False)])
 def test_rough_slopes_are_followed_by_others(tmp_path, begun, rough):
     """Rough again after a long move only; the model at rest has both sides, wherever it began."""
-    fit, best = Body(tmp_path), {"mu_top": begun}
+    problem, best = Body(tmp_path), {"mu_top": begun}
     base = {"number": 0, "solver": {}, "meshes": {}, "best": {"values": best, "score": None}}
-    first = around_best(fit, base, best, ADDED, rough=True)
+    first = around_best(problem, base, best, ADDED, rough=True)
     assert roles(first) == ["+mu_top", "anchor", "final"]
-    second = refine_round(fit, first)
+    second = refine_round(problem, first)
     assert (second.stage, second.slopes, second.rough) == (SENSITIVITY, 2, rough)
     assert ("-mu_top" in roles(second)) is not rough
     last = second
     while last.stop is None:
-        last = refine_round(fit, last)
+        last = refine_round(problem, last)
     assert {"+mu_top", "-mu_top"} <= set(roles(last))
-    assert finest(fit, last).values["mu_top"] == pytest.approx(0.030 / 1.05, rel=2e-3)
+    assert finest(problem, last).values["mu_top"] == pytest.approx(0.030 / 1.05, rel=2e-3)
 
 
 def test_rough_slopes_at_an_upper_bound_are_those_below(tmp_path):
@@ -256,12 +258,12 @@ def test_rough_slopes_at_an_upper_bound_are_those_below(tmp_path):
 
 
 def test_slopes_by_the_control_are_asked_for_once_at_the_end(tmp_path):
-    fit, best = Body(tmp_path), {"mu_top": 0.026}
+    problem, best = Body(tmp_path), {"mu_top": 0.026}
     base = {"number": 0, "solver": {}, "meshes": {}, "best": {"values": best, "score": None}}
-    last, seen = around_best(fit, base, best, "tolerances met"), []
+    last, seen = around_best(problem, base, best, "tolerances met"), []
     while last.stop is None:
         seen.append("+control" in roles(last))
-        last = refine_round(fit, last)
+        last = refine_round(problem, last)
     assert not seen[0]
     assert [roles(last).count(sign + "control") for sign in "+-"] == [1, 1]
     with pytest.raises(StateError, match="prescribed quantity"):
@@ -270,23 +272,23 @@ def test_slopes_by_the_control_are_asked_for_once_at_the_end(tmp_path):
 
 def test_when_the_finer_mesh_has_no_solution_the_search_mesh_is_the_base(tmp_path):
     best = {"mu_top": 0.0310}
-    fit = Body(tmp_path)
-    fit.lost = (fit.ask(best, FINAL).sim,)
-    last = fit.start(0.0310)
-    assert finest(fit, last).mesh == SEARCH
-    assert finest(fit, last).values == best
+    problem = Body(tmp_path)
+    problem.lost = (problem.ask(best, FINAL).sim,)
+    last = problem.start(0.0310)
+    assert finest(problem, last).mesh == SEARCH
+    assert finest(problem, last).values == best
 
 
 def test_a_minimum_without_solution_ends_with_the_one_before(tmp_path):
-    fit = Body(tmp_path)
-    first = fit.start(0.026)
-    second = refine_round(fit, first)
-    fit.lost = (second.batch[-1].sim,)
-    second = refine_round(fit, first)
-    third = refine_round(fit, second)
+    problem = Body(tmp_path)
+    first = problem.start(0.026)
+    second = refine_round(problem, first)
+    problem.lost = (second.batch[-1].sim,)
+    second = refine_round(problem, first)
+    third = refine_round(problem, second)
     assert third.stop == "tolerances met"
     assert third.batch == second.batch
-    assert finest(fit, third).sim == first.batch[0].sim
+    assert finest(problem, third).sim == first.batch[0].sim
 
 
 DRIFT = Parameter("intensity_drift.gain", "1", -0.5, 0.5, 0.0, log=False)
@@ -309,13 +311,13 @@ class Bright(Body):
             control_noise=0 * one,
             picture_step=np.array([0]),
             points_step=np.zeros(0, dtype=int),
-            conjugate=(np.zeros(1), np.zeros(1)),
+            response=(np.zeros(1), np.zeros(1)),
             points=np.zeros((0, 2)),
         )
 
     def prediction(self, asked):
         made = super().prediction(asked)
-        return Prediction((1 + asked.values[DRIFT.name]) * made.pictures, made.conjugate, made.points)
+        return Prediction((1 + asked.values[DRIFT.name]) * made.pictures, made.response, made.points)
 
     def score(self, prediction):
         x, y = prediction.pictures.ravel()
@@ -324,12 +326,12 @@ class Bright(Body):
 
 def test_a_brightness_that_the_score_does_not_see_is_that_of_the_least_squares(tmp_path):
     """The score alone would leave it where it started, or take it anywhere."""
-    fit = Bright(tmp_path, 0.08)
+    problem = Bright(tmp_path, 0.08)
     best = {"mu_top": 0.029, DRIFT.name: 0.02}
-    batch = [fit.ask(best, FINAL)]
-    values = sensitivity_values((*PARAMETERS[:1], DRIFT), best)
-    batch += [fit.ask(guess, role) for role, guess in values.items()]
-    batch += [fit.ask(best, "+control", 1.03), fit.ask(best, "-control", 0.97)]
-    found = minimum(fit, Round(9, FINAL, None, {}, {}, [], batch, {"values": best, "score": 0.0}, "stop"))
+    batch = [problem.ask(best, FINAL)]
+    values = neighbours((*PARAMETERS[:1], DRIFT), best)
+    batch += [problem.ask(guess, role) for role, guess in values.items()]
+    batch += [problem.ask(best, "+control", 1.03), problem.ask(best, "-control", 0.97)]
+    found = minimum(problem, Round(9, FINAL, None, {}, {}, [], batch, {"values": best, "score": 0.0}, "stop"))
     assert found.values["mu_top"] == pytest.approx(0.030 / 1.05, rel=4e-3)
     assert found.values[DRIFT.name] == pytest.approx(0.08, abs=2e-3)

@@ -198,7 +198,7 @@ def test_nothing_is_left_of_a_true_model(world):
     assert np.nanmax(np.abs(residual.value)) < 1e-9
     assert residual.error == pytest.approx(0.0, abs=1e-12)
     # measured minus predicted, and its noise
-    assert residual.conjugate == pytest.approx([0.1, -0.05])
+    assert residual.response == pytest.approx([0.1, -0.05])
     assert residual.vector[-2:] == pytest.approx([0.1, -0.05])
     assert np.diag(residual.covariance)[-2:] == pytest.approx(0.01**2)
     assert np.abs(residual.covariance[-2:, :-2]).max() == 0

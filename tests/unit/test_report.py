@@ -47,8 +47,10 @@ def fitted(folder, monkeypatch, changes=None, steps=STEPS):
     (folder / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
     (folder / "study/steps.csv").write_text(steps)
     model = copy.deepcopy({**MODEL, **(changes or {})})
-    fit, _ = begin(load_settings({"study": "study", "model": model, "fit": {**FIT, "replicates": 20}}), folder / "m")
-    return estimate_of(fit, run_fit(fit, 1)[0])
+    problem, _ = begin(
+        load_settings({"study": "study", "model": model, "fit": {**FIT, "replicates": 20}}), folder / "m"
+    )
+    return estimate_of(problem, run_fit(problem, 1)[0])
 
 
 MU = MODEL["parameters"]["mu"]

@@ -57,10 +57,10 @@ def test_inside_one_process_it_counts_too(slow_ccx, tmp_path, capsys):
     from fingerfit.fit.course import next_round
     from fingerfit.fit.simulate import begin, solve_missing
 
-    fit, _ = begin(load_settings(settings(tmp_path, time_limit=1)), tmp_path / "work")
-    batch = next_round(fit, None).batch[:1]
+    problem, _ = begin(load_settings(settings(tmp_path, time_limit=1)), tmp_path / "work")
+    batch = next_round(problem, None).batch[:1]
     with pytest.raises(SolverError, match="not finished after 1 s"):
-        solve_missing(fit, batch, 1)
+        solve_missing(problem, batch, 1)
     assert not list((tmp_path / "work").rglob("solution.npz"))
 
 

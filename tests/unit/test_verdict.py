@@ -8,9 +8,9 @@ from scipy.special import chdtri
 from scipy.stats import binom, chi2, norm
 from seeds import generator
 
-from fingerfit.diagnosis.candidates import Suspect
-from fingerfit.diagnosis.examination import Look, alike, summary
-from fingerfit.diagnosis.score_test import Judge
+from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.comparison import Ranked, alike, summary
+from fingerfit.diagnosis.score_test import ScoreTest
 from fingerfit.diagnosis.verdict import (
     LEVEL,
     TRIED,
@@ -45,24 +45,28 @@ class World:
     def signal(self, n):
         return self.basis[:, OWN + n]
 
-    def judge(self, residual):
-        return Judge(residual + self.noise, np.eye(self.size), self.basis[:, :OWN], np.zeros((self.size, 1)))
+    def score_test(self, residual):
+        return ScoreTest(residual + self.noise, np.eye(self.size), self.basis[:, :OWN], np.zeros((self.size, 1)))
 
-    def looks(self, judge, **columns):
+    def ranking(self, score_test, **columns):
         found = []
         for name, column in columns.items():
             column = np.atleast_2d(column.T).T
             wide = np.full(column.shape[1], np.inf)
-            found.append(Look(Suspect(EFFECTS[name], {}), judge.test(column, -wide, wide), column))
-        return sorted(found, key=lambda look: -look.finding.fall)
+            found.append(Ranked(Candidate(EFFECTS[name], {}), score_test.test(column, -wide, wide), column))
+        return sorted(found, key=lambda one: -one.finding.fall)
 
-    def refits(self, judge, looks, **misfits):
+    def refits(self, score_test, ranking, **misfits):
         """Refits as good as predicted, or with misfits of their own."""
         return {
-            look.suspect.effect.name: Refit(
-                misfits.get(look.suspect.effect.name, judge.misfit - look.finding.fall), judge.freedom - 1, 1.0, 1.0, {}
+            one.candidate.effect.name: Refit(
+                misfits.get(one.candidate.effect.name, score_test.misfit - one.finding.fall),
+                score_test.freedom - 1,
+                1.0,
+                1.0,
+                {},
             )
-            for look in to_refit(judge, looks, TESTS)
+            for one in to_refit(score_test, ranking, TESTS)
         }
 
 
@@ -72,9 +76,9 @@ def world():
 
 
 def answer(world, residual, refits=None, **columns):
-    judge = world.judge(residual)
-    looks = world.looks(judge, **columns)
-    return decide(judge, looks, world.refits(judge, looks) if refits is None else refits, TESTS)
+    score_test = world.score_test(residual)
+    ranking = world.ranking(score_test, **columns)
+    return decide(score_test, ranking, world.refits(score_test, ranking) if refits is None else refits, TESTS)
 
 
 def test_noise_alone_is_adequate(world):
@@ -99,10 +103,10 @@ def test_one_effect_is_missing(world):
 
 def test_the_share_is_that_of_the_refit(world):
     residual = 30 * world.signal(0)
-    judge = world.judge(residual)
-    looks = world.looks(judge, tilt=world.signal(0))
-    refits = world.refits(judge, looks, tilt=judge.misfit - 0.9 * (judge.misfit - judge.freedom))
-    found = decide(judge, looks, refits, TESTS)
+    score_test = world.score_test(residual)
+    ranking = world.ranking(score_test, tilt=world.signal(0))
+    refits = world.refits(score_test, ranking, tilt=score_test.misfit - 0.9 * (score_test.misfit - score_test.freedom))
+    found = decide(score_test, ranking, refits, TESTS)
     assert found.kind == "missing"
     assert "explains 90 % of the misfit" in found.sentence
 
@@ -110,11 +114,11 @@ def test_the_share_is_that_of_the_refit(world):
 def test_what_the_refit_says_goes_before_the_first_look(world):
     """The effect that looked second is the better one once both are fitted."""
     between = 0.85 * world.signal(0) + np.sqrt(1 - 0.85**2) * world.signal(1)
-    judge = world.judge(30 * world.signal(0))
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=between)
-    assert [look.suspect.effect.name for look in looks] == ["tilt", "inclusion"]
-    refits = world.refits(judge, looks, tilt=judge.freedom + 200.0, inclusion=judge.freedom + 5.0)
-    assert decide(judge, looks, refits, TESTS).effects == ("inclusion",)
+    score_test = world.score_test(30 * world.signal(0))
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=between)
+    assert [one.candidate.effect.name for one in ranking] == ["tilt", "inclusion"]
+    refits = world.refits(score_test, ranking, tilt=score_test.freedom + 200.0, inclusion=score_test.freedom + 5.0)
+    assert decide(score_test, ranking, refits, TESTS).effects == ("inclusion",)
 
 
 def test_two_that_fit_as_well_are_indistinguishable(world):
@@ -128,22 +132,22 @@ def test_two_that_fit_as_well_are_indistinguishable(world):
 @pytest.mark.parametrize(("apart", "kind"), [(15.0, "indistinguishable"), (17.0, "missing")])
 def test_odds_of_400_to_1_decide(world, apart, kind):
     """Twelve, scaled by the misfit that is left: refits that are not adequate themselves."""
-    judge = world.judge(30 * world.signal(0))
+    score_test = world.score_test(30 * world.signal(0))
     near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=near)
-    rest = 1.3 * judge.freedom
-    found = decide(judge, looks, world.refits(judge, looks, tilt=rest, inclusion=rest + apart), TESTS)
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=near)
+    rest = 1.3 * score_test.freedom
+    found = decide(score_test, ranking, world.refits(score_test, ranking, tilt=rest, inclusion=rest + apart), TESTS)
     assert found.kind == kind
 
 
 @pytest.mark.parametrize(("share", "kind"), [(0.04, "indistinguishable"), (0.06, "missing")])
 def test_what_an_error_of_the_mesh_may_decide_does_not_tell_two_adequate_refits_apart(world, share, kind):
-    judge = world.judge(30 * world.signal(0))
+    score_test = world.score_test(30 * world.signal(0))
     near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=near)
-    rest = judge.freedom - 1.0
-    worse = rest + share * judge.freedom
-    found = decide(judge, looks, world.refits(judge, looks, tilt=rest, inclusion=worse), TESTS)
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=near)
+    rest = score_test.freedom - 1.0
+    worse = rest + share * score_test.freedom
+    found = decide(score_test, ranking, world.refits(score_test, ranking, tilt=rest, inclusion=worse), TESTS)
     assert found.kind == kind
 
 
@@ -162,15 +166,17 @@ def test_little_of_it_is_explained(world):
 
 
 def test_two_effects_together(world):
-    """The larger of two is blamed first although alone it explains too little: with the other it explains all."""
+    """The larger of two is named first although alone it explains too little: with the other it explains all."""
     residual = 30 * world.signal(0) + 25 * world.signal(1)
-    judge = world.judge(residual)
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
-    refits = world.refits(judge, looks)
-    half = half_explained(judge, looks, refits, TESTS)
-    assert half is looks[0]
-    both = Refit(judge.misfit - looks[0].finding.fall - looks[1].finding.fall, judge.freedom - 2, 1.0, 1.0, {})
-    found = decide(judge, looks, refits, TESTS, (looks[1], both))
+    score_test = world.score_test(residual)
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
+    refits = world.refits(score_test, ranking)
+    half = half_explained(score_test, ranking, refits, TESTS)
+    assert half is ranking[0]
+    both = Refit(
+        score_test.misfit - ranking[0].finding.fall - ranking[1].finding.fall, score_test.freedom - 2, 1.0, 1.0, {}
+    )
+    found = decide(score_test, ranking, refits, TESTS, (ranking[1], both))
     assert (found.kind, found.effects) == ("missing", ("tilt",))
     assert (
         f"with an inclusion it explains the misfit beyond the noise, alone {100 * 900 / 1525:.0f} %" in found.sentence
@@ -182,21 +188,21 @@ def test_two_effects_together(world):
 
 def test_a_pair_that_does_not_explain_it_when_fitted_names_nothing(world):
     """However much a pair is predicted to explain: the refit decides."""
-    judge = world.judge(30 * world.signal(0) + 25 * world.signal(1))
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1))
-    refits = world.refits(judge, looks)
-    both = Refit(1.4 * judge.freedom, judge.freedom - 2, 1.0, 1.0, {})
-    for partner in (None, (looks[1], both)):
-        found = decide(judge, looks, refits, TESTS, partner)
+    score_test = world.score_test(30 * world.signal(0) + 25 * world.signal(1))
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=world.signal(1))
+    refits = world.refits(score_test, ranking)
+    both = Refit(1.4 * score_test.freedom, score_test.freedom - 2, 1.0, 1.0, {})
+    for partner in (None, (ranking[1], both)):
+        found = decide(score_test, ranking, refits, TESTS, partner)
         assert (found.kind, found.effects) == ("unexplained", ())
         assert "tilt of the indenter comes nearest but explains only 59 % of it" in found.sentence
 
 
 def test_what_explains_enough_alone_needs_no_partner(world):
-    judge = world.judge(30 * world.signal(0) + 8 * world.signal(1))
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1))
-    assert half_explained(judge, looks, world.refits(judge, looks), TESTS) is None
-    assert half_explained(judge, looks, {}, TESTS) is None
+    score_test = world.score_test(30 * world.signal(0) + 8 * world.signal(1))
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=world.signal(1))
+    assert half_explained(score_test, ranking, world.refits(score_test, ranking), TESTS) is None
+    assert half_explained(score_test, ranking, {}, TESTS) is None
 
 
 STEPS = 7
@@ -204,7 +210,7 @@ STEPS = 7
 
 
 def stepwise(far, size=2000):
-    """A judge of many values, one mode of each step among them, of which the last one is `far` off."""
+    """A score_test of many values, one mode of each step among them, of which the last one is `far` off."""
     rng = generator(3)
     basis = np.linalg.qr(rng.normal(size=(size, OWN + STEPS + 1)))[0]
     own, modes = basis[:, :OWN], basis[:, OWN:-1]
@@ -212,7 +218,7 @@ def stepwise(far, size=2000):
     noise -= modes @ (modes.T @ noise)
     noise *= np.sqrt(size - OWN - STEPS) / np.linalg.norm(noise)
     residual = noise + modes @ np.array([1.0] * (STEPS - 1) + [far])
-    return Judge(residual, np.eye(size), own, np.zeros((size, 1)), modes)
+    return ScoreTest(residual, np.eye(size), own, np.zeros((size, 1)), modes)
 
 
 def test_a_step_that_is_far_off_is_not_drowned_by_thousands_of_values():
@@ -235,51 +241,51 @@ def test_what_steps_have_in_common_may_differ_by_as_much_as_the_other_values():
 def test_a_refit_that_leaves_a_step_far_off_is_no_rival():
     """Two refits that differ by what an error of the mesh may decide, of which one leaves a common mode."""
     wider = World(size=1000)
-    judge = wider.judge(30 * wider.signal(0))
+    score_test = wider.score_test(30 * wider.signal(0))
     near = 0.9 * wider.signal(0) + np.sqrt(1 - 0.9**2) * wider.signal(1)
-    looks = wider.looks(judge, tilt=wider.signal(0), inclusion=near)
-    rest = judge.freedom - 1.0
-    refits = wider.refits(judge, looks, tilt=rest, inclusion=rest + 20.0)
-    assert decide(judge, looks, refits, TESTS).kind == "indistinguishable"
+    ranking = wider.ranking(score_test, tilt=wider.signal(0), inclusion=near)
+    rest = score_test.freedom - 1.0
+    refits = wider.refits(score_test, ranking, tilt=rest, inclusion=rest + 20.0)
+    assert decide(score_test, ranking, refits, TESTS).kind == "indistinguishable"
     refits["inclusion"] = replace(refits["inclusion"], common_misfit=30.0, common_freedom=7)
-    assert decide(judge, looks, refits, TESTS).kind == "missing"
+    assert decide(score_test, ranking, refits, TESTS).kind == "missing"
 
 
 def test_a_refit_that_does_not_keep_the_promise(world):
-    judge = world.judge(30 * world.signal(0))
-    looks = world.looks(judge, tilt=world.signal(0))
-    found = decide(judge, looks, world.refits(judge, looks, tilt=judge.misfit - 1.0), TESTS)
+    score_test = world.score_test(30 * world.signal(0))
+    ranking = world.ranking(score_test, tilt=world.signal(0))
+    found = decide(score_test, ranking, world.refits(score_test, ranking, tilt=score_test.misfit - 1.0), TESTS)
     assert (found.kind, found.effects) == ("unexplained", ())
     # where the model was good already nothing is missing
-    judge = world.judge(5 * world.signal(0))
-    looks = world.looks(judge, tilt=world.signal(0))
-    refits = world.refits(judge, looks, tilt=judge.misfit - 1.0)
+    score_test = world.score_test(5 * world.signal(0))
+    ranking = world.ranking(score_test, tilt=world.signal(0))
+    refits = world.refits(score_test, ranking, tilt=score_test.misfit - 1.0)
     assert set(refits) == {"tilt"}
-    assert decide(judge, looks, refits, TESTS).kind == "adequate"
+    assert decide(score_test, ranking, refits, TESTS).kind == "adequate"
 
 
 def test_effects_worth_a_refit(world):
     residual = sum(size * world.signal(n) for n, size in enumerate((30, 28, 26, 24, 10)))
-    judge = world.judge(residual)
+    score_test = world.score_test(residual)
     names = ("tilt", "inclusion", "skin", "gradient", "onset")
-    looks = world.looks(judge, **{name: world.signal(n) for n, name in enumerate(names)})
-    assert [look.suspect.effect.name for look in to_refit(judge, looks, TESTS)] == list(names[:TRIED])
-    # too small beside the first one; and what the data do not see is never blamed
-    looks = [looks[0], looks[-1]]
-    assert to_refit(judge, looks, TESTS) == looks[:1]
-    blind = [replace(looks[0], finding=replace(looks[0].finding, visible=0.01))]
-    assert to_refit(judge, blind, TESTS) == []
+    ranking = world.ranking(score_test, **{name: world.signal(n) for n, name in enumerate(names)})
+    assert [one.candidate.effect.name for one in to_refit(score_test, ranking, TESTS)] == list(names[:TRIED])
+    # too small beside the first one; and what the data do not see is never named
+    ranking = [ranking[0], ranking[-1]]
+    assert to_refit(score_test, ranking, TESTS) == ranking[:1]
+    blind = [replace(ranking[0], finding=replace(ranking[0].finding, visible=0.01))]
+    assert to_refit(score_test, blind, TESTS) == []
 
 
 def test_the_threshold_is_that_of_chance(world, rng):
-    judge = world.judge(0 * world.signal(0))
-    limit = threshold(judge, [], TESTS)
+    score_test = world.score_test(0 * world.signal(0))
+    limit = threshold(score_test, [], TESTS)
     assert limit == pytest.approx(chi2.isf(LEVEL / TESTS, 1), rel=1e-9)
-    assert threshold(judge, [], 10 * TESTS) > limit
-    assert threshold(judge, [], TESTS, columns=2) == pytest.approx(chi2.isf(LEVEL / TESTS, 2), rel=1e-9)
+    assert threshold(score_test, [], 10 * TESTS) > limit
+    assert threshold(score_test, [], TESTS, columns=2) == pytest.approx(chi2.isf(LEVEL / TESTS, 2), rel=1e-9)
     # a model that fits badly even with its best effect has to be convinced with more
-    judge = world.judge(40 * world.signal(5))
-    assert threshold(judge, [], TESTS) == pytest.approx(limit * judge.misfit / judge.freedom, rel=1e-9)
+    score_test = world.score_test(40 * world.signal(5))
+    assert threshold(score_test, [], TESTS) == pytest.approx(limit * score_test.misfit / score_test.freedom, rel=1e-9)
 
 
 def test_alarms_by_chance_are_rare(world, rng):
@@ -288,11 +294,11 @@ def test_alarms_by_chance_are_rare(world, rng):
     models, rare, often = 400, 0, 0
 
     def accused(residual, *tests):
-        judge = Judge(residual, np.eye(VALUES), own, np.zeros((VALUES, 1)))
-        tested = [judge.test(signals[:, [n]], -WIDE, WIDE) for n in range(TESTS)]
-        looks = [Look(Suspect(EFFECTS["tilt"], {}), finding, signals[:, [n]]) for n, finding in enumerate(tested)]
-        looks.sort(key=lambda look: -look.finding.fall)
-        return [bool(to_refit(judge, looks, number)) for number in tests]
+        score_test = ScoreTest(residual, np.eye(VALUES), own, np.zeros((VALUES, 1)))
+        tested = [score_test.test(signals[:, [n]], -WIDE, WIDE) for n in range(TESTS)]
+        ranking = [Ranked(Candidate(EFFECTS["tilt"], {}), finding, signals[:, [n]]) for n, finding in enumerate(tested)]
+        ranking.sort(key=lambda one: -one.finding.fall)
+        return [bool(to_refit(score_test, ranking, number)) for number in tests]
 
     for _ in range(models):
         noise = rng.normal(size=VALUES)
@@ -319,21 +325,24 @@ def test_no_model_is_adequate_whose_pictures_differ_by_much_more_than_their_nois
 
 
 def test_the_next_best_are_refitted_after_the_best(world):
-    judge = world.judge(30 * world.signal(0) + 12 * world.signal(1) + 11 * world.signal(2))
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
-    assert [look.suspect.effect.name for look in to_refit(judge, looks, TESTS)] == ["tilt"]
-    assert [look.suspect.effect.name for look in to_refit(judge, looks, TESTS, {"tilt"})] == ["inclusion", "skin"]
+    score_test = world.score_test(30 * world.signal(0) + 12 * world.signal(1) + 11 * world.signal(2))
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=world.signal(1), skin=world.signal(2))
+    assert [one.candidate.effect.name for one in to_refit(score_test, ranking, TESTS)] == ["tilt"]
+    assert [one.candidate.effect.name for one in to_refit(score_test, ranking, TESTS, {"tilt"})] == [
+        "inclusion",
+        "skin",
+    ]
 
 
 def test_confusions_and_summary(world):
     near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
-    judge = world.judge(30 * world.signal(0))
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=near, skin=world.signal(2))
-    assert alike(judge, looks[0], looks[1]) == pytest.approx(0.81)
-    (pair,) = confusions(judge, looks)
+    score_test = world.score_test(30 * world.signal(0))
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=near, skin=world.signal(2))
+    assert alike(score_test, ranking[0], ranking[1]) == pytest.approx(0.81)
+    (pair,) = confusions(score_test, ranking)
     assert (pair["a"], pair["b"]) == ("tilt", "inclusion")
     assert pair["likeness"] == pytest.approx(0.81)
-    first, second, third = summary(judge, looks)
+    first, second, third = summary(score_test, ranking)
     assert (first["effect"], second["effect"], third["effect"]) == ("tilt", "inclusion", "skin")
     assert first["size"] == {"slope": pytest.approx(30.0)}
     assert first["share_of_excess"] == pytest.approx(1.0)
@@ -343,43 +352,43 @@ def test_confusions_and_summary(world):
 
 @pytest.mark.parametrize(("after", "kind"), [(2.01, "missing"), (2.05, "unexplained"), (1.0, "missing")])
 def test_a_refit_that_is_worse_on_held_out_steps_does_not_count(world, after, kind):
-    judge = world.judge(30 * world.signal(0))
-    looks = world.looks(judge, tilt=world.signal(0))
-    refits = {name: replace(refit, held_out=after) for name, refit in world.refits(judge, looks).items()}
-    found = decide(judge, looks, refits, TESTS, held_out=2.0)
+    score_test = world.score_test(30 * world.signal(0))
+    ranking = world.ranking(score_test, tilt=world.signal(0))
+    refits = {name: replace(refit, held_out=after) for name, refit in world.refits(score_test, ranking).items()}
+    found = decide(score_test, ranking, refits, TESTS, held_out=2.0)
     assert (found.kind, found.effects) == (kind, ("tilt",) if kind == "missing" else ())
     if kind == "unexplained":
         assert found.sentence.endswith("held-out steps; only on the fitted ones does: tilt of the indenter")
     # without held-out steps nothing can be said of them
-    assert decide(judge, looks, refits, TESTS).kind == "missing"
+    assert decide(score_test, ranking, refits, TESTS).kind == "missing"
 
 
 def test_the_one_that_explains_held_out_steps_is_named_though_another_fits_better(world):
     between = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
-    judge = world.judge(30 * world.signal(0))
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=between)
-    refits = world.refits(judge, looks, tilt=judge.freedom - 40.0, inclusion=judge.freedom + 5.0)
-    assert decide(judge, looks, refits, TESTS, held_out=2.0).effects[0] == "tilt"
+    score_test = world.score_test(30 * world.signal(0))
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=between)
+    refits = world.refits(score_test, ranking, tilt=score_test.freedom - 40.0, inclusion=score_test.freedom + 5.0)
+    assert decide(score_test, ranking, refits, TESTS, held_out=2.0).effects[0] == "tilt"
     refits["tilt"] = replace(refits["tilt"], held_out=2.5)
-    found = decide(judge, looks, refits, TESTS, held_out=2.0)
+    found = decide(score_test, ranking, refits, TESTS, held_out=2.0)
     assert (found.kind, found.effects) == ("missing", ("inclusion",))
 
 
 def test_an_adequate_model_stays_so_when_its_only_candidate_is_worse_on_held_out_steps(world):
-    judge = world.judge(5 * world.signal(0))
-    looks = world.looks(judge, tilt=world.signal(0))
-    refits = {name: replace(refit, held_out=1.2) for name, refit in world.refits(judge, looks).items()}
-    assert decide(judge, looks, refits, TESTS, held_out=1.0).kind == "adequate"
+    score_test = world.score_test(5 * world.signal(0))
+    ranking = world.ranking(score_test, tilt=world.signal(0))
+    refits = {name: replace(refit, held_out=1.2) for name, refit in world.refits(score_test, ranking).items()}
+    assert decide(score_test, ranking, refits, TESTS, held_out=1.0).kind == "adequate"
 
 
 def test_a_pair_that_is_worse_on_held_out_steps_names_nothing(world):
-    judge = world.judge(30 * world.signal(0) + 25 * world.signal(1))
-    looks = world.looks(judge, tilt=world.signal(0), inclusion=world.signal(1))
-    refits = world.refits(judge, looks)
-    both = Refit(judge.freedom - 2.0, judge.freedom - 2, 1.0, 2.5, {})
-    assert decide(judge, looks, refits, TESTS, (looks[1], both), 2.0).kind == "unexplained"
+    score_test = world.score_test(30 * world.signal(0) + 25 * world.signal(1))
+    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=world.signal(1))
+    refits = world.refits(score_test, ranking)
+    both = Refit(score_test.freedom - 2.0, score_test.freedom - 2, 1.0, 2.5, {})
+    assert decide(score_test, ranking, refits, TESTS, (ranking[1], both), 2.0).kind == "unexplained"
     both = replace(both, held_out=1.0)
-    assert decide(judge, looks, refits, TESTS, (looks[1], both), 2.0).effects == ("tilt",)
+    assert decide(score_test, ranking, refits, TESTS, (ranking[1], both), 2.0).effects == ("tilt",)
 
 
 @pytest.mark.parametrize(
@@ -390,21 +399,21 @@ def test_a_pair_that_is_worse_on_held_out_steps_names_nothing(world):
     ],
 )  # fmt: skip
 def test_what_only_mesh_or_load_steps_explain_is_cured_by_settings(world, name, says):
-    judge = world.judge(30 * world.signal(0))
-    looks = world.looks(judge, **{name: world.signal(0), "tilt": world.signal(1)})
-    found = by_settings(decide(judge, looks, {}, TESTS), judge, looks, TESTS)
+    score_test = world.score_test(30 * world.signal(0))
+    ranking = world.ranking(score_test, **{name: world.signal(0), "tilt": world.signal(1)})
+    found = by_settings(decide(score_test, ranking, {}, TESTS), score_test, ranking, TESTS)
     assert (found.kind, found.effects) == ("unexplained", ())
     assert found.sentence.startswith(says)
 
 
-def test_what_mesh_explains_in_part_or_beside_an_effect_is_not_blamed_on_it(world):
-    part = world.judge(30 * world.signal(5) + 20 * world.signal(0))
-    looks = world.looks(part, coarse_mesh=world.signal(0))
-    assert "none of the known effects" in by_settings(decide(part, looks, {}, TESTS), part, looks, TESTS).sentence
-    judge = world.judge(30 * world.signal(0))
-    looks = world.looks(judge, tilt=world.signal(0), coarse_mesh=world.signal(0))
-    found = decide(judge, looks, world.refits(judge, looks), TESTS)
-    assert by_settings(found, judge, looks, TESTS) is found
+def test_what_mesh_explains_in_part_or_beside_an_effect_is_not_named_on_it(world):
+    part = world.score_test(30 * world.signal(5) + 20 * world.signal(0))
+    ranking = world.ranking(part, coarse_mesh=world.signal(0))
+    assert "none of the known effects" in by_settings(decide(part, ranking, {}, TESTS), part, ranking, TESTS).sentence
+    score_test = world.score_test(30 * world.signal(0))
+    ranking = world.ranking(score_test, tilt=world.signal(0), coarse_mesh=world.signal(0))
+    found = decide(score_test, ranking, world.refits(score_test, ranking), TESTS)
+    assert by_settings(found, score_test, ranking, TESTS) is found
     assert found.effects == ("tilt",)
 
 
@@ -413,10 +422,10 @@ def test_what_mesh_explains_in_part_or_beside_an_effect_is_not_blamed_on_it(worl
 )
 def test_a_fall_by_one_covariance_counts_where_the_refit_explains(world, misfit, fall, kind):
     """The model's own error of the mesh is large and hides its misfit; that of the refit is smaller."""
-    judge = world.judge(5 * world.signal(0))
-    looks = world.looks(judge, friction=world.signal(0))
-    refit = Refit(misfit * judge.freedom, judge.freedom - 1, 1.0, 1.0, {}, fall=fall)
-    assert explains(judge)
-    found = decide(judge, looks, {"friction": refit}, TESTS)
+    score_test = world.score_test(5 * world.signal(0))
+    ranking = world.ranking(score_test, friction=world.signal(0))
+    refit = Refit(misfit * score_test.freedom, score_test.freedom - 1, 1.0, 1.0, {}, fall=fall)
+    assert explains(score_test)
+    found = decide(score_test, ranking, {"friction": refit}, TESTS)
     assert (found.kind, found.effects) == (kind, ("friction",) if kind == "missing" else ())
     assert "explains 100 %" in found.sentence or kind == "adequate"

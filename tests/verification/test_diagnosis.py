@@ -5,13 +5,13 @@ import pytest
 from seeds import seed_of
 
 from fingerfit.core.files import write_json
-from fingerfit.diagnosis.candidates import suspects
+from fingerfit.diagnosis.candidates import candidates
+from fingerfit.diagnosis.comparison import Comparison, anchor_of, best_places, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import designs, half_indenter, separation
-from fingerfit.diagnosis.examination import Examination, anchor_of, best_places, stiffness_map, try_suspects
 from fingerfit.diagnosis.residual import common_modes
-from fingerfit.diagnosis.score_test import Judge
+from fingerfit.diagnosis.score_test import ScoreTest
+from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH
-from fingerfit.fit.refine import finest
 from fingerfit.fit.simulate import begin, run_fit, solve_missing
 from fingerfit.settings.config import load_settings
 from fingerfit.virtual.experiment import read_truth, solve, write_study
@@ -48,7 +48,7 @@ MESHES = {
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    """The examination of the model without the inclusion, and a few tested suspects everywhere."""
+    """The comparison of the model without the inclusion, and a few tested candidates everywhere."""
     folder = tmp_path_factory.mktemp("lump")
     write_json(folder / "experiment.yaml", DESCRIPTION)
     truth = read_truth(folder / "experiment.yaml")
@@ -59,17 +59,17 @@ def world(tmp_path_factory):
     stages += [{"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2}]
     fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
     settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting})
-    fit, everything = begin(settings, folder / "model")
-    last = run_fit(fit, 1)[0]
-    found = [s for s in suspects(fit, finest(fit, last).values)[0] if s.effect.name in NAMES]
-    solve_missing(fit, [anchor_of(fit, last), *(a for s in found for a in s.asked)], 1)
-    examination = Examination(fit, last, everything)
-    return examination, try_suspects(examination, examination.judge, found)
+    problem, everything = begin(settings, folder / "model")
+    last = run_fit(problem, 1)[0]
+    found = [s for s in candidates(problem, finest(problem, last).values)[0] if s.effect.name in NAMES]
+    solve_missing(problem, [anchor_of(problem, last), *(a for s in found for a in s.asked)], 1)
+    comparison = Comparison(problem, last, everything)
+    return comparison, rank_candidates(comparison, comparison.score_test, found)
 
 
 def test_the_map_shows_where_it_is_stiffer(world):
-    examination, looks = world
-    table = stiffness_map(examination, looks)
+    comparison, ranking = world
+    table = stiffness_map(comparison, ranking)
     assert table.shape == (30, 4)
     best = table[np.argmax(np.abs(table[:, 3]))]
     assert best[:2] == pytest.approx([12 * share for share in PLACE])
@@ -84,29 +84,29 @@ def test_the_map_shows_where_it_is_stiffer(world):
 
 
 def test_the_floor_counts_the_prescribed_force(world):
-    examination, _ = world
-    extra = np.sqrt(examination.floor**2 - examination.residual.floor**2)
+    comparison, _ = world
+    extra = np.sqrt(comparison.floor**2 - comparison.residual.floor**2)
     assert (extra > 0).all()
     # twice the noise of the force adds twice as much
-    noisier = Examination(examination.fit, examination.last, examination.data)
-    noisier.__dict__["_control_noise"] = 2 * examination._control_noise
+    noisier = Comparison(comparison.problem, comparison.last, comparison.data)
+    noisier.__dict__["_control_noise"] = 2 * comparison._control_noise
     assert np.sqrt(noisier.floor**2 - noisier.residual.floor**2) == pytest.approx(2 * extra)
 
 
 def test_slopes_of_what_is_observed_do_not_depend_on_where_they_are_taken(world):
-    examination, looks = world
-    effect = next(one.suspect.effect for one in looks if one.suspect.effect.name == "misregistration")
-    slopes = [examination._observed(effect, {"misregistration.x": x}, "x") for x in (0.0, 0.07)]
+    comparison, ranking = world
+    effect = next(one.candidate.effect for one in ranking if one.candidate.effect.name == "misregistration")
+    slopes = [comparison._observed(effect, {"misregistration.x": x}, "x") for x in (0.0, 0.07)]
     assert np.abs(slopes[0]).max() > 0.1
     assert slopes[1] == pytest.approx(slopes[0], abs=1e-9)
 
 
 def test_better_measurements_separate_two_effects_better(world):
-    examination, looks = world
-    best = {one.suspect.effect.name: one for one in best_places(looks)}
-    found, run = separation(examination, best["inclusion"], best["gradient"])
+    comparison, ranking = world
+    best = {one.candidate.effect.name: one for one in best_places(ranking)}
+    found, run = separation(comparison, best["inclusion"], best["gradient"])
     gain = dict(found)
-    titles = [design.title for design in designs(examination.fit.study)]
+    titles = [design.title for design in designs(comparison.problem.study)]
     assert set(gain) == set(titles)
     assert [value for _, value in found] == sorted(gain.values(), reverse=True)
     # noise alone can bring no more than its square
@@ -120,11 +120,11 @@ def test_better_measurements_separate_two_effects_better(world):
     # with a standard deviation of 0.007, of which 5
     assert gain[slower] == pytest.approx(0.988, abs=5 * 0.007)
     assert run > 0
-    assert separation(examination, best["inclusion"], best["gradient"])[1] == 0
+    assert separation(comparison, best["inclusion"], best["gradient"])[1] == 0
 
 
 def test_half_an_indenter_has_its_nodes_in_one_half(world):
-    mesh = world[0].fit.meshes[SEARCH]
+    mesh = world[0].problem.meshes[SEARCH]
     half = half_indenter(mesh)
     x = mesh.points[half.node_sets["TOP"], 0]
     assert x.max() <= 6.0 + 1e-9
@@ -135,17 +135,17 @@ def test_half_an_indenter_has_its_nodes_in_one_half(world):
 
 def test_common_modes_are_those_of_the_steps(world, rng):
     """Force, displacement and brightness of each of four steps: a force that is wrong shows in them and nowhere else."""
-    examination, _ = world
-    judge, residual = examination.judge, examination.residual
-    modes = common_modes(residual, examination.data.entry_step, examination.slope("control"))
-    # of each step the conjugate quantity, the slope by the force, two displacements, brightness
+    comparison, _ = world
+    score_test, residual = comparison.score_test, comparison.residual
+    modes = common_modes(residual, comparison.data.entry_step, comparison.slope("control"))
+    # of each step the response, the slope by the force, two displacements, brightness
     assert modes.shape == (len(residual.vector), 4 * 5)
     # less one: the same share of the force at all steps is the scale of the constants
-    assert judge.common_freedom == 4 * 5 - 1
-    covariance = residual.covariance + examination.mesh_covariance()
-    wrong = 8 * examination.nuisance()[:, 0::2] @ np.array([0.0, 0.0, 1.0, 0.0])
-    alone = Judge(wrong, covariance, examination.own(), examination.nuisance(), modes)
+    assert score_test.common_freedom == 4 * 5 - 1
+    covariance = residual.covariance + comparison.mesh_covariance()
+    wrong = 8 * comparison.nuisance()[:, 0::2] @ np.array([0.0, 0.0, 1.0, 0.0])
+    alone = ScoreTest(wrong, covariance, comparison.own(), comparison.nuisance(), modes)
     assert alone.misfit > 10
     assert alone.common_misfit == pytest.approx(alone.misfit, rel=1e-6)
-    other = Judge(rng.normal(size=len(wrong)), covariance, examination.own(), examination.nuisance(), modes)
+    other = ScoreTest(rng.normal(size=len(wrong)), covariance, comparison.own(), comparison.nuisance(), modes)
     assert other.common_misfit < 0.1 * other.misfit

@@ -7,8 +7,8 @@ import pytest
 from seeds import generator
 
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.diagnosis.examine import errors, examine
-from fingerfit.fit.problem import Fit
+from fingerfit.diagnosis.diagnose import diagnose, errors
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.simulate import run_fit
 from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.recipes.ecoflex import make_study, spread_of
@@ -45,9 +45,9 @@ def examined(folder, alpha):
     mesh = make_mesh(study, settings.model.mesh)
     (folder / "mesh.inp").write_text(format_mesh(mesh))
     data = prepare(study, mesh, settings.fit.steps, 1.0, 0.3)
-    fit = Fit(settings, data, {"search": folder / "mesh.inp"}, folder / "results/sims")
-    last, _ = run_fit(fit, 1)
-    return examine(fit, last, prepare(study, mesh, None, 1.0, 0.3))
+    problem = InverseProblem(settings, data, {"search": folder / "mesh.inp"}, folder / "results/sims")
+    last, _ = run_fit(problem, 1)
+    return diagnose(problem, last, prepare(study, mesh, None, 1.0, 0.3))
 
 
 def test_the_factor_between_specimens_is_taken_apart():
@@ -61,7 +61,7 @@ def test_the_factor_between_specimens_is_taken_apart():
 
 def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
     found = examined(tmp_path, ALPHA)
-    fitted, held_out = errors(found.examination)
+    fitted, held_out = errors(found.comparison)
     # 16 seeds: 9.1 and 7.9, with standard deviations of 1.2 and 0.8
     assert fitted > 2
     assert held_out > 2
@@ -72,8 +72,8 @@ def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
     # noise is that of one test, and what is fitted is their mean: 1 / sqrt(6), 0.37 and 0.44 found, with 0.12 and 0.09
     assert refit.fitted < 1.0
     assert refit.held_out < 1.0
-    # effects of pictures and of layers are no suspects of one brick without pictures
-    names = {one.suspect.effect.name for one in found.looks}
+    # effects of pictures and of layers are no candidates of one brick without pictures
+    names = {one.candidate.effect.name for one in found.ranking}
     assert "plate_friction" in names
     assert not names & {"bias_field", "intensity_drift", "misregistration", "tilt", "skin", "gradient", "coarse_mesh"}
 
@@ -81,4 +81,4 @@ def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
 def test_nothing_is_missing_where_nothing_is(tmp_path):
     found = examined(tmp_path, 1.4)
     assert found.verdict.kind == "adequate"
-    assert errors(found.examination)[0] < 1.0  # 16 seeds: 0.41, 0.12
+    assert errors(found.comparison)[0] < 1.0  # 16 seeds: 0.41, 0.12

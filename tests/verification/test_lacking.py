@@ -1,4 +1,4 @@
-"""What a solver lacks is refused before anything runs: at the start of a fit, among the suspects, by `fingerfit add`."""
+"""What a solver lacks is refused before anything runs: at the start of a fit, among the candidates, by `fingerfit add`."""
 
 import json
 from dataclasses import replace
@@ -11,8 +11,8 @@ from fingerfit.core.errors import InputError
 from fingerfit.core.files import write_json
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import read_deck
-from fingerfit.diagnosis.candidates import suspects, untestable
-from fingerfit.diagnosis.examine import examine
+from fingerfit.diagnosis.candidates import candidates, untestable
+from fingerfit.diagnosis.diagnose import diagnose
 from fingerfit.diagnosis.ladder import add
 from fingerfit.fit.course import next_round
 from fingerfit.fit.simulate import begin, run_fit
@@ -46,17 +46,17 @@ def made(folder, solver, element="CPE8", own_mesh=False):
 
 def test_elements_of_a_study_that_brings_its_mesh(tmp_path, needs_ccx):
     settings = made(tmp_path, "calculix", "CPE8H", own_mesh=True)
-    fit, _ = begin(settings, tmp_path / "model")
+    problem, _ = begin(settings, tmp_path / "model")
     with pytest.raises(InputError, match=r"solver calculix: \*ELEMENT: found CPE8H; .*CPE8R"):
-        next_round(fit, None)
+        next_round(problem, None)
     assert not (tmp_path / "model/sims").exists()
 
 
 def test_the_solver_is_asked_once(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(BuiltinSolver, "check", lambda self, deck: asked.append(deck.read_text()))
-    fit, _ = begin(made(tmp_path, "builtin"), tmp_path / "model")
-    run_fit(fit, 1)
+    problem, _ = begin(made(tmp_path, "builtin"), tmp_path / "model")
+    run_fit(problem, 1)
     assert len(asked) == 1
     assert "*MATERIAL" in asked[0]
 
@@ -64,18 +64,18 @@ def test_the_solver_is_asked_once(tmp_path, monkeypatch):
 def test_control_is_asked_for(tmp_path, monkeypatch, needs_ccx):
     pushing = replace(CalculixSolver.capabilities, control=frozenset({"force"}))
     monkeypatch.setattr(CalculixSolver, "capabilities", pushing)
-    fit, _ = begin(made(tmp_path, "calculix"), tmp_path / "model")
+    problem, _ = begin(made(tmp_path, "calculix"), tmp_path / "model")
     with pytest.raises(InputError, match=r"solver calculix: \*BOUNDARY: found displacement control; .*force control"):
-        next_round(fit, None)
+        next_round(problem, None)
 
 
-def test_effects_that_the_solver_lacks_are_no_suspects(tmp_path, needs_ccx):
+def test_effects_that_the_solver_lacks_are_no_candidates(tmp_path, needs_ccx):
     names = {}
     for solver in ("builtin", "calculix"):
         folder = tmp_path / solver
         folder.mkdir()
-        fit, _ = begin(made(folder, solver), folder / "model")
-        found, lacking = suspects(fit, {"mu": 0.05})
+        problem, _ = begin(made(folder, solver), folder / "model")
+        found, lacking = candidates(problem, {"mu": 0.05})
         names[solver] = {one.effect.name for one in found}, set(lacking)
     assert names["builtin"][1] == set()
     assert names["calculix"][1] == {"fibres", "viscoelastic relaxation"}
@@ -86,9 +86,9 @@ def test_effects_that_the_solver_lacks_are_no_suspects(tmp_path, needs_ccx):
 def test_the_diagnosis_says_so(tmp_path, monkeypatch):
     less = replace(BuiltinSolver.capabilities, features=FEATURES - {"*VISCOELASTIC"})
     monkeypatch.setattr(BuiltinSolver, "check", lambda self, deck: refuse_lacking(read_deck(deck), deck, "less", less))
-    fit, everything = begin(made(tmp_path, "builtin"), tmp_path / "model")
-    last, _ = run_fit(fit, 1)
-    found = examine(fit, last, everything)
+    problem, everything = begin(made(tmp_path, "builtin"), tmp_path / "model")
+    last, _ = run_fit(problem, 1)
+    found = diagnose(problem, last, everything)
     write_diagnosis(found, tmp_path / "diagnosis.json")
     diagnosis = json.loads((tmp_path / "diagnosis.json").read_text())
     said = "; not tried, since solver builtin lacks what they need: viscoelastic relaxation"
@@ -105,19 +105,19 @@ def test_the_diagnosis_says_so(tmp_path, monkeypatch):
     assert "relaxation" not in tested
 
 
-def test_what_was_not_measured_is_no_suspect_but_told(tmp_path):
+def test_what_was_not_measured_is_no_candidate_but_told(tmp_path):
     settings = made(tmp_path, "builtin")
     plain = "\n".join(line.rpartition(",")[0] for line in STEPS.splitlines())
     (tmp_path / "study/steps.csv").write_text(plain + "\n")
-    fit, _ = begin(settings, tmp_path / "model")
-    assert {title: str(error.found) for title, error in untestable(fit).items()} == {
+    problem, _ = begin(settings, tmp_path / "model")
+    assert {title: str(error.found) for title, error in untestable(problem).items()} == {
         "mesh too coarse": "a finer mesh",
         "an inclusion": "pictures or measured points",
         "tilt of the indenter": "pictures or measured points",
         "viscoelastic relaxation": "a time at every step",
     }
-    tested = {one.effect.title for one in suspects(fit, {"mu": 0.05})[0]}
-    assert not tested & set(untestable(fit))
+    tested = {one.effect.title for one in candidates(problem, {"mu": 0.05})[0]}
+    assert not tested & set(untestable(problem))
 
 
 def test_add_refuses_it(tmp_path, needs_ccx):
@@ -134,6 +134,6 @@ def test_a_model_with_such_an_effect_does_not_start(tmp_path, needs_ccx):
     settings = made(tmp_path, "calculix")
     data = settings.model_dump(mode="json")
     data["model"]["effects"] = {"relaxation": {"share": 0.2}}
-    fit, _ = begin(load_settings(data), tmp_path / "model")
+    problem, _ = begin(load_settings(data), tmp_path / "model")
     with pytest.raises(InputError, match=r"solver calculix: \*VISCOELASTIC: found \*VISCOELASTIC"):
-        next_round(fit, None)
+        next_round(problem, None)

@@ -7,10 +7,10 @@ from conftest import all_rounds
 from seeds import seed_of
 
 from fingerfit.core.files import keep_json, read_json
-from fingerfit.diagnosis.examine import examine
+from fingerfit.diagnosis.diagnose import diagnose
 from fingerfit.diagnosis.ladder import add
 from fingerfit.fit.estimate import estimate_of
-from fingerfit.fit.problem import Fit
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import asked_for
 from fingerfit.fit.simulate import begin, solve_missing
 from fingerfit.provenance import stages
@@ -50,7 +50,7 @@ def folder(tmp_path, monkeypatch):
     truth, _ = begin(load_settings(tmp_path / "config.yaml"), tmp_path / "truth")
     asked = truth.ask({"mu": 0.05})
     solve_missing(truth, [asked], 1)
-    write_steps(tmp_path, truth.prediction(asked).conjugate)
+    write_steps(tmp_path, truth.prediction(asked).response)
     (tmp_path / "config.yaml").write_text(CONFIG.replace("ALPHA", "1.4"))
     return tmp_path
 
@@ -59,15 +59,15 @@ def diagnosed(folder):
     """Fit and diagnosis of a model; how many simulations the fit ran, and as the rung counts them."""
     settings = stages.warm(load_settings(folder / "config.yaml"))
     model = stages.model_folder(settings)
-    fit, everything = begin(settings, folder / "results/study")
-    last, run = all_rounds(fit, model / "rounds")
+    problem, everything = begin(settings, folder / "results/study")
+    last, run = all_rounds(problem, model / "rounds")
     own = set(asked_for(model / f"rounds/{last.number}.json"))
-    assert own == fit.asked
-    fit = Fit(settings, fit.data, fit.mesh_files, fit.sims)  # as another job makes it
-    found = examine(fit, last, everything)
-    keep_json(model / "estimate.json", estimate_of(fit, last))
+    assert own == problem.asked
+    problem = InverseProblem(settings, problem.data, problem.mesh_files, problem.sims)  # as another job makes it
+    found = diagnose(problem, last, everything)
+    keep_json(model / "estimate.json", estimate_of(problem, last))
     write_diagnosis(found, model / "diagnosis.json")
-    return run, count_simulations(folder / "results/study", settings.model.path, own, fit.asked), found
+    return run, count_simulations(folder / "results/study", settings.model.path, own, problem.asked), found
 
 
 def test_adding_what_was_refitted_runs_nothing(folder):

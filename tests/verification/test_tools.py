@@ -25,11 +25,11 @@ def predicted(folder, template):
     first, *rest = STEPS.splitlines()
     (folder / "study/steps.csv").write_text("\n".join([f"{first},points", *(f"{row},points.csv" for row in rest)]))
     config = {"study": str(folder / "study"), "model": {**MODEL, "template": template}, "fit": FIT}
-    fit, _ = begin(load_settings(config), folder / "model")
-    asked = fit.ask({"mu": 0.05})
+    problem, _ = begin(load_settings(config), folder / "model")
+    asked = problem.ask({"mu": 0.05})
     assert ("900001" in asked.deck) == (template == "tool.inp.j2")
-    solve_missing(fit, [asked], 1)
-    return fit.outcome(asked).displacement, fit.prediction(asked)
+    solve_missing(problem, [asked], 1)
+    return problem.outcome(asked).displacement, problem.prediction(asked)
 
 
 def test_nodes_of_tools_are_no_nodes_of_the_body(tmp_path):
@@ -37,7 +37,7 @@ def test_nodes_of_tools_are_no_nodes_of_the_body(tmp_path):
     assert np.abs(one.points).max() > 0.1
     assert np.array_equal(plain, tool)
     assert np.array_equal(one.points, other.points)
-    assert np.array_equal(one.conjugate, other.conjugate)
+    assert np.array_equal(one.response, other.response)
 
 
 def test_steps_without_prints_are_no_results(tmp_path, write_deck):

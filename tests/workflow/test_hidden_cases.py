@@ -8,7 +8,7 @@ import pytest
 from test_hidden import CONFIG, DESCRIPTION
 
 from fingerfit.core.files import write_json
-from fingerfit.diagnosis.examine import Examined, added, examine
+from fingerfit.diagnosis.diagnose import Diagnosis, added, diagnose
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
 from fingerfit.virtual.experiment import read_truth, solve, write_study
@@ -26,22 +26,22 @@ changes:
 """
 
 
-def climbed(folder, effects, highest=3) -> list[Examined]:
+def climbed(folder, effects, highest=3) -> list[Diagnosis]:
     """The rungs of a body with hidden effects: fitted, examined, what is missing added, and again."""
     write_json(folder / "experiment.yaml", {**DESCRIPTION, "effects": {}})
     (folder / "own/effects").mkdir(parents=True)
     (folder / "own/effects/waves.yaml").write_text(WAVES)
     truth = replace(read_truth(folder / "experiment.yaml"), effects=effects, own=folder / "own")
     write_study(truth, solve(truth, folder / "body", 1), folder / "study")
-    fit, everything = begin(load_settings({**CONFIG, "study": str(folder / "study")}), folder / "model")
+    problem, everything = begin(load_settings({**CONFIG, "study": str(folder / "study")}), folder / "model")
     rungs = []
     while True:
-        last = run_fit(fit, 1)[0]
-        rungs.append(examine(fit, last, everything))
-        blamed = rungs[-1].verdict.effects
-        if not blamed or len(rungs) == highest:
+        last = run_fit(problem, 1)[0]
+        rungs.append(diagnose(problem, last, everything))
+        named = rungs[-1].verdict.effects
+        if not named or len(rungs) == highest:
             return rungs
-        fit = added(fit, last, rungs[-1], blamed[0])
+        problem = added(problem, last, rungs[-1], named[0])
 
 
 def test_nothing_hidden(tmp_path):
@@ -70,4 +70,4 @@ def test_what_is_not_in_the_catalogue_has_no_name(tmp_path):
     (found,) = climbed(tmp_path, {"waves": {"contrast": 1.2}}, 1)
     assert found.verdict.kind == "unexplained"
     assert found.verdict.effects == ()
-    assert found.looks[0].finding.fall > 10 * found.verdict.threshold
+    assert found.ranking[0].finding.fall > 10 * found.verdict.threshold

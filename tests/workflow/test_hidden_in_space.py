@@ -1,4 +1,4 @@
-"""A fingertip fitted without layers: the examination of the volumes says that the epidermis is missing."""
+"""A fingertip fitted without layers: the comparison of the volumes says that the epidermis is missing."""
 
 import shutil
 from pathlib import Path
@@ -12,10 +12,10 @@ from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
 from fingerfit.core.files import write_json, write_text
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.diagnosis import examine
-from fingerfit.diagnosis.candidates import suspects
-from fingerfit.diagnosis.examination import stiffness_map
-from fingerfit.diagnosis.examine import errors
+from fingerfit.diagnosis import diagnose
+from fingerfit.diagnosis.candidates import candidates
+from fingerfit.diagnosis.comparison import stiffness_map
+from fingerfit.diagnosis.diagnose import errors
 from fingerfit.diagnosis.verdict import decide
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
@@ -58,7 +58,7 @@ MU = {"unit": "MPa", "start": 0.015, "lower": 0.001, "upper": 0.2}
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    """The homogeneous model examined: some suspects tested, the best of them refitted."""
+    """The homogeneous model examined: some candidates tested, the best of them refitted."""
     folder = tmp_path_factory.mktemp("finger")
     centre = (Anatomy().pulp_centre, 0.0)
     # other elements than the fit's; meshes as coarse as this, of other nodes, would differ by half of what layers do
@@ -72,51 +72,51 @@ def world(tmp_path_factory):
     stages = [{"name": "grid", "kind": "grid", "points": 3}]
     fitting = {"score": "ssd", "max_evaluations": 3, "stages": stages}
     settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting})
-    fit, everything = begin(settings, folder / "model")
-    last = run_fit(fit, 1)[0]
+    problem, everything = begin(settings, folder / "model")
+    last = run_fit(problem, 1)[0]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(examine, "suspects", some_suspects)
-        return examine.examine(fit, last, everything)
+        patch.setattr(diagnose, "candidates", some_candidates)
+        return diagnose.diagnose(problem, last, everything)
 
 
-def some_suspects(fit, values):
-    found, lacking = suspects(fit, values)
+def some_candidates(problem, values):
+    found, lacking = candidates(problem, values)
     return [one for one in found if one.effect.name in TESTED], lacking
 
 
 def test_what_makes_no_sense_here_is_not_tested(world):
-    names = {one.suspect.effect.name for one in world.looks}
+    names = {one.candidate.effect.name for one in world.ranking}
     # of two layers none is a dermis; the bones of this model are free
     assert names == set(TESTED) - {"dermis", "bone_mobility"}
 
 
 def test_rigid_tools_are_not_part_of_the_body(world):
-    examination = world.examination
-    mesh = examination.fit.meshes["search"]
+    comparison = world.comparison
+    mesh = comparison.problem.meshes["search"]
     assert mesh.points[mesh.node_sets["TUBE"][0], 2] < mesh.body[:, 2].min()
-    assert examination.patches.low == pytest.approx(mesh.body.min(axis=0))
+    assert comparison.patches.low == pytest.approx(mesh.body.min(axis=0))
     inside = mesh.body
-    assert (examination.residual.places >= inside.min(axis=0) - 0.5).all()
-    assert (examination.residual.places <= inside.max(axis=0) + 0.5).all()
+    assert (comparison.residual.places >= inside.min(axis=0) - 0.5).all()
+    assert (comparison.residual.places <= inside.max(axis=0) + 0.5).all()
 
 
 def test_the_layer_is_missing(world):
     assert (world.verdict.kind, world.verdict.effects) == ("missing", ("layers",))
     # found: friction and a shift of the pictures look better, and are refitted, too
     # what is left beyond the noise is what other elements change
-    before = errors(world.examination)[0]
+    before = errors(world.comparison)[0]
     assert before > 1.5  # 9 seeds: 1.65 on average with a standard deviation of 0.026
-    judge, after = world.judge, world.refits["layers"]
+    score_test, after = world.score_test, world.refits["layers"]
     # 9 seeds: 0.485 of what was beyond the noise, 0.025; five of them
     assert after.fitted - 1 < 0.61 * (before - 1)
-    assert after.misfit - after.freedom < 0.2 * (judge.misfit - judge.freedom)
+    assert after.misfit - after.freedom < 0.2 * (score_test.misfit - score_test.freedom)
 
 
 def test_without_it_no_other_takes_its_place(world):
     others = {name: refit for name, refit in world.refits.items() if name != "layers"}
     assert others
     assert all(refit.misfit > world.refits["layers"].misfit for refit in others.values())
-    verdict = decide(world.judge, world.looks, others, len(world.looks))
+    verdict = decide(world.score_test, world.ranking, others, len(world.ranking))
     assert (verdict.kind, verdict.effects) == ("unexplained", ())
 
 
@@ -129,4 +129,4 @@ def test_the_constants_are_near_the_truth(world):
 
 
 def test_no_map_without_places(world):
-    assert stiffness_map(world.examination, world.looks).shape == (0, 5)
+    assert stiffness_map(world.comparison, world.ranking).shape == (0, 5)

@@ -20,8 +20,8 @@ from seeds import seed_of
 
 from fingerfit.cli import main
 from fingerfit.core.files import read_json
-from fingerfit.fit.problem import Fit
-from fingerfit.fit.refine import finest
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.imaging.sections import slices_through
 from fingerfit.provenance.stages import figures
 from fingerfit.report.volumes import chosen_slices, frame_of
@@ -87,16 +87,16 @@ def fitted(tmp_path_factory):
         run("experiment", "experiment.yaml", "--out", "study")
         run("check", "study", "--picture", "place.png")
         run("prepare", "config.yaml", "--out", "data.npz", "--mesh", "mesh.inp")
-        fit = Fit(
+        problem = InverseProblem(
             load_settings(Path("config.yaml")), Data.load(Path("data.npz")), {"search": Path("mesh.inp")}, Path("sims")
         )
-        last, _ = all_rounds(fit, Path("rounds"))
+        last, _ = all_rounds(problem, Path("rounds"))
         path = f"rounds/{last.number}.json"
         common = ["config.yaml", "--data", "data.npz", "--mesh", "mesh.inp", "--sims", "sims", "--last", path]
         run("estimate", *common, "--out", "estimate.json", "--table", "table.txt")
         run("plot", *common, "--out", "figures")
-        assert set(drawn) == {"place", *figures(fit.settings)}
-    return place, drawn, fit, last
+        assert set(drawn) == {"place", *figures(problem.settings)}
+    return place, drawn, problem, last
 
 
 def run(*arguments):
@@ -126,25 +126,25 @@ def test_what_is_left_is_little_more_than_noise(fitted):
 
 
 def test_the_figures_show_the_fit(fitted, monkeypatch):
-    place, drawn, fit, last = fitted
+    place, drawn, problem, last = fitted
     monkeypatch.chdir(place)
     assert set(drawn) == {"force", "search", "deformed_mesh", "pictures", "place"}
-    data, mesh, shown = fit.data, fit.meshes["search"], finest(fit, last)
-    found, cuts = fit.prediction(shown), chosen_slices(data, mesh)
-    check_forces(drawn["force"], data, found.conjugate)
+    data, mesh, shown = problem.data, problem.meshes["search"], finest(problem, last)
+    found, cuts = problem.prediction(shown), chosen_slices(data, mesh)
+    check_forces(drawn["force"], data, found.response)
     check_search(drawn["search"], last)
-    check_sections(drawn["deformed_mesh"], mesh, fit.outcome(shown), data, cuts)
+    check_sections(drawn["deformed_mesh"], mesh, problem.outcome(shown), data, cuts)
     check_slices(drawn["pictures"], data, found.pictures, cuts)
     for name in set(drawn) - {"place"}:
         check_file(place / f"figures/{name}.png", drawn[name])
 
 
 def test_the_place_of_the_mesh_is_shown_in_three_slices(fitted):
-    place, drawn, fit, _ = fitted
-    slices = slices_through(frame_of(fit.data), np.array(DESCRIPTION["body"]["brick"]) / 2, (1, 0, 2))
+    place, drawn, problem, _ = fitted
+    slices = slices_through(frame_of(problem.data), np.array(DESCRIPTION["body"]["brick"]) / 2, (1, 0, 2))
     # the last row; above it the mesh and its sets from outside
     for axes, cut in zip(drawn["place"].axes[-3:], slices, strict=True):
-        assert np.array_equal(images(axes)[0], cut.of(fit.data.before))
+        assert np.array_equal(images(axes)[0], cut.of(problem.data.before))
         assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) == (*cut.labels, cut.title)
         low, high = corners(axes)
         assert high - low == pytest.approx(np.delete(DESCRIPTION["body"]["brick"], cut.axis), abs=1e-6)

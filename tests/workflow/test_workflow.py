@@ -22,8 +22,8 @@ from matplotlib.image import imread
 from seeds import seed_of
 
 from fingerfit.core.files import read_json
-from fingerfit.fit.problem import Fit
-from fingerfit.fit.refine import finest
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.report.plots import plot_fit
 from fingerfit.settings.config import load_settings
@@ -154,17 +154,19 @@ def test_the_figures_show_the_fit(made, tmp_path, monkeypatch):
     model, drawn = made / "results/study/base", recorded(monkeypatch)
     last = Round.load(model / f"rounds/{read_json(model / 'estimate.json')['search']['rounds'] - 1}.json")
     meshes = {"search": model / "mesh.inp", "refined": model / "refined.inp"}
-    fit = Fit(load_settings(Path("config.yaml")), Data.load(model / "prepared.npz"), meshes, model / "../sims")
-    plot_fit(fit, last, tmp_path)
+    problem = InverseProblem(
+        load_settings(Path("config.yaml")), Data.load(model / "prepared.npz"), meshes, model / "../sims"
+    )
+    plot_fit(problem, last, tmp_path)
     assert set(drawn) == {"force", "search", "deformed_mesh", "pictures"}
     for name in drawn:
         assert np.array_equal(imread(model / f"figures/{name}.png"), imread(tmp_path / f"{name}.png")), name
-    shown = finest(fit, last)
-    prediction, mesh = fit.prediction(shown), fit.meshes["refined"]
-    check_forces(drawn["force"], fit.data, prediction.conjugate)
+    shown = finest(problem, last)
+    prediction, mesh = problem.prediction(shown), problem.meshes["refined"]
+    check_forces(drawn["force"], problem.data, prediction.response)
     check_search(drawn["search"], last)
-    check_deformed(drawn["deformed_mesh"], mesh, fit.outcome(shown), fit.data)
-    check_pictures(drawn["pictures"], fit.data, prediction.pictures)
+    check_deformed(drawn["deformed_mesh"], mesh, problem.outcome(shown), problem.data)
+    check_pictures(drawn["pictures"], problem.data, prediction.pictures)
 
 
 def test_rules_are_in_good_condition(made):

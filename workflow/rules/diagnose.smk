@@ -1,4 +1,4 @@
-rule examine:
+rule diagnose_model:
     # Where the model fails and which effect is missing. It solves what its tests and refits need, two at a time.
     input:
         **MESHES,
@@ -15,7 +15,7 @@ rule examine:
         rung=f"{MODEL}/rung.json",
         simulations=f"{MODEL}/simulations.json",
     log:
-        f"{MODEL}/logs/examine.log",
+        f"{MODEL}/logs/diagnose.log",
     conda:
         "../envs/fingerfit.yaml"
     threads: 2

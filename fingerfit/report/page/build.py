@@ -149,8 +149,8 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "blamed": [c for c in ranking if c["effect"] in effects],
         "commands": commands(effects[0]) if effects else (),
         "steps": _steps(model),
-        "curve": panels.keys.get(f"there|{model.name}|steps|conjugate"),
-        "conjugate": (compare.conjugate_name if compare is not None else ("", "")),
+        "curve": panels.keys.get(f"there|{model.name}|steps|response"),
+        "response": (compare.response_name if compare is not None else ("", "")),
         "settings": json.dumps(model.settings, indent=1) if model.settings else "",
         "solver": ", ".join(f"{key} {value}" for key, value in model.solver.items() if isinstance(value, str)),
         "verdict": VERDICTS.get(model.verdict, ("", model.verdict)),
@@ -184,13 +184,13 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def _steps(model: Model) -> list[dict[str, Any]]:
-    """What is left by step of the quantity that is not prescribed, against its noise."""
+    """What is left by step of the response, against its noise."""
     compare = model.compare
-    if compare is None or not np.isfinite(compare.conjugate).any():
+    if compare is None or not np.isfinite(compare.response).any():
         return []
     found = []
     for n, step in enumerate(compare.step):
-        left, noise = float(compare.conjugate[n]), float(compare.conjugate_noise[n])
+        left, noise = float(compare.response[n]), float(compare.response_noise[n])
         ratio = abs(left) / noise if noise > 0 else float("nan")
         found.append({"label": f"step {int(step)}", "seen": compare.seen_step(n), "left": number(left, 3),
                       "noise": number(noise, 3), "words": in_words(ratio), "ratio": number(ratio, 3)})  # fmt: skip

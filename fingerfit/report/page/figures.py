@@ -206,7 +206,7 @@ def brightness_panel(frame: Frame, compare: Compare, values: np.ndarray, limit: 
 
 
 def curve_panel(compare: Compare, values: np.ndarray, limit: float) -> Figure:
-    """What is left of the quantity that is not prescribed against the step, with the band of its noise.
+    """What is left of the response against the step, with the band of its noise.
 
     Parameters
     ----------
@@ -225,8 +225,8 @@ def curve_panel(compare: Compare, values: np.ndarray, limit: float) -> Figure:
 
 
 def _left_curve(axes: Any, compare: Compare, values: np.ndarray, style: str) -> None:
-    name, unit = compare.conjugate_name
-    noise = np.nan_to_num(compare.conjugate_noise)
+    name, unit = compare.response_name
+    noise = np.nan_to_num(compare.response_noise)
     if noise.any():
         axes.fill_between(
             compare.step, -2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)"
@@ -319,10 +319,10 @@ def force_figure(compare: Compare) -> Figure | None:
         )  # fmt: skip
     upper.set(xlabel="indentation in mm", ylabel="force in N")
     upper.legend(frameon=False, fontsize=9)
-    if not np.isfinite(compare.conjugate).any():
+    if not np.isfinite(compare.response).any():
         figure.delaxes(lower)
         return figure
-    _left_curve(lower, compare, compare.conjugate, "o")
+    _left_curve(lower, compare, compare.response, "o")
     lower.margins(y=0.25)
     return figure
 

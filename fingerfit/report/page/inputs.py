@@ -12,7 +12,7 @@ import numpy as np
 
 from fingerfit.core.errors import FingerfitError, StateError
 from fingerfit.core.files import digest, free_memory, read_bytes, read_json, read_npz
-from fingerfit.diagnosis.residual import CONJUGATE
+from fingerfit.diagnosis.residual import RESPONSE
 from fingerfit.provenance.inputs import study_files
 
 LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
@@ -44,7 +44,7 @@ class Compare:
         Root mean square difference of intensity, and what noise alone leaves of it.
     spacing, origin : ndarray, shape (2,)
         Of the pixels, mm; `origin` is the centre of the first one, y upwards.
-    moves, moves_noise : ndarray, shape (pictures, patches, 2)
+    residual_displacement, residual_displacement_noise : ndarray, shape (pictures, patches, 2)
         Residual displacement and its standard error, mm; NaN where unknown.
     patch_centre : ndarray, shape (patches, 2)
         Reference positions, mm.
@@ -70,8 +70,8 @@ class Compare:
         Standard deviations, N and mm.
     brightness, brightness_noise : ndarray, shape (pictures, patches)
         Residual brightness and its standard error; NaN where unknown.
-    conjugate, conjugate_noise : ndarray, shape (steps,)
-        What is left of the quantity that is not prescribed, and its standard error, N or mm.
+    response, response_noise : ndarray, shape (steps,)
+        What is left of the response, and its standard error, N or mm.
     control : ndarray of str, shape ()
         The quantity that is prescribed, ``force`` or ``displacement``.
     step_fitted : ndarray of bool, shape (steps,)
@@ -86,8 +86,8 @@ class Compare:
     floor: np.ndarray = field(default_factory=lambda: _empty(0))
     spacing: np.ndarray = field(default_factory=lambda: np.ones(2))
     origin: np.ndarray = field(default_factory=lambda: np.zeros(2))
-    moves: np.ndarray = field(default_factory=lambda: _empty(0, 0, 2))
-    moves_noise: np.ndarray = field(default_factory=lambda: _empty(0, 0, 2))
+    residual_displacement: np.ndarray = field(default_factory=lambda: _empty(0, 0, 2))
+    residual_displacement_noise: np.ndarray = field(default_factory=lambda: _empty(0, 0, 2))
     patch_centre: np.ndarray = field(default_factory=lambda: _empty(0, 2))
     patch_count: np.ndarray = field(default_factory=lambda: _empty(2, kind=int))
     mesh_points: np.ndarray = field(default_factory=lambda: _empty(0, 2))
@@ -110,14 +110,14 @@ class Compare:
     displacement_noise: np.ndarray = field(default_factory=lambda: _empty(0))
     brightness: np.ndarray = field(default_factory=lambda: _empty(0, 0))
     brightness_noise: np.ndarray = field(default_factory=lambda: _empty(0, 0))
-    conjugate: np.ndarray = field(default_factory=lambda: _empty(0))
-    conjugate_noise: np.ndarray = field(default_factory=lambda: _empty(0))
+    response: np.ndarray = field(default_factory=lambda: _empty(0))
+    response_noise: np.ndarray = field(default_factory=lambda: _empty(0))
     control: np.ndarray = field(default_factory=lambda: np.array("force"))
     step_fitted: np.ndarray = field(default_factory=lambda: _empty(0, kind=bool))
 
     @property
-    def conjugate_name(self) -> tuple[str, str]:
-        """Name and unit of the quantity that is not prescribed."""
+    def response_name(self) -> tuple[str, str]:
+        """Name and unit of the response."""
         return ("indentation", "mm") if str(self.control) == "force" else ("force", "N")
 
     @property
@@ -133,7 +133,11 @@ class Compare:
     @property
     def views(self) -> int:
         """Number of steps that can be looked at: with a picture, or without any pictures with measured points."""
-        return self.pictures or (len(self.moves) if self.moves.ndim == 3 and self.moves.shape[2] == 2 else 0)
+        return self.pictures or (
+            len(self.residual_displacement)
+            if self.residual_displacement.ndim == 3 and self.residual_displacement.shape[2] == 2
+            else 0
+        )
 
     @cached_property
     def difference(self) -> np.ndarray:
@@ -170,7 +174,7 @@ class Compare:
     def mapped(self) -> bool:
         """Whether there is a residual displacement to draw."""
         shape = (self.views, int(np.prod(self.patch_count)), 3 if self.volumes else 2)
-        return self.moves.shape == shape and len(self.patch_centre) == shape[1] > 0 and self.views > 0
+        return self.residual_displacement.shape == shape and len(self.patch_centre) == shape[1] > 0 and self.views > 0
 
     @property
     def meshed(self) -> bool:
@@ -190,7 +194,7 @@ def read_compare(path: Path) -> Compare:
     known: dict[str, Any] = {name: data[name] for name in Compare.__dataclass_fields__ if name in data}
     for name in ("force_noise", "displacement_noise"):  # one for all steps, or one for each
         known[name] = np.broadcast_to(known.get(name, 0.0), np.shape(known.get("step", ()))).astype(float)
-    for name in ("conjugate", "conjugate_noise"):  # not known of results without them
+    for name in ("response", "response_noise"):  # not known of results without them
         steps = np.shape(known.get("step", ()))
         if np.shape(known.get(name, 0.0)) != steps:
             known[name] = np.full(steps, np.nan)
@@ -222,7 +226,7 @@ class Model:
         As in ``diagnosis.json``, empty when there is none.
     patterns : dict of (str, ndarray)
         What effects would leave, the blamed ones first: by its name, the part of what is left in which it is shown
-        (``moves``, ``brightness`` or ``conjugate``), and its values, shaped like those of `compare`.
+        (``moves``, ``brightness`` or ``response``), and its values, shaped like those of `compare`.
     stiffness : ndarray, shape (places, dim + 2)
         Position in mm, predicted change of log mu, and the evidence for it in standard deviations.
     settings : dict
@@ -329,7 +333,7 @@ def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
     for effect in diagnosis.get("patterns") or []:
         part = shows.get(effect, "")
         values = arrays.get(f"{part}_{effect}")
-        known = compare is not None and (compare.mapped or part == CONJUGATE)
+        known = compare is not None and (compare.mapped or part == RESPONSE)
         if known and values is not None and values.shape == getattr(compare, part).shape:
             patterns[str(effect)] = (part, values)
     stiffness = arrays.get("stiffness", _empty(0, 4))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fingerfit.diagnosis.residual import BRIGHTNESS, CONJUGATE, MOVES
+from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.imaging.sections import Slice
 from fingerfit.report.page.figures import (
     Frame,
@@ -63,7 +63,9 @@ class Panels:
         )
         every = np.concatenate([np.abs(c.difference).ravel() for c in pictured]) if pictured else np.ones(1)
         self.limit = float(np.nanquantile(every, 0.999)) or 1.0
-        self.reach = _limit([m.compare.moves for m in models if m.compare is not None and m.compare.mapped])
+        self.reach = _limit(
+            [m.compare.residual_displacement for m in models if m.compare is not None and m.compare.mapped]
+        )
         for model in models:
             if model.compare is not None:
                 self._draw(model, model.compare)
@@ -150,8 +152,10 @@ class Panels:
             )
         frame = self._map_frames[number]
         for n in range(compare.views):
-            self.keys[f"map|{name}|{n}{after}"] = self.keep(map_panel(frame, compare, compare.moves[n], self.reach))
-        for part, panel in ((MOVES, map_panel), (BRIGHTNESS, brightness_panel)):
+            self.keys[f"map|{name}|{n}{after}"] = self.keep(
+                map_panel(frame, compare, compare.residual_displacement[n], self.reach)
+            )
+        for part, panel in ((DISPLACEMENT, map_panel), (BRIGHTNESS, brightness_panel)):
             # of volumes one scale for all slices
             whole, drawn = getattr(model.compare, part), _drawn(model, part)
             own = _limit([whole, *drawn.values()])
@@ -164,12 +168,12 @@ class Panels:
 
     def _draw_curves(self, model: Model, compare: Compare) -> None:
         """What is left by step, where nothing else is or an effect is shown so, and what effects would leave."""
-        drawn = _drawn(model, CONJUGATE)
-        if not np.isfinite(compare.conjugate).any() or (compare.views and not drawn):
+        drawn = _drawn(model, RESPONSE)
+        if not np.isfinite(compare.response).any() or (compare.views and not drawn):
             return
-        every = np.abs([compare.conjugate, 2 * compare.conjugate_noise, *drawn.values()])
+        every = np.abs([compare.response, 2 * compare.response_noise, *drawn.values()])
         limit = 1.15 * float(np.nanmax(every)) or 1.0
-        self.keys[f"there|{model.name}|steps|{CONJUGATE}"] = self.keep(curve_panel(compare, compare.conjugate, limit))
+        self.keys[f"there|{model.name}|steps|{RESPONSE}"] = self.keep(curve_panel(compare, compare.response, limit))
         for effect, values in drawn.items():
             self.keys[f"pattern|{model.name}|steps|{effect}"] = self.keep(curve_panel(compare, values, limit))
 

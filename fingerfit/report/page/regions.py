@@ -107,15 +107,15 @@ def places(compare: Compare) -> list[Place]:
 
 
 def _place(compare: Compare, picture: int, layer: str, own: np.ndarray, height: float, half: float) -> Place | None:
-    move = compare.moves[picture, own]
+    move = compare.residual_displacement[picture, own]
     known = np.isfinite(move).all(axis=1)
     if not known.any():
         return None
     own, move = own[known], move[known]
     length = np.linalg.norm(move, axis=1)
     ratio = float("nan")
-    if compare.moves_noise.shape == compare.moves.shape:
-        noise = compare.moves_noise[picture, own]
+    if compare.residual_displacement_noise.shape == compare.residual_displacement.shape:
+        noise = compare.residual_displacement_noise[picture, own]
         good = np.isfinite(noise) & (noise > 0)
         if good.any():
             ratio = float(np.sqrt(np.mean((move[good] / noise[good]) ** 2)))

@@ -112,8 +112,8 @@ def _patches(compare: Compare, cut: Slice, mains: list[int]) -> tuple[np.ndarray
     if not compare.mapped:
         nothing = np.zeros((0, 0, 2))
         empty = {
-            "moves": nothing,
-            "moves_noise": nothing,
+            "residual_displacement": nothing,
+            "residual_displacement_noise": nothing,
             "patch_centre": np.zeros((0, 2)),
             "patch_layer": np.zeros(0, int),
         }
@@ -125,10 +125,14 @@ def _patches(compare: Compare, cut: Slice, mains: list[int]) -> tuple[np.ndarray
     grid = np.arange(len(compare.patch_centre)).reshape(count)
     cells = np.take(grid, own, axis=main)
     patches = (cells if mains[0] < mains[1] else cells.T).ravel()
-    noise = compare.moves_noise[:, patches][..., mains] if compare.moves_noise.shape == compare.moves.shape else None
+    noise = (
+        compare.residual_displacement_noise[:, patches][..., mains]
+        if compare.residual_displacement_noise.shape == compare.residual_displacement.shape
+        else None
+    )
     return patches, {
-        "moves": compare.moves[:, patches][..., mains],
-        "moves_noise": np.zeros((0, 0, 2)) if noise is None else noise,
+        "residual_displacement": compare.residual_displacement[:, patches][..., mains],
+        "residual_displacement_noise": np.zeros((0, 0, 2)) if noise is None else noise,
         "patch_centre": compare.patch_centre[patches][:, mains],
         "patch_count": count[mains],
         "patch_layer": compare.patch_layer[patches] if len(compare.patch_layer) else np.zeros(0, int),

@@ -11,13 +11,14 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.deck.context import comes_down
-from fingerfit.diagnosis.candidates import Suspect
+from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.residual import Patches, Reader, Residual, common_modes, flat, residual_of
-from fingerfit.diagnosis.score_test import Finding, Judge, likeness
-from fingerfit.fit.linear import STEP
-from fingerfit.fit.problem import REFINED, SEARCH, Fit
-from fingerfit.fit.refine import ANCHOR, best_values, finest, left_over
+from fingerfit.diagnosis.score_test import Finding, ScoreTest, likeness
+from fingerfit.fit.minimum import best_values, finest, left_over
+from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
+from fingerfit.fit.refine import ANCHOR
 from fingerfit.fit.rounds import Asked, Round
+from fingerfit.fit.slopes import STEP, difference
 from fingerfit.forward.predict import Predictor, positions
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh.mesh import Mesh
@@ -35,74 +36,74 @@ ALIKE = 0.9
 
 
 Slope = Callable[[str], np.ndarray]
-"""From the name of a constant, or ``control``, to the slope of displacements and conjugate quantity."""
+"""From the name of a constant, or ``control``, to the slope of displacements and response."""
 
 
 @dataclass(frozen=True)
-class Look:
-    """A tested suspect: what it would explain, and its columns."""
+class Ranked:
+    """A tested candidate: what it would explain, and its columns."""
 
-    suspect: Suspect
+    candidate: Candidate
     finding: Finding
     columns: np.ndarray
 
     @property
     def size(self) -> dict[str, float]:
         """Predicted numbers of the effect, by their short names."""
-        parameters = zip(self.suspect.effect.parameters, self.finding.size, strict=True)
+        parameters = zip(self.candidate.effect.parameters, self.finding.size, strict=True)
         return {p.name: float(p.null + s) for p, s in parameters}
 
 
-class Examination:
+class Comparison:
     """A fitted model against all pictures of its study.
 
     Parameters
     ----------
-    fit : Fit
+    problem : InverseProblem
     last : Round
         Its last round.
     everything : Data
         Prepared with all pictures, fitted or not.
     """
 
-    def __init__(self, fit: Fit, last: Round, everything: Data) -> None:
-        self.fit, self.last, self.data = fit, last, everything
+    def __init__(self, problem: InverseProblem, last: Round, everything: Data) -> None:
+        self.problem, self.last, self.data = problem, last, everything
         spacing = everything.spacing if len(everything.picture_step) else None
         if spacing is None and len(everything.points):
             edge = 1e-6 * np.ptp(everything.points, axis=0)
             box = np.concatenate([everything.points - edge, everything.points + edge])
             self.patches = Patches.around(box, ACROSS_POINTS)
         else:
-            self.patches = Patches.over(fit.meshes[SEARCH], spacing=spacing)
-        self.base = finest(fit, last)
-        self.anchor = anchor_of(fit, last)
-        self.mesh = fit.mesh_of(self.base)
-        predictor = Predictor(everything, fit.meshes[self.mesh])
-        made = predictor.predict(fit.outcome(self.base), fit.seen(self.base.values))
+            self.patches = Patches.over(problem.meshes[SEARCH], spacing=spacing)
+        self.base = finest(problem, last)
+        self.anchor = anchor_of(problem, last)
+        self.mesh = problem.mesh_of(self.base)
+        predictor = Predictor(everything, problem.meshes[self.mesh])
+        made = predictor.predict(problem.outcome(self.base), problem.seen(self.base.values))
         if made is None:
-            raise StateError(f"{fit.sims / self.base.sim}: no solution for all steps at the estimate")
+            raise StateError(f"{problem.sims / self.base.sim}: no solution for all steps at the estimate")
         self.prediction = made.prediction
         self.residual: Residual = residual_of(everything, made.prediction, made.maps, self.patches)
         self._readers = {
-            name: Reader(everything, mesh, self.patches, self.residual) for name, mesh in fit.meshes.items()
+            name: Reader(everything, mesh, self.patches, self.residual) for name, mesh in problem.meshes.items()
         }
         self._read: dict[str, np.ndarray | None] = {}
 
     def read(self, asked: Asked) -> np.ndarray | None:
-        """Displacements and conjugate quantity of a simulation; None without a solution."""
+        """Displacements and response of a simulation; None without a solution."""
         if asked.sim not in self._read:
-            outcome = self.fit.outcome(asked)
+            outcome = self.problem.outcome(asked)
             solved = outcome.status == CONVERGED and outcome.steps >= len(self.data.step)
-            self._read[asked.sim] = self._readers[self.fit.mesh_of(asked)].read(outcome) if solved else None
+            self._read[asked.sim] = self._readers[self.problem.mesh_of(asked)].read(outcome) if solved else None
         return self._read[asked.sim]
 
     def own(self, slope: Slope | None = None) -> np.ndarray:
         """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""
         columns = []
-        for parameter in self.fit.settings.parameters():
+        for parameter in self.problem.settings.parameters():
             effect, _, short = parameter.name.partition(".")
-            if effect in self.fit.effects and self.fit.effects[effect].acts == OBSERVATION:
-                columns.append(self._observed(self.fit.effects[effect], self.base.values, short))
+            if effect in self.problem.effects and self.problem.effects[effect].acts == OBSERVATION:
+                columns.append(self._observed(self.problem.effects[effect], self.base.values, short))
             else:
                 columns.append((slope or self.slope)(parameter.name))
         return np.stack(columns, axis=1)[self.residual.kept]
@@ -110,13 +111,9 @@ class Examination:
     def slope(self, name: str) -> np.ndarray:
         """Slope by a constant, where the last round took it; none where it has no solution."""
         by_role = {asked.role: asked for asked in self.last.batch}
-        sides = [self.read(by_role[sign + name]) if sign + name in by_role else None for sign in "+-"]
-        width = STEP * sum(side is not None for side in sides)
-        middle = self.read(self.fit.ask(best_values(self.last)))
-        ahead, behind = (middle if side is None else side for side in sides)
-        if ahead is None or behind is None or width == 0:
-            return np.zeros(len(self.residual.kept))
-        return (ahead - behind) / width
+        ahead, behind = (self.read(by_role[sign + name]) if sign + name in by_role else None for sign in "+-")
+        found = difference(ahead, behind, lambda: self.read(self.problem.ask(best_values(self.last))))
+        return np.zeros(len(self.residual.kept)) if found is None else found
 
     def nuisance(self, slope: Slope | None = None) -> np.ndarray:
         """Signals of unknown size with standard deviation 1, shape (kept, 2 steps).
@@ -156,8 +153,8 @@ class Examination:
         Noise of the pictures, and what the noise of the prescribed quantity moves.
         """
         sides = [asked for sign in "+-" for asked in self.last.batch if asked.role == sign + "control"]
-        predictor = Predictor(self.data, self.fit.meshes[SEARCH])
-        made = [predictor.predict(self.fit.outcome(asked), self.fit.seen(asked.values)) for asked in sides]
+        predictor = Predictor(self.data, self.problem.meshes[SEARCH])
+        made = [predictor.predict(self.problem.outcome(asked), self.problem.seen(asked.values)) for asked in sides]
         moved = np.zeros(len(self.residual.floor))
         if len(made) == 2 and made[0] is not None and made[1] is not None:
             slope = (made[0].prediction.pictures - made[1].prediction.pictures) / (2 * STEP)
@@ -171,7 +168,7 @@ class Examination:
         coarse, fine = self.read(self.anchor), self.read(self.base)
         if self.mesh != REFINED or coarse is None or fine is None:
             return np.zeros(len(self.residual.kept))
-        return (fine - coarse) * left_over(self.fit)
+        return (fine - coarse) * left_over(self.problem)
 
     def mesh_covariance(self) -> np.ndarray:
         """Error of the mesh as a random field, shape (kept, kept).
@@ -200,42 +197,41 @@ class Examination:
         return self.residual.covariance + self.mesh_covariance()
 
     @cached_property
-    def judge(self) -> Judge:
-        """Judge of what the model leaves."""
+    def score_test(self) -> ScoreTest:
+        """ScoreTest of what the model leaves."""
         residual = self.residual
         common = common_modes(residual, self.data.entry_step, self.slope("control"))
-        return Judge(residual.vector, self.covariance, self.own(), self.nuisance(), common)
+        return ScoreTest(residual.vector, self.covariance, self.own(), self.nuisance(), common)
 
     def _at_step(self, step: int) -> np.ndarray:
         value: np.ndarray = np.zeros(self.residual.value.shape)
         value[self.data.entry_step == step] = 1.0
-        conjugate = np.zeros(len(self.data.step))
-        conjugate[step] = 1.0
-        return flat(value, conjugate)
+        response = np.zeros(len(self.data.step))
+        response[step] = 1.0
+        return flat(value, response)
 
-    def columns(self, suspect: Suspect, without: Asked | None = None) -> np.ndarray | None:
-        """Slopes of a suspect, shape (kept, its parameters); None where a simulation has no solution.
+    def columns(self, candidate: Candidate, without: Asked | None = None) -> np.ndarray | None:
+        """Slopes of a candidate, shape (kept, its parameters); None where a simulation has no solution.
 
         `without` is the simulation of the model without it, the anchor when left out.
         """
-        effect, columns = suspect.effect, []
+        effect, columns = candidate.effect, []
         if effect.name == "coarse_mesh":
             return self.mesh_signal[:, None][self.residual.kept]
         if effect.acts == OBSERVATION:
-            columns = [self._observed(effect, suspect.place, p.name) for p in effect.parameters]
+            columns = [self._observed(effect, candidate.place, p.name) for p in effect.parameters]
         else:
-            null = self.read(without or self.anchor)
-            for parameter, asked in zip(effect.parameters, suspect.asked, strict=True):
-                found = self.read(asked)
-                if found is None or null is None:
+            for parameter, asked in zip(effect.parameters, candidate.asked, strict=True):
+                found = difference(self.read(asked), None, lambda: self.read(without or self.anchor), parameter.step)
+                if found is None:
                     return None
-                columns.append((found - null) / parameter.step)
+                columns.append(found)
         return np.stack(columns, axis=1)[self.residual.kept]
 
     def _observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
         """Slope of an effect on the observation by one of its parameters."""
         parameter = next(p for p in effect.parameters if p.name == name)
-        data, dim, points = self.data, self.fit.meshes[SEARCH].dim, self.fit.meshes[SEARCH].body
+        data, dim, points = self.data, self.problem.meshes[SEARCH].dim, self.problem.meshes[SEARCH].body
         now = {**effect.null(), **values}
         further = {**now, effect.key(name): now[effect.key(name)] + parameter.step}
         before, after = (
@@ -255,41 +251,41 @@ class Examination:
             value[n][:, dim] = np.bincount(way.patch, change, minlength=value.shape[1]) / size
         for n, step in enumerate(data.entry_step[len(data.picture_step) :], len(data.picture_step)):
             value[n][:, :dim] = after.shift(int(step) + 1) - before.shift(int(step) + 1)
-        conjugate = self.prediction.conjugate
+        response = self.prediction.response
         name = "displacement" if data.control == "force" else "force"
-        changed = after.conjugate(conjugate, name) - before.conjugate(conjugate, name)
+        changed = after.response(response, name) - before.response(response, name)
         return flat(value, changed) / parameter.step
 
 
-def anchor_of(fit: Fit, last: Round) -> Asked:
-    """The estimate on the search mesh: what the suspects are compared with."""
-    return fit.ask(finest(fit, last).values, ANCHOR)
+def anchor_of(problem: InverseProblem, last: Round) -> Asked:
+    """The estimate on the search mesh: what the candidates are compared with."""
+    return problem.ask(finest(problem, last).values, ANCHOR)
 
 
-def try_suspects(examination: Examination, judge: Judge, found: Sequence[Suspect]) -> list[Look]:
-    """Test all suspects that have a solution."""
-    looks = []
-    for suspect in found:
-        columns = examination.columns(suspect)
+def rank_candidates(comparison: Comparison, score_test: ScoreTest, found: Sequence[Candidate]) -> list[Ranked]:
+    """Test all candidates that have a solution."""
+    ranking = []
+    for candidate in found:
+        columns = comparison.columns(candidate)
         if columns is not None:
-            parameters = suspect.effect.parameters
+            parameters = candidate.effect.parameters
             low = np.array([p.lower - p.null for p in parameters])
             high = np.array([p.upper - p.null for p in parameters])
-            looks.append(Look(suspect, judge.test(columns, low, high), columns))
-    return looks
+            ranking.append(Ranked(candidate, score_test.test(columns, low, high), columns))
+    return ranking
 
 
-def best_places(looks: Sequence[Look]) -> list[Look]:
+def best_places(ranking: Sequence[Ranked]) -> list[Ranked]:
     """The best place of each effect only, by predicted fall."""
-    best: dict[str, Look] = {}
-    for one in looks:
-        name = one.suspect.effect.name
+    best: dict[str, Ranked] = {}
+    for one in ranking:
+        name = one.candidate.effect.name
         if name not in best or one.finding.fall > best[name].finding.fall:
             best[name] = one
     return sorted(best.values(), key=lambda one: -one.finding.fall)
 
 
-def stiffness_map(examination: Examination, looks: Sequence[Look]) -> np.ndarray:
+def stiffness_map(comparison: Comparison, ranking: Sequence[Ranked]) -> np.ndarray:
     """Which place wants to be stiffer or softer, from the effects that were tried all over the body.
 
     Returns
@@ -298,22 +294,22 @@ def stiffness_map(examination: Examination, looks: Sequence[Look]) -> np.ndarray
         Position in mm; predicted change of log mu there; the evidence for it in standard deviations, negative where
         the place wants to be softer.
     """
-    mesh = examination.fit.meshes[SEARCH]
+    mesh = comparison.problem.meshes[SEARCH]
     rows = []
-    for one in looks:
-        at = _position(one.suspect, mesh) if "field" in one.suspect.effect.changes else None
+    for one in ranking:
+        at = _position(one.candidate, mesh) if "field" in one.candidate.effect.changes else None
         if at is not None:
             change = float(one.finding.size[0])
             rows.append([*at, change, np.sign(change) * np.sqrt(one.finding.fall)])
     return np.array(rows).reshape(-1, mesh.dim + 2)
 
 
-def _position(suspect: Suspect, mesh: Mesh) -> np.ndarray | None:
-    """Where in the undeformed body a suspect was tried, mm; None where it has no place.
+def _position(candidate: Candidate, mesh: Mesh) -> np.ndarray | None:
+    """Where in the undeformed body a candidate was tried, mm; None where it has no place.
 
     Places are given in shares of the body's width and height, or in space from where the indenter comes down.
     """
-    place = {key.split(".")[1]: value for key, value in suspect.place.items()}
+    place = {key.split(".")[1]: value for key, value in candidate.place.items()}
     if set(place) == {"across", "along"} and mesh.dim == 2:
         low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
         return low + np.array([place["across"], place["along"]]) * (high - low)
@@ -322,22 +318,22 @@ def _position(suspect: Suspect, mesh: Mesh) -> np.ndarray | None:
     return None
 
 
-def alike(judge: Judge, a: Look, b: Look) -> float:
+def alike(score_test: ScoreTest, a: Ranked, b: Ranked) -> float:
     """How much of one effect's signature the other can imitate."""
-    return likeness(judge.signature(a.columns), judge.signature(b.columns))
+    return likeness(score_test.signature(a.columns), score_test.signature(b.columns))
 
 
-def summary(judge: Judge, looks: Sequence[Look]) -> list[dict[str, Any]]:
-    """Ranking as data: what each suspect would explain, at which place and of which size."""
-    excess = max(judge.misfit - judge.freedom, 1.0)
+def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, Any]]:
+    """Ranking as data: what each candidate would explain, at which place and of which size."""
+    excess = max(score_test.misfit - score_test.freedom, 1.0)
     return [
         {
-            "effect": one.suspect.effect.name,
-            "place": {key.split(".")[1]: value for key, value in one.suspect.place.items()},
+            "effect": one.candidate.effect.name,
+            "place": {key.split(".")[1]: value for key, value in one.candidate.place.items()},
             "size": one.size,
             "predicted_fall": one.finding.fall,
             "share_of_excess": min(1.0, one.finding.fall / excess),
             "visible": one.finding.visible,
         }
-        for one in looks
+        for one in ranking
     ]

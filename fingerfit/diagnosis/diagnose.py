@@ -1,0 +1,374 @@
+"""A fitted model diagnosed: compared with everything that was measured, candidates tested, the best refitted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fingerfit.core.errors import InputError, StateError
+from fingerfit.diagnosis.candidates import candidates, untestable
+from fingerfit.diagnosis.comparison import (
+    Comparison,
+    Ranked,
+    anchor_of,
+    best_places,
+    rank_candidates,
+    stiffness_map,
+)
+from fingerfit.diagnosis.designs import separation
+from fingerfit.diagnosis.score_test import ScoreTest
+from fingerfit.diagnosis.verdict import (
+    SEEN,
+    Refit,
+    Verdict,
+    by_settings,
+    decide,
+    doubted,
+    explains,
+    generalising,
+    half_explained,
+    threshold,
+    to_refit,
+    untried,
+)
+from fingerfit.fit.minimum import finest, minimum
+from fingerfit.fit.problem import SEARCH, InverseProblem
+from fingerfit.fit.rounds import Asked, Round
+from fingerfit.fit.simulate import run_fit, solve_missing
+from fingerfit.fit.slopes import moved
+from fingerfit.settings.extend import extended
+from fingerfit.study.data import Data
+
+SECOND = 6
+"""Effects that are looked at again before any is refitted, in space."""
+BATCHES = 2
+"""How often the next best effects are refitted, as long as none explains what is left."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """All that was found out about a model.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    score_test : ScoreTest
+    ranking : list of Ranked
+        Tested effects, the best first.
+    refits : dict
+        Refits of the best ones, by effect.
+    verdict : Verdict
+    run : int
+        Simulations that were not known before.
+    measurements : list of (str, float)
+        Changes of the measurement and by how much each would separate the first two effects better.
+    stiffness : ndarray, shape (places, dim + 2)
+        As from `stiffness_map`.
+    lacking : dict
+        Effects that were not tried, by title, and what the solver lacks for them.
+    untestable : dict
+        Effects that were not tried, by title, and what would have to be measured.
+    """
+
+    comparison: Comparison
+    score_test: ScoreTest
+    ranking: list[Ranked]
+    refits: dict[str, Refit]
+    verdict: Verdict
+    run: int
+    measurements: list[tuple[str, float]]
+    stiffness: np.ndarray
+    lacking: dict[str, InputError]
+    untestable: dict[str, InputError]
+
+
+def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: int = 1) -> Diagnosis:
+    """Examine a fitted model.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+    last : Round
+        Its last round, all simulations solved.
+    everything : Data
+        Prepared with all pictures, fitted or not.
+    threads : int
+        Simulations beside each other.
+    """
+    found = _test_all(problem, last, everything, threads)
+    run, refits = found.run, dict[str, Refit]()
+    score_test, ranking, tests = found.score_test, found.ranking, found.tests
+    halves: set[str] = set()
+    fitted, held_out = errors(found.comparison)
+    for _ in range(BATCHES):
+        run += _refit_best(problem, last, everything, found, refits, threads)
+        verdict = doubted(decide(score_test, ranking, refits, tests, held_out=held_out), fitted)
+        half = half_explained(score_test, ranking, generalising(score_test, refits, held_out), tests)
+        if half is not None and half.candidate.effect.name not in halves:
+            halves.add(half.candidate.effect.name)
+            partner, more = _partner(problem, last, half, everything, score_test.misfit, threads)
+            verdict, run = decide(score_test, ranking, refits, tests, partner, held_out), run + more
+        if verdict.kind != "unexplained":
+            break
+    measurements: list[tuple[str, float]] = []
+    if verdict.kind == "indistinguishable":
+        named = {one.candidate.effect.name: one for one in ranking}
+        first, second = (named[name] for name in verdict.effects[:2])
+        measurements, more = separation(found.comparison, first, second, threads)
+        run += more
+    stiffness = stiffness_map(found.comparison, found.everywhere)
+    verdict = by_settings(verdict, score_test, ranking, tests)
+    verdict = untried(verdict, problem.settings.solver, list(found.lacking))
+    untold = found.lacking, untestable(problem)
+    return Diagnosis(found.comparison, score_test, ranking, refits, verdict, run, measurements, stiffness, *untold)
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """All candidates tested against what a model leaves: at all places, and the best place of each."""
+
+    comparison: Comparison
+    score_test: ScoreTest
+    everywhere: list[Ranked]
+    ranking: list[Ranked]
+    tests: int
+    run: int
+    lacking: dict[str, InputError]
+
+
+def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: int) -> _Tested:
+    found, lacking = candidates(problem, finest(problem, last).values)
+    run = solve_missing(
+        problem, [anchor_of(problem, last), *(asked for candidate in found for asked in candidate.asked)], threads
+    )
+    comparison = Comparison(problem, last, everything)
+    score_test = comparison.score_test
+    everywhere = rank_candidates(comparison, score_test, found)
+    ranking = best_places(everywhere)
+    if problem.meshes[SEARCH].dim == 3:
+        ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
+        run += more
+    return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking)
+
+
+def _refit_best(
+    problem: InverseProblem, last: Round, everything: Data, found: _Tested, refits: dict[str, Refit], threads: int
+) -> int:
+    """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
+    run = 0
+    for ranked, refit, more in _refits(problem, last, everything, found, threads, tuple(refits)):
+        refits[ranked.candidate.effect.name] = refit
+        run += more
+    return run
+
+
+def _refits(
+    problem: InverseProblem, last: Round, everything: Data, found: _Tested, threads: int, known: Collection[str] = ()
+) -> Iterator[tuple[Ranked, Refit, int]]:
+    """The effects that are worth it, each with its refit and how many simulations were not known, one by one."""
+    for ranked in to_refit(found.score_test, found.ranking, found.tests, known):
+        try:
+            yield ranked, *_refit(problem, last, ranked, everything, found, threads)
+        except StateError:
+            continue  # bodies without a solution explain nothing
+
+
+def _partner(
+    problem: InverseProblem, last: Round, half: Ranked, everything: Data, before: float, threads: int
+) -> tuple[tuple[Ranked, Refit] | None, int]:
+    """The effect that explains most of what another one leaves, and the refit of both.
+
+    It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are.
+    """
+    ended, run = _ended(problem, last, half, everything, before, threads)
+    found, best = _test_all(ended.problem, ended.last, everything, threads), None
+    run += found.run
+    for ranked, refit, more in _refits(ended.problem, ended.last, everything, found, threads):
+        run += more
+        if best is None or refit.misfit < best[1].misfit:
+            best = ranked, refit
+        if explains(refit):
+            break
+    problem.asked.update(ended.problem.asked)
+    return best, run
+
+
+def rank_again(
+    comparison: Comparison, score_test: ScoreTest, ranking: list[Ranked], tests: int, threads: int = 1
+) -> tuple[list[Ranked], int]:
+    """Ranking by one simulation more of the best effects, each at its predicted size, the constants following.
+
+    Slopes rank large effects badly. In space, where a refit costs tens of simulations, it pays to ask once more.
+
+    Returns
+    -------
+    list of Ranked
+        The best first; falls and sizes as the second look predicts them.
+    int
+        Simulations that were not known before.
+    """
+    problem, limit = comparison.problem, threshold(score_test, ranking, tests)
+    chosen = {
+        number: _at_size(comparison, score_test, one)
+        for number, one in enumerate(ranking[:SECOND])
+        if one.candidate.asked and one.finding.fall > limit and one.finding.visible > SEEN
+    }
+    run = solve_missing(problem, list(chosen.values()), threads)
+    found, null = list(ranking), comparison.read(comparison.anchor)
+    for number, asked in chosen.items():
+        one, there = ranking[number], comparison.read(asked)
+        if there is None or null is None:
+            continue
+        again = score_test.test((there - null)[comparison.residual.kept][:, None], np.zeros(1), np.array([1.5]))
+        parameters = one.candidate.effect.parameters
+        bounds = ([p.lower - p.null for p in parameters], [p.upper - p.null for p in parameters])
+        size = np.clip(one.finding.size * again.size[0], *bounds)
+        found[number] = replace(one, finding=replace(one.finding, fall=again.fall, size=size))
+    return sorted(found, key=lambda one: -one.finding.fall), run
+
+
+def _at_size(comparison: Comparison, score_test: ScoreTest, one: Ranked) -> Asked:
+    """The simulation of an effect at its predicted size, with the constants where they would follow it."""
+    problem, effect = comparison.problem, one.candidate.effect
+    parameters, values = problem.settings.parameters(), comparison.base.values
+    change = np.clip(score_test.follow(one.columns @ one.finding.size), -1.0, 1.0)
+    size = {effect.key(name): value for name, value in one.size.items()}
+    return problem.ask(
+        {**values, **moved(parameters, values, change), **one.candidate.place, **size}, f"{effect.name} again"
+    )
+
+
+def errors(comparison: Comparison) -> tuple[float, float | None]:
+    """Error of fitted and of held-out pictures in units of the noise floor; 1 is the noise.
+
+    Without pictures: of the steps' points and forces (or displacements), each in units of its noise.
+    """
+    if not len(comparison.data.picture_step):
+        return _errors_by_step(comparison)
+    ratio = comparison.residual.error / comparison.floor
+    fitted = fitted_pictures(comparison.problem, comparison.data)
+    held = ratio[~fitted]
+    return _root_mean_square(ratio[fitted]), _root_mean_square(held) if len(held) else None
+
+
+def fitted_pictures(problem: InverseProblem, data: Data) -> np.ndarray:
+    """Which pictures the fit used, bool."""
+    return fitted_steps(problem, data)[: len(data.picture_step)]
+
+
+def fitted_steps(problem: InverseProblem, data: Data) -> np.ndarray:
+    """Which fields of displacements, of pictures and of points, are of steps that the fit used, bool."""
+    return are_fitted(problem, data, data.entry_step)
+
+
+def are_fitted(problem: InverseProblem, data: Data, steps: np.ndarray) -> np.ndarray:
+    """Whether the fit used steps, by their indices, bool."""
+    wanted = problem.settings.fit.steps
+    return np.array([wanted is None or int(data.step[step]) in wanted for step in steps], dtype=bool)
+
+
+def _errors_by_step(comparison: Comparison) -> tuple[float, float | None]:
+    residual = comparison.residual
+    fitted = are_fitted(comparison.problem, comparison.data, comparison.step_of())
+    noise = residual.covariance + comparison.control_covariance()
+    found = []
+    for chosen in (fitted, ~fitted):
+        own = np.linalg.cholesky(noise[np.ix_(chosen, chosen)])
+        found.append(_root_mean_square(np.linalg.solve(own, residual.vector[chosen])) if chosen.any() else None)
+    return float("nan") if found[0] is None else found[0], found[1]
+
+
+def _refit(
+    problem: InverseProblem, last: Round, one: Ranked, everything: Data, found: _Tested, threads: int
+) -> tuple[Refit, int]:
+    ended, run = _ended(problem, last, one, everything, found.score_test.misfit, threads)
+    fitted, held_out = errors(ended.comparison)
+    score_test, values = ended.score_test, minimum(ended.problem, ended.last).values
+    common = score_test.common_misfit, score_test.common_freedom
+    start = ended.problem.settings.model.effects[one.candidate.effect.name]
+    count, fall = len(ended.problem.asked), _fall(found.comparison, ended.comparison)
+    return Refit(
+        score_test.misfit, score_test.freedom, fitted, held_out, values, *common, ended.share, start, count, fall
+    ), run
+
+
+def _fall(before: Comparison, after: Comparison) -> float:
+    """Fall of the misfit from one model to the next, both weighed by the covariance of the first."""
+    kept = before.residual.kept & after.residual.kept
+    rows = kept[before.residual.kept], kept[after.residual.kept]
+    covariance, nuisance = before.covariance[np.ix_(rows[0], rows[0])], before.nuisance()[rows[0]]
+    first, second = (
+        ScoreTest(one.residual.vector[its], covariance, one.own()[its], nuisance).misfit
+        for one, its in zip((before, after), rows, strict=True)
+    )
+    return first - second
+
+
+@dataclass(frozen=True)
+class _Ended:
+    """A model with one effect more, fitted and compared with everything."""
+
+    problem: InverseProblem
+    last: Round
+    comparison: Comparison
+    score_test: ScoreTest
+    share: float
+
+
+def _ended(
+    problem: InverseProblem, last: Round, one: Ranked, everything: Data, before: float, threads: int
+) -> tuple[_Ended, int]:
+    """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
+
+    A prediction from slopes can be far too large, and a search that starts there finds another valley, or bodies
+    without a solution.
+
+    Raises
+    ------
+    StateError
+        When there is no solution on either way.
+    """
+    try:
+        ended, run = _fitted(problem, last, one, everything, threads, 1.0)
+    except StateError:
+        return _fitted(problem, last, one, everything, threads, 0.1)
+    if ended.score_test.misfit >= before:
+        other, more = _fitted(problem, last, one, everything, threads, 0.1)
+        ended, run = min(ended, other, key=lambda each: each.score_test.misfit), run + more
+    return ended, run
+
+
+def _fitted(
+    problem: InverseProblem, last: Round, one: Ranked, everything: Data, threads: int, share: float
+) -> tuple[_Ended, int]:
+    wider = widened(problem, last, one, share)
+    try:
+        end, run = run_fit(wider, threads)
+        run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    finally:
+        problem.asked.update(wider.asked)
+    comparison = Comparison(wider, end, everything)
+    return _Ended(wider, end, comparison, comparison.score_test, share), run
+
+
+def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> InverseProblem:
+    """Fit of the model with an effect that was named, on the way of its refit: none of its simulations is new."""
+    one = next(one for one in found.ranking if one.candidate.effect.name == name)
+    return widened(problem, last, one, found.refits[name].share)
+
+
+def widened(problem: InverseProblem, last: Round, one: Ranked, share: float = 1.0) -> InverseProblem:
+    """Fit of the model with a tested effect more, from where `fit` ended and a share of the predicted size.
+
+    The size has few digits: `fingerfit add` writes it, and the model that is made so asks for the same simulations.
+    """
+    effect = one.candidate.effect
+    size = {p.name: float(f"{p.null + share * (one.size[p.name] - p.null):.4g}") for p in effect.parameters}
+    settings = extended(problem.settings, effect, one.candidate.place, size, minimum(problem, last).values)
+    return InverseProblem(settings, problem.data, problem.mesh_files, problem.sims)
+
+
+def _root_mean_square(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -1,0 +1,214 @@
+"""The local minimum of the score: where the finest solution and the slopes around it say that it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fingerfit.core.errors import InputError, StateError
+from fingerfit.fit.intervals import minimise
+from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
+from fingerfit.fit.rounds import Asked, Round
+from fingerfit.fit.slopes import STEP, coordinates, difference, moved
+from fingerfit.forward.score import Prediction, deviations
+from fingerfit.settings.choices import CONFIG
+from fingerfit.solvers.contract import CONVERGED, Outcome
+
+TRUST = 0.3
+"""Longest move by one set of slopes."""
+IN_TURN = 3
+"""How often constants, by the score, and effects on the observation, by least squares, follow each other."""
+ORDER = 1.2
+"""Order of convergence of displacements at a glued corner: twice the exponent of its singularity (Williams 1952)."""
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where the finest solution and the slopes say that the minimum of the score is.
+
+    Parameters
+    ----------
+    values : dict
+        Constants at the minimum, in their units.
+    base : Asked
+        The simulation that the linear model is built on.
+    model : LinearModel
+    move : float
+        Longest move from the base to the minimum, in the logarithm or as a share of the distance of the bounds.
+    fall : float
+        Fall of the score that it promises.
+    """
+
+    values: dict[str, float]
+    base: Asked
+    model: LinearModel
+    move: float
+    fall: float
+
+
+def minimum(problem: InverseProblem, last: Round) -> Minimum:
+    """Minimum of the score on the finest mesh that has a solution."""
+    # after moves that went wrong the next ones are short
+    trust = last.best.get("trust", TRUST) if last.best and last.stage == SENSITIVITY else TRUST
+    return _minimum(problem, last, finest(problem, last), trust)
+
+
+def finest(problem: InverseProblem, last: Round) -> Asked:
+    """The last simulation on the finest mesh that has a solution, or the best guess of the search."""
+    solved = [asked for asked in last.batch if asked.role == FINAL and not diverged(problem, asked)]
+    return solved[-1] if solved else problem.ask(best_values(last))
+
+
+def on_search_mesh(problem: InverseProblem, last: Round) -> Minimum:
+    """Minimum of the score on the mesh of the search."""
+    return _minimum(problem, last, problem.ask(best_values(last)))
+
+
+def mesh_error(problem: InverseProblem, found: Minimum, searched: Minimum) -> np.ndarray | None:
+    """Error of the finest mesh that is left, by constant, shape (parameters,) in search coordinates.
+
+    What the finer mesh changed, continued with the order of convergence of a glued corner (Richardson; Roache
+    1994 gives the way of reporting it). None without a finer mesh.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+    found, searched : Minimum
+        On the finest mesh and on that of the search.
+    """
+    if problem.mesh_of(found.base) != REFINED:
+        return None
+    parameters = problem.settings.parameters()
+    change = coordinates(parameters, found.values) - coordinates(parameters, searched.values)
+    return np.abs(change) * left_over(problem)
+
+
+def left_over(problem: InverseProblem) -> float:
+    """Error of the finer mesh as a share of what it changed, from its order of convergence."""
+    coarse, fine = problem.meshes[SEARCH], problem.meshes[REFINED]
+    ratio = (fine.element_count / coarse.element_count) ** (1 / coarse.dim)
+    return 1.0 / max(ratio**ORDER - 1.0, 0.1)
+
+
+def _minimum(problem: InverseProblem, last: Round, base: Asked, trust: float = TRUST) -> Minimum:
+    parameters = problem.settings.parameters()
+    model = _linear_model(problem, last, base)
+    at = coordinates(parameters, base.values)
+    low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
+    high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
+    low, high = np.maximum(low, -trust), np.minimum(high, trust)
+    delta = _least_squares(problem, model, low, high) if problem.exact else _by_score(problem, model, low, high)
+    objective = problem.objective(model)
+    fall = objective(np.zeros(len(delta))) - objective(delta)
+    return Minimum(moved(parameters, base.values, delta), base, model, float(np.abs(delta).max(initial=0.0)), fall)
+
+
+def _by_score(problem: InverseProblem, model: LinearModel, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Minimum of the score; the numbers of effects on the observation are those of the least squares.
+
+    A similarity of pictures does not see their common brightness, nor forces and displacements at all.
+    """
+    observed, objective = problem.observed, problem.objective(model)
+    delta: np.ndarray = np.zeros(len(low))
+    for _ in range(IN_TURN if observed.any() else 1):
+        delta = _constants(problem, objective, delta, low, high)
+        if observed.any():
+            delta[observed] = 0.0
+            delta[observed] = _brightness_and_shifts(problem, model.at(delta), model, low, high)
+    return delta
+
+
+def _constants(
+    problem: InverseProblem, score: Callable[[np.ndarray], float], delta: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """`delta`, moved to the minimum of the score along all but the numbers of effects on the observation."""
+    free = np.flatnonzero(~problem.observed)
+
+    def at(step: np.ndarray) -> np.ndarray:
+        found: np.ndarray = delta.copy()
+        found[free] += step
+        return found
+
+    return at(minimise(lambda step: score(at(step)), len(free), low=(low - delta)[free], high=(high - delta)[free]))
+
+
+def _brightness_and_shifts(
+    problem: InverseProblem, left: Prediction, model: LinearModel, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Numbers of effects on the observation that leave the least squares of pictures, response and points.
+
+    The noise of the prescribed quantity moves pictures and response together: one unknown for each step.
+    """
+    from scipy.optimize import lsq_linear
+
+    data, number = problem.data, np.flatnonzero(problem.observed)
+    scale, steps = np.sqrt(2.0) * data.picture_noise or 1.0, len(data.step)
+
+    def values(one: Prediction) -> np.ndarray:
+        return np.concatenate([((one.pictures - data.measured) / scale).ravel(), deviations(one, data)])
+
+    base = values(left)
+    noise = np.divide(data.control_noise, np.abs(data.controlled), out=np.zeros(steps), where=data.controlled != 0)
+    unknown = [model.by_control(share, data) for share in np.diag(noise)]
+    columns = np.stack([values(left + one) - base for one in [*(model.slopes[n] for n in number), *unknown]], axis=1)
+    likely = np.concatenate([np.zeros((steps, len(number))), np.eye(steps)], axis=1)
+    ends = np.full(steps, np.inf)
+    bounds = np.concatenate([low[number] - 1e-9, -ends]), np.concatenate([high[number] + 1e-9, ends])
+    found = lsq_linear(np.concatenate([columns, likely]), -np.concatenate([base, np.zeros(steps)]), bounds)
+    return np.asarray(found.x[: len(number)])
+
+
+def _least_squares(problem: InverseProblem, model: LinearModel, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Minimum of the likelihood of forces and points alone, between bounds: linear least squares."""
+    from scipy.optimize import lsq_linear
+
+    left = deviations(model.base, problem.data)
+    columns = [deviations(model.base + slope, problem.data) - left for slope in model.slopes]
+    # bounds that coincide, as at a corner of the space, are kept a little apart
+    return np.asarray(lsq_linear(np.stack(columns, axis=1), -left, (low - 1e-9, high + 1e-9)).x)
+
+
+def _linear_model(problem: InverseProblem, last: Round, base: Asked) -> LinearModel:
+    by_role = {asked.role: asked for asked in last.batch}
+
+    def at(role: str) -> Prediction | None:
+        if role not in by_role or diverged(problem, by_role[role]):
+            return None
+        return problem.prediction(by_role[role])
+
+    def middle() -> Prediction:
+        return problem.prediction(problem.ask(best_values(last)))
+
+    def slope(name: str) -> Prediction:
+        if not {"+" + name, "-" + name} & by_role.keys():  # a side beyond a bound was not asked for
+            expected = f"bounds farther apart than two steps of a slope, {2 * STEP:g} in the logarithm"
+            raise InputError(CONFIG, f"model.parameters.{name}", "bounds next to each other", expected)
+        found = difference(at("+" + name), at("-" + name), middle)
+        if found is None:
+            raise StateError(f"no solution on either side of the best guess in {name}")
+        return found
+
+    slopes = tuple(slope(parameter.name) for parameter in problem.settings.parameters())
+    control = slope("control") if "+control" in by_role else None
+    return LinearModel(problem.prediction(base), slopes, control, base.values)
+
+
+def best_values(last: Round) -> dict[str, float]:
+    """Where the search ended.
+
+    Raises
+    ------
+    StateError
+        When no guess had a solution.
+    """
+    if last.best is None:
+        raise StateError("the search found no guess with a solution")
+    return dict(last.best["values"])
+
+
+def diverged(problem: InverseProblem, asked: Asked) -> bool:
+    """Whether a guess has no solution."""
+    return Outcome.load(problem.sims / asked.sim / "solution.npz").status != CONVERGED

@@ -1,0 +1,107 @@
+"""Repetitions of the measurement with new noise: a parametric bootstrap (Efron and Tibshirani 1993).
+
+Each repetition has new noise on the picture before compression, on the pictures during compression, on the prescribed
+force or displacement and on the quantities measured beside; its score is the very one that was used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from fingerfit.fit.linear import LinearModel
+from fingerfit.forward.score import Prediction
+from fingerfit.imaging.preprocess import smooth
+from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
+from fingerfit.study.data import Data
+
+
+class Replicates:
+    """Repetitions of the measurement with new noise.
+
+    Parameters
+    ----------
+    model : LinearModel
+        The truth of the repetitions is its base.
+    data : Data
+        Gives the noise.
+    maps : list of BackwardMap
+        Maps at the best guess: they carry the noise of the first picture along.
+    kind, bins
+        As for `score`.
+    seed : int
+        Of the noise: the same input gives the same digits, whatever the threads.
+    threads : int
+        Pictures that are warped and smoothed beside each other.
+    """
+
+    def __init__(
+        self,
+        model: LinearModel,
+        data: Data,
+        maps: list[BackwardMap],
+        kind: str,
+        bins: int,
+        seed: int,
+        threads: int = 1,
+    ) -> None:
+        self.model, self.data, self.maps, self.kind, self.bins = model, data, maps, kind, bins
+        self.rng, self._pool = np.random.default_rng(seed), ThreadPoolExecutor(threads)
+
+    def draw(self) -> Callable[[np.ndarray], float]:
+        """Score of one repetition as a function of delta, shape (parameters,)."""
+        data, base = self.data, self.model.base
+        relative = self._control_noise()
+        shift = self.model.by_control(relative, data)
+        pictures = shift.pictures
+        measured = base.pictures
+        if data.measured.size:
+            noise = spline_coefficients(self._gauss(data.before.shape, data.picture_noise))
+            # beside each other, while the noise of the others is drawn
+            warped = [self._pool.submit(self._warped, noise, way) for way in self.maps]
+            fresh = [self._gauss(picture.shape, data.picture_noise) for picture in base.pictures]
+            smoothed = [self._pool.submit(smooth, one, data.smooth) for one in fresh]
+            pictures = pictures + np.array([one.result() for one in warped])
+            measured = measured + np.array([one.result() for one in smoothed])
+        offset = Prediction(pictures, shift.response, shift.points)
+        response, spread = data.response
+        drawn = np.where(np.isfinite(response), base.response, np.nan)
+        drawn = drawn + self._gauss(drawn.shape, spread)
+        drawn = drawn + base.response * self._gauss((1,), data.response_gain)
+        name = "displacement" if data.control == "force" else "force"
+        repeated = replace(
+            data,
+            measured=measured,
+            points_displacement=base.points + self._points_noise(),
+            **{name: drawn},
+        )
+        return self.model.objective(self.kind, repeated, self.bins, offset)
+
+    def _gauss(self, shape: tuple[int, ...], spread: float | np.ndarray) -> np.ndarray:
+        return self.rng.normal(0.0, spread, shape) if np.any(spread) else np.zeros(shape)
+
+    def _points_noise(self) -> np.ndarray:
+        """Errors of points, alike at several steps, and a shift of all points of a step; shape (points, dim)."""
+        data, dim = self.data, self.model.base.points.shape[1]
+        noise = np.zeros((len(data.points_step), dim))
+        if not data.points_noise > 0:
+            return noise
+        used = np.unique(data.points_step)
+        parts = [np.flatnonzero(data.points_step == step) for step in used]
+        values, vectors = np.linalg.eigh(data.between_steps[np.ix_(used, used)])
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        drawn = self._gauss((max(map(len, parts)), dim, len(used)), 1.0) @ root.T
+        for n, part in enumerate(parts):
+            noise[part] = drawn[: len(part), :, n] + self._gauss((dim,), data.frame_noise)
+        return noise
+
+    def _warped(self, noise: np.ndarray, way: BackwardMap) -> np.ndarray:
+        return smooth(warp(noise, 0.0, way), self.data.smooth)
+
+    def _control_noise(self) -> np.ndarray:
+        size = np.abs(self.data.controlled)
+        spread = self._gauss(size.shape, self.data.control_noise)
+        return np.divide(spread, size, out=np.zeros_like(spread), where=size > 0)

@@ -1,0 +1,67 @@
+"""Slopes: the guesses at either side of one, and the derivative of what they lead to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fingerfit.model.parameters import Parameter, round_value
+
+Measured = TypeVar("Measured", bound=Any)
+"""What a solution leads to: a prediction, or an array."""
+STEP = 0.03
+"""Step of the sensitivities: in the logarithm, or as a share of the scale of a parameter."""
+
+
+def coordinates(parameters: tuple[Parameter, ...], values: Mapping[str, float]) -> np.ndarray:
+    """Logarithms, or multiples of the scale of a parameter, shape (parameters,)."""
+    return np.array([np.log(values[p.name]) if p.log else values[p.name] / p.scale for p in parameters])
+
+
+def moved(parameters: tuple[Parameter, ...], values: Mapping[str, float], delta: np.ndarray) -> dict[str, float]:
+    """Values at a distance in those coordinates, within the bounds, with the digits of a guess."""
+    z = coordinates(parameters, values) + delta
+    found = (float(np.exp(x) if p.log else x * p.scale) for p, x in zip(parameters, z, strict=True))
+    return {p.name: round_value(min(max(x, p.lower), p.upper)) for p, x in zip(parameters, found, strict=True)}
+
+
+def neighbours(parameters: tuple[Parameter, ...], best: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Guesses at either side of the best one, by role ``+name`` and ``-name``; those beyond a bound are left out."""
+    found = {}
+    at = coordinates(parameters, best)
+    for n, (parameter, step) in enumerate(zip(parameters, np.eye(len(parameters)) * STEP, strict=True)):
+        for sign, factor in (("+", 1.0), ("-", -1.0)):
+            guess = moved(parameters, best, factor * step)
+            if abs(abs(coordinates(parameters, guess)[n] - at[n]) - STEP) < 1e-3 * STEP:
+                found[sign + parameter.name] = guess
+    return found
+
+
+def difference(
+    ahead: Measured | None, behind: Measured | None, middle: Callable[[], Measured | None], step: float = STEP
+) -> Measured | None:
+    """Derivative by a number from what lies a step ahead and a step behind of a guess.
+
+    Parameters
+    ----------
+    ahead, behind : optional
+        None where there is no solution.
+    middle : callable
+        Gives what lies at the guess itself: asked for where only one side is known.
+    step : float
+        In search coordinates, or in the number's own unit.
+
+    Returns
+    -------
+    As given
+        Central where both sides are known, one-sided where one is; None where none is.
+    """
+    known = (ahead is not None) + (behind is not None)
+    if known == 1:
+        ahead, behind = (middle() if side is None else side for side in (ahead, behind))
+    if ahead is None or behind is None:
+        return None
+    slope: Measured = (ahead - behind) * (1.0 / (step * known))
+    return slope
