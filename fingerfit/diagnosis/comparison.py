@@ -13,7 +13,7 @@ from fingerfit.core.errors import StateError
 from fingerfit.deck.context import comes_down
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.residual import Patches, Reader, Residual, common_modes, flat, residual_of
-from fingerfit.diagnosis.score_test import Finding, ScoreTest, likeness
+from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
 from fingerfit.fit.minimum import best_values, finest, left_over
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR

@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Comparison, Ranked
-from fingerfit.diagnosis.score_test import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.fit.simulate import solve_missing

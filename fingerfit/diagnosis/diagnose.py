@@ -18,7 +18,7 @@ from fingerfit.diagnosis.comparison import (
     stiffness_map,
 )
 from fingerfit.diagnosis.designs import separation
-from fingerfit.diagnosis.score_test import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     SEEN,
     Refit,

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fingerfit.diagnosis.comparison import Ranked, alike
-from fingerfit.diagnosis.score_test import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.applicable import cure_of
 from fingerfit.model.effect import NUMERICS
 

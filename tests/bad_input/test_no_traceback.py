@@ -15,7 +15,7 @@ from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError, InputError, Problems, StateError
 from fingerfit.core.files import keep_json, read_json, read_npz, read_record, write_json, write_npz
 from fingerfit.diagnosis.residual import Patches
-from fingerfit.diagnosis.score_test import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import Refit, _rival
 from fingerfit.fit.check import check_data
 from fingerfit.fit.estimate import estimate_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fingerfit.diagnosis.score_test import ScoreTest, likeness
+from fingerfit.diagnosis.score_tests import ScoreTest, likeness
 
 VALUES, OWN = 60, 3
 WIDE = np.full(2, np.inf)

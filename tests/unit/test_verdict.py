@@ -10,7 +10,7 @@ from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Ranked, alike, summary
-from fingerfit.diagnosis.score_test import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     LEVEL,
     TRIED,

@@ -9,7 +9,7 @@ from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import Comparison, anchor_of, best_places, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import designs, half_indenter, separation
 from fingerfit.diagnosis.residual import common_modes
-from fingerfit.diagnosis.score_test import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH
 from fingerfit.fit.simulate import begin, run_fit, solve_missing
