@@ -281,18 +281,3 @@ def docs(args: argparse.Namespace) -> None:
     write_json(args.folder / "workflow/schemas/config.schema.json", schema())
     write_text(args.folder / "docs/config.md", describe())
     write_text(args.folder / "docs/experiment-keys.md", truth_keys.describe())
-
-
-def ecoflex(args: argparse.Namespace) -> None:
-    """Make a study of uniaxial compression tests."""
-    from fingerfit.recipes.ecoflex import make_study
-
-    make_study(args.tests, args.out)
-
-
-def skin(args: argparse.Namespace) -> None:
-    """Make a study of skin stretched between two pads."""
-    from fingerfit.recipes.skin import make_study
-
-    make_study(args.folder, args.out)
-    print(f"{args.out}: the thickness of the skin is not known, so that only modulus times thickness is identified")
