@@ -68,7 +68,10 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("effect", help="name, as `fingerfit effects` lists them")
         sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
 
-    sub = command("discover", "fit, diagnose, add what is missing, and again, until nothing is missing")
+    sub = command(
+        "discover",
+        "fit, diagnose and add the missing effect, until the model is adequate or no known effect explains the rest",
+    )
     sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
     sub.add_argument("--cores", type=_count, default=2)
 
@@ -76,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("model", type=Path, help="results/STUDY/MODEL")
     sub.add_argument("--out", type=Path, help="folder (MODEL/export)")
 
-    sub = command("effects", "list the effects that are known")
+    sub = command("effects", "list the known effects")
     sub.add_argument("study", type=Path, nargs="?", help="folder of a study with effects of its own")
 
     deck = subs.add_parser("deck", help="look at a deck", description="Look at a deck.")
@@ -106,10 +109,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--refined", type=Path)
 
     for name, text in (
-        ("propose", "ask for the next guesses (for the workflow)"),
+        ("propose", "propose the next guesses (for the workflow)"),
         ("estimate", "constants with standard errors (for the workflow)"),
         ("plot", "figures of a finished fit (for the workflow)"),
-        ("diagnose", "where a fitted model fails and what it lacks (for the workflow)"),
+        ("diagnose", "where a fitted model fails and which effect it lacks (for the workflow)"),
     ):
         sub = command(name, text)
         sub.add_argument("settings", type=Path)

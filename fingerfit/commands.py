@@ -191,7 +191,7 @@ def drop(args: argparse.Namespace) -> None:
 
 
 def discover(args: argparse.Namespace) -> None:
-    """Climb the ladder until nothing is missing."""
+    """Fit, diagnose and add effects until the model is adequate."""
     import functools
 
     from fingerfit.diagnosis.ladder import discover
@@ -202,7 +202,7 @@ def discover(args: argparse.Namespace) -> None:
 
 
 def effects(args: argparse.Namespace) -> None:
-    """List the effects that are known."""
+    """List the known effects."""
     from fingerfit.core.errors import InputError
     from fingerfit.model.catalogue import as_lines, catalogue
     from fingerfit.study.reader import study_path

@@ -19,11 +19,11 @@ from fingerfit.core.files import read_text, write_text
 DIAMETER, HEIGHT = 50.0, 30.0
 """Of the cylinders, mm."""
 STEPS = 20
-FRICTION = """# written by make_study.py: of a disc between rubbing plates, slab method (Siebel 1923)
+FRICTION = """# written by make_study.py: force on a disc between plates with friction, slab method (Siebel 1923)
 title: friction at the plates
 acts: observation
-words: The plates rub, so that the force exceeds the uniaxial one, the more the flatter the cylinder is pressed.
-look: The force rises faster at large compression than the material says; the cylinder bulges like a barrel.
+words: Friction between plates and cylinder raises the force above the uniaxial one, more so the flatter the cylinder.
+look: The force rises faster at large compression than the material law says; the cylinder bulges like a barrel.
 confirm: The same test with greased plates, or with cylinders of another height.
 parameters:
   coefficient: {{unit: "1", absent: 0, lower: 0, upper: 0.5, step: 0.05}}

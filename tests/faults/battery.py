@@ -209,7 +209,7 @@ NOT_FILES: dict[str, Callable[[Path], object]] = {
 }
 
 
-def judge(case: Case, place: Path, code: int | None, said: str, before: Iterable[Path]) -> tuple[str, str]:
+def assess(case: Case, place: Path, code: int | None, said: str, before: Iterable[Path]) -> tuple[str, str]:
     """Outcome of a case, and in one line what happened.
 
     Parameters

@@ -35,7 +35,7 @@ def several_tests(folder, alpha, seed=1):
     return paths
 
 
-def examined(folder, alpha):
+def diagnosed(folder, alpha):
     SCRIPT.make_study(several_tests(folder, alpha), folder / "study")
     settings = load_settings(CONFIG)
     settings = settings.model_copy(update={"study": str(folder / "study")})
@@ -58,7 +58,7 @@ def test_the_factor_between_specimens_is_taken_apart():
 
 
 def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
-    found = examined(tmp_path, ALPHA)
+    found = diagnosed(tmp_path, ALPHA)
     fitted, held_out = errors(found.comparison)
     # 16 seeds: 9.1 and 7.9, with standard deviations of 1.2 and 0.8
     assert fitted > 2
@@ -77,6 +77,6 @@ def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
 
 
 def test_nothing_is_missing_where_nothing_is(tmp_path):
-    found = examined(tmp_path, 1.4)
+    found = diagnosed(tmp_path, 1.4)
     assert found.verdict.kind == "adequate"
     assert errors(found.comparison)[0] < 1.0  # 16 seeds: 0.41, 0.12

@@ -146,7 +146,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "first_effect": next(iter(model.patterns), ""),
         "parts": {effect: part for effect, (part, _) in model.patterns.items()},
         "titles": named,
-        "blamed": [c for c in ranking if c["effect"] in effects],
+        "named": [c for c in ranking if c["effect"] in effects],
         "commands": commands(effects[0]) if effects else (),
         "steps": _steps(model),
         "curve": panels.keys.get(f"there|{model.name}|steps|response"),
@@ -184,7 +184,7 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def _steps(model: Model) -> list[dict[str, Any]]:
-    """What is left by step of the response, against its noise."""
+    """Residual of the response by step, against its noise."""
     compare = model.compare
     if compare is None or not np.isfinite(compare.response).any():
         return []

@@ -147,25 +147,25 @@ def borders(compare: Compare) -> list[np.ndarray]:
     return [compare.mesh_points[list(edge)] for edge, own in owners.items() if len(own) == 1 or len(set(own)) > 1]
 
 
-def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -> Figure:
+def map_panel(frame: Frame, compare: Compare, displacement: np.ndarray, limit: float) -> Figure:
     """Displacements of patches: arrows, many times enlarged, over a map of their length.
 
     Parameters
     ----------
     frame : Frame
     compare : Compare
-    moves : ndarray, shape (patches, 2)
+    displacement : ndarray, shape (patches, 2)
         mm; NaN where unknown.
     limit : float
         End of the scale of colours, and displacement whose arrow is as long as a patch, mm.
     """
     figure, axes, scale = frame.panel()
     size = patch_size(compare)
-    length = np.hypot(moves[:, 0], moves[:, 1])
+    length = np.hypot(displacement[:, 0], displacement[:, 1])
     shown = _cells(axes, compare, length, cmap=WARM, vmin=0, vmax=limit)
     known = np.isfinite(length) & (length > 0.02 * limit)
     reach = 1.15 * float(size.min()) / limit
-    drawn = np.minimum(1.0, 1.3 * limit / np.maximum(length, 1e-12))[:, None] * moves
+    drawn = np.minimum(1.0, 1.3 * limit / np.maximum(length, 1e-12))[:, None] * displacement
     axes.quiver(
         *compare.patch_centre[known].T, *drawn[known].T, angles="xy", scale_units="xy", scale=1 / reach,
         width=0.006, headwidth=3.6, headlength=4, headaxislength=3.6, pivot="middle", color="#111111",
@@ -173,7 +173,7 @@ def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
     axes.set_xlabel(f"{frame.labels[0]} (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
-    _scale(figure, shown, scale, "displacement left over in mm", "max")
+    _scale(figure, shown, scale, "residual displacement in mm", "max")
     return figure
 
 
@@ -196,17 +196,17 @@ def _cells(axes: Any, compare: Compare, values: np.ndarray, **colours: Any) -> A
 
 
 def brightness_panel(frame: Frame, compare: Compare, values: np.ndarray, limit: float) -> Figure:
-    """Brightness of patches that is left over, shape (patches,)."""
+    """Residual brightness of patches, shape (patches,)."""
     figure, axes, scale = frame.panel()
     shown = _cells(axes, compare, values, cmap="RdBu_r", vmin=-limit, vmax=limit)
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
-    _scale(figure, shown, scale, "brightness left over (of 1)", "both")
+    _scale(figure, shown, scale, "residual brightness (of 1)", "both")
     return figure
 
 
 def curve_panel(compare: Compare, values: np.ndarray, limit: float) -> Figure:
-    """What is left of the response against the step, with the band of its noise.
+    """Residual of the response against the step, with the band of its noise.
 
     Parameters
     ----------
@@ -236,12 +236,12 @@ def _left_curve(axes: Any, compare: Compare, values: np.ndarray, style: str) -> 
     shown = np.isfinite(values)
     axes.plot(compare.step[shown], values[shown], style, markersize=4.5, color=COLOURS[5])
     axes.set_xlabel("step", fontsize=9)
-    axes.set_ylabel(f"{name} left over in {unit}", fontsize=9)
+    axes.set_ylabel(f"residual {name} in {unit}", fontsize=9)
     axes.set_xticks(compare.step if len(compare.step) <= 12 else compare.step[:: len(compare.step) // 8])
 
 
 def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
-    """Which places want to be stiffer or softer, over the layers of the body.
+    """Where stiffer or softer material would reduce the misfit, over the layers of the body.
 
     Parameters
     ----------
@@ -302,7 +302,7 @@ def _stiffness_map(axes: Any, edges: list[np.ndarray], stiffness: np.ndarray, li
 
 
 def force_figure(compare: Compare) -> Figure | None:
-    """Force against indentation with the band of noise, and below what is left of it; None when nothing is known."""
+    """Force against indentation with the band of noise, and below its residual; None when nothing is known."""
     known = np.isfinite(compare.force) & np.isfinite(compare.displacement) if len(compare.force) else np.zeros(0, bool)
     modelled = bool(len(compare.force_model)) and bool(np.isfinite(compare.force_model).any())
     if not modelled and not known.any():
