@@ -9,12 +9,14 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import keep_json, read_json
 from fingerfit.report.page import ladder_figure, write_page
-from fingerfit.report.page.inputs import read_inputs
+from fingerfit.report.page.figures import force_figure
+from fingerfit.report.page.inputs import read_compare, read_inputs
 
 _spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
 sample = importlib.util.module_from_spec(_spec)
@@ -101,6 +103,28 @@ def test_the_worst_region_comes_first(whole):
     ratios = re.search(r'<div data-for="base">\s*<p>Residual displacement.*?</table>', whole, re.S)[0]
     found = [float(x) for x in re.findall(r"<small>([\d.]+) ×</small>", ratios)]
     assert len(found) == 40 and found == sorted(found, reverse=True) and found[0] > 5
+
+
+def test_nothing_is_explained_of_a_misfit_that_is_noise(whole):
+    """The base model has a misfit to explain, the adequate one of 611 for 600 has none."""
+    base, adequate = re.findall(r'<table class="candidates">.*?</table>', whole, re.S)
+    assert base.count('<span class="track short">') == base.count('data-label="Would explain"') > 5
+    assert '<td data-label="Would explain">–' in adequate
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_labels_of_the_force_fit_their_axes(tmp_path, known):
+    """Without a response there is no empty space below."""
+    found = sample.compare(sample.TILT)
+    sample.save(tmp_path / "compare.npz", found if known else {**found, "response": np.full(len(sample.STEPS), np.nan)})
+    figure = force_figure(read_compare(tmp_path / "compare.npz"))
+    for _ in range(2):  # the second time where the layout of the first one has put the axes
+        figure.canvas.draw()
+    assert len(figure.axes) == 1 + known
+    for axes in figure.axes:
+        label, box = axes.yaxis.label.get_window_extent(), axes.get_window_extent()
+        assert label.y0 >= box.y0 - 1 and label.y1 <= box.y1 + 1
+    assert figure.axes[-1].get_tightbbox().y0 < 0.05 * figure.bbox.height
 
 
 def test_names_of_layers_do_not_inject(tmp_path):

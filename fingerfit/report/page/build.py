@@ -164,7 +164,7 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
     refit = entry.get("refit") or None
     misfit = model.diagnosis.get("misfit")
     achieved = misfit - refit["misfit"] if refit and misfit is not None and refit.get("misfit") is not None else None
-    share = entry.get("share_of_excess")
+    share = entry.get("share_of_excess") if _exceeds(model.diagnosis) else None
     return {
         "effect": str(entry.get("effect", "")),
         "title": entry.get("title") or entry.get("effect", ""),
@@ -181,6 +181,12 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
         "ends": [f"{name} at its {which} bound" for name, which in ((refit or {}).get("at_bound") or {}).items()],
         "drawn": entry.get("effect") in model.patterns,
     }
+
+
+def _exceeds(diagnosis: dict[str, Any]) -> bool:
+    """Whether the misfit exceeds that of noise by more than chance: of less there are no shares to explain."""
+    misfit, freedom = diagnosis.get("misfit"), diagnosis.get("freedom")
+    return misfit is None or freedom is None or misfit - freedom > (diagnosis.get("threshold") or 0.0)
 
 
 def _steps(model: Model) -> list[dict[str, Any]]:

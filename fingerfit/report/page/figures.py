@@ -22,6 +22,7 @@ LEFT, RIGHT, BOTTOM, TOP = 0.62, 0.98, 0.52, 0.16
 """Margins of a panel, inches; the scale of colours is in the right one."""
 WARM = LinearSegmentedColormap.from_list("warm", ["#FFFFFF", "#FBE7B5", COLOURS[0], COLOURS[5]])
 UNKNOWN = "#DDDDDD"
+NOISE_BAND = "noise (2 standard deviations)"
 
 
 def plain(text: object) -> str:
@@ -218,25 +219,31 @@ def curve_panel(compare: Compare, values: np.ndarray, limit: float) -> Figure:
     """
     figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
     axes = figure.subplots()
-    _left_curve(axes, compare, values, "o-")
+    _residual_curve(axes, compare, values, "o-")
     axes.set_ylim(-limit, limit)
     axes.tick_params(labelsize=8.5)
     return figure
 
 
-def _left_curve(axes: Any, compare: Compare, values: np.ndarray, style: str) -> None:
+def _residual_curve(axes: Any, compare: Compare, values: np.ndarray, style: str) -> None:
     name, unit = compare.response_name
     noise = np.nan_to_num(compare.response_noise)
     if noise.any():
         axes.fill_between(
-            compare.step, -2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)"
+            compare.step,
+            -2 * noise,
+            2 * noise,
+            color=COLOURS[4],
+            alpha=0.18,
+            linewidth=0,
+            label=NOISE_BAND,
         )
         axes.legend(frameon=False, fontsize=8.5, loc="best")
     axes.axhline(0, color="#555555", linewidth=0.8)
     shown = np.isfinite(values)
     axes.plot(compare.step[shown], values[shown], style, markersize=4.5, color=COLOURS[5])
     axes.set_xlabel("step", fontsize=9)
-    axes.set_ylabel(f"residual {name} in {unit}", fontsize=9)
+    axes.set_ylabel(f"residual\n{name} in {unit}", fontsize=9)
     axes.set_xticks(compare.step if len(compare.step) <= 12 else compare.step[:: len(compare.step) // 8])
 
 
@@ -307,23 +314,22 @@ def force_figure(compare: Compare) -> Figure | None:
     modelled = bool(len(compare.force_model)) and bool(np.isfinite(compare.force_model).any())
     if not modelled and not known.any():
         return None
-    figure = Figure(figsize=(5.2, 4.6), layout="constrained")
-    upper, lower = figure.subplots(2, 1, gridspec_kw={"height_ratios": [2.4, 1]})
+    both = bool(np.isfinite(compare.response).any())
+    figure = Figure(figsize=(5.2, 5.1 if both else 3.4), layout="constrained")
+    upper, *lower = np.ravel(figure.subplots(1 + both, 1, gridspec_kw={"height_ratios": [2, 1.2][: 1 + both]}))
     if modelled:
         _model_line(upper, compare)
     if known.any():
         upper.errorbar(
             compare.displacement[known], compare.force[known], xerr=_bars(compare.displacement_noise, known),
             yerr=_bars(compare.force_noise, known), fmt="o", markersize=4.5, capsize=2, color=COLOURS[5],
-            label="measured (bars: twice the noise)",
+            label="measured (bars: 2 standard deviations)",
         )  # fmt: skip
     upper.set(xlabel="indentation in mm", ylabel="force in N")
     upper.legend(frameon=False, fontsize=9)
-    if not np.isfinite(compare.response).any():
-        figure.delaxes(lower)
-        return figure
-    _left_curve(lower, compare, compare.response, "o")
-    lower.margins(y=0.25)
+    for axes in lower:
+        _residual_curve(axes, compare, compare.response, "o")
+        axes.margins(y=0.25)
     return figure
 
 
@@ -341,5 +347,5 @@ def _model_line(axes: Any, compare: Compare) -> None:
     noise = (np.concatenate([n[:1], n[order]])[fine] for n in (compare.force_noise, compare.displacement_noise))
     band = 2 * np.hypot(next(noise), slope * next(noise))
     if band.any():
-        axes.fill_between(x, y - band, y + band, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)")
+        axes.fill_between(x, y - band, y + band, color=COLOURS[4], alpha=0.18, linewidth=0, label=NOISE_BAND)
     axes.plot(x, y, "-", color=COLOURS[4], label="model")

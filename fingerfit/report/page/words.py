@@ -11,7 +11,7 @@ from fingerfit.report.page.inputs import Inputs
 
 VERDICTS = {
     "missing": ("▲", "An effect is missing"),
-    "indistinguishable": ("◆", "An effect is missing; two or more candidates explain it equally well"),
+    "indistinguishable": ("◆", "Indistinguishable: two or more candidates explain the residual equally well"),
     "adequate": ("✓", "Model adequate: no missing effect detected"),
     "unexplained": ("?", "Unexplained: no known effect explains the residual"),
 }
