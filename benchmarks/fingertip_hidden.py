@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hidden_effects import climb
+from hidden_effects import rungs_of
 from running import ROOT, machine
 
 from fingerfit.anatomy.finger import PULP, finger_mesh
@@ -74,7 +74,7 @@ the same finger. Errors are those of the volumes in multiples of what noise alon
 errors are those of the constants; *refits* are the misfits per degree of freedom without and with what was tried;
 min is on one core.
 
-| hidden | verdict | blamed | refits | error before | after | mu before | after | numbers | at last | min |
+| hidden | verdict | named | refits | error before | after | mu before | after | numbers | at last | min |
 |---|---|---|---|---|---|---|---|---|---|---|
 """
 
@@ -149,14 +149,14 @@ def run_case(case: Case, threads: int, keep: Path | None) -> dict[str, Any]:
             },
         }
         problem, everything = begin(load_settings(settings), folder / "model")
-        rungs = climb(problem, everything, truth, threads, 2)
+        rungs = rungs_of(problem, everything, truth, threads, 2)
         return {"rungs": rungs, "minutes": (time.perf_counter() - began) / 60}
 
 
 def row(name: str, found: dict[str, Any]) -> str:
     """A line of the table."""
     first, last = found["rungs"][0], found["rungs"][-1]
-    climbed = len(found["rungs"]) > 1
+    added = len(found["rungs"]) > 1
 
     def error(rung: dict[str, Any]) -> str:
         return f"{rung['fitted']:.2f} / {rung['held_out']:.2f}"
@@ -168,8 +168,8 @@ def row(name: str, found: dict[str, Any]) -> str:
     numbers = ", ".join(f"{n} {v:.3g}" for n, v in last["values"].items() if "." in n) or "-"
     return (
         f"| {name} | {first['verdict']} | {' or '.join(first['named']) or '-'} | {first['misfit']:.2f} -> {refits} |"
-        f" {error(first)} | {error(last) if climbed else '-'} | {constants(first)} |"
-        f" {constants(last) if climbed else '-'} | {numbers} | {last['verdict']} | {found['minutes']:.0f} |"
+        f" {error(first)} | {error(last) if added else '-'} | {constants(first)} |"
+        f" {constants(last) if added else '-'} | {numbers} | {last['verdict']} | {found['minutes']:.0f} |"
     )
 
 

@@ -157,7 +157,7 @@ def measured(name: str) -> tuple[Truth, Solved]:
     raise SolverError(f"{name}: neither solver nor mesh of the data finds an equilibrium")
 
 
-def climb(
+def rungs_of(
     problem: InverseProblem, everything: Data, truth: Truth, threads: int, highest: int = 3
 ) -> list[dict[str, Any]]:
     """Fit, diagnose, add what is named first, and again; a row for each rung."""
@@ -186,7 +186,7 @@ def run_case(name: str, threads: int, keep: Path | None, highest: int = 3) -> di
             del config["model"]["parameters"][constant]
             config["model"]["material"][constant] = truth.values[constant]
         problem, everything = begin(load_settings({**config, "study": str(folder / "study")}), folder / "model")
-        rungs = climb(problem, everything, truth, threads, highest)
+        rungs = rungs_of(problem, everything, truth, threads, highest)
     times = {"made": made - began, "found": time.perf_counter() - made}
     data = f"{truth.solver}, {truth.mesh['across']} x {truth.mesh['across']}"
     return {"hidden": hidden, "seed": seed, "data": data, "rungs": rungs, **times}
@@ -195,7 +195,7 @@ def run_case(name: str, threads: int, keep: Path | None, highest: int = 3) -> di
 CLOSE = 0.03
 """Share of a constant within which it counts as found."""
 PATIENCE = 300
-"""Seconds that fit, diagnosis and climb of a case may take."""
+"""Seconds that fits and diagnoses of a case may take."""
 
 
 def off(row: dict[str, Any]) -> list[str]:
@@ -294,11 +294,11 @@ def table(cases: dict[str, dict[str, Any]]) -> str:
 
         named = " or ".join(first["named"]) or "-"
         numbers = ", ".join(f"{n} {v:.4g}" for n, v in last["values"].items() if "." in n) or "-"
-        climbed = len(case["rungs"]) > 1
+        more = len(case["rungs"]) > 1
         lines.append(
             f"| {name} | {case['data']} | {first['verdict']} | {named} |"
-            f" {error(first)} | {error(last) if climbed else '-'} |"
-            f" {constants(first)} | {constants(last) if climbed else '-'} | {numbers} | {last['verdict']} |"
+            f" {error(first)} | {error(last) if more else '-'} |"
+            f" {constants(first)} | {constants(last) if more else '-'} | {numbers} | {last['verdict']} |"
             f" {case['found']:.0f} s |"
         )
     return "\n".join(lines) + "\n"

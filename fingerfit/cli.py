@@ -6,6 +6,7 @@ import argparse
 import sys
 import tempfile
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 from fingerfit import __version__, commands
@@ -62,20 +63,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument("--labels", metavar="1=EPIDERMIS,...", help="the volume is a segmentation with these labels")
 
-    sub = command("ecoflex", "make a study of uniaxial compression tests (docs/ecoflex.md)")
-    sub.add_argument("tests", type=Path, nargs="+", help="the authors' CSV files, one for each test")
-    sub.add_argument("--out", type=Path, required=True, help="folder of the study")
-
-    sub = command("skin", "make a study of skin stretched between two pads (docs/skin.md)")
-    sub.add_argument("folder", type=Path, help="the authors' files")
-    sub.add_argument("--out", type=Path, required=True, help="folder of the study")
-
     for name, text in (("add", "add an effect to the model"), ("drop", "take an effect out of the model")):
         sub = command(name, text)
         sub.add_argument("effect", help="name, as `fingerfit effects` lists them")
         sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
 
-    sub = command("discover", "fit, diagnose, add what is missing, and again, until nothing is missing")
+    sub = command(
+        "discover",
+        "fit, diagnose and add the missing effect, until the model is adequate or no known effect explains the rest",
+    )
     sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
     sub.add_argument("--cores", type=_count, default=2)
 
@@ -83,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("model", type=Path, help="results/STUDY/MODEL")
     sub.add_argument("--out", type=Path, help="folder (MODEL/export)")
 
-    sub = command("effects", "list the effects that are known")
+    sub = command("effects", "list the known effects")
     sub.add_argument("study", type=Path, nargs="?", help="folder of a study with effects of its own")
 
     deck = subs.add_parser("deck", help="look at a deck", description="Look at a deck.")
@@ -113,10 +109,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--refined", type=Path)
 
     for name, text in (
-        ("propose", "ask for the next guesses (for the workflow)"),
+        ("propose", "propose the next guesses (for the workflow)"),
         ("estimate", "constants with standard errors (for the workflow)"),
         ("plot", "figures of a finished fit (for the workflow)"),
-        ("diagnose", "where a fitted model fails and what it lacks (for the workflow)"),
+        ("diagnose", "where a fitted model fails and which effect it lacks (for the workflow)"),
     ):
         sub = command(name, text)
         sub.add_argument("settings", type=Path)
@@ -143,26 +139,42 @@ def _parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; returns the exit code: 0, 1 for an error, 2 for wrong usage, 130 when interrupted."""
     args = _parser().parse_args(arguments)
+    return exit_code(lambda: args.run(args))
+
+
+def exit_code(work: Callable[[], object], program: str = "fingerfit") -> int:
+    """Do something, and tell its errors as the command line does: one line for each, no traceback.
+
+    Parameters
+    ----------
+    work : callable
+        Without arguments; what it returns is not used.
+    program : str
+        What the lines begin with.
+
+    Returns
+    -------
+    int
+        0, 1 after an error, 130 when interrupted.
+    """
     try:
-        args.run(args)
+        work()
     except FingerfitError as error:
-        for line in str(error).splitlines():
-            print(f"fingerfit: error: {line}", file=sys.stderr)
-        return 1
+        lines = str(error).splitlines()
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        print(f"fingerfit: error: {where}{error.strerror or error}", file=sys.stderr)
-        return 1
+        lines = [f"{error.filename}: " * bool(error.filename) + (error.strerror or str(error))]
     except MemoryError:
-        print("fingerfit: error: not enough memory", file=sys.stderr)
-        return 1
+        lines = ["not enough memory"]
     except KeyboardInterrupt:
         return 130
     except Exception as error:  # the last resort: everything that is foreseen is one of the errors above
         what = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        print(f"fingerfit: error: unexpected {what}; please report it{_kept_traceback()}", file=sys.stderr)
-        return 1
-    return 0
+        lines = [f"unexpected {what}; please report it{_kept_traceback()}"]
+    else:
+        return 0
+    for line in lines:
+        print(f"{program}: error: {line}", file=sys.stderr)
+    return 1
 
 
 def _kept_traceback() -> str:

@@ -191,7 +191,7 @@ def drop(args: argparse.Namespace) -> None:
 
 
 def discover(args: argparse.Namespace) -> None:
-    """Climb the ladder until nothing is missing."""
+    """Fit, diagnose and add effects until the model is adequate."""
     import functools
 
     from fingerfit.diagnosis.ladder import discover
@@ -202,7 +202,7 @@ def discover(args: argparse.Namespace) -> None:
 
 
 def effects(args: argparse.Namespace) -> None:
-    """List the effects that are known."""
+    """List the known effects."""
     from fingerfit.core.errors import InputError
     from fingerfit.model.catalogue import as_lines, catalogue
     from fingerfit.study.reader import study_path
@@ -281,18 +281,3 @@ def docs(args: argparse.Namespace) -> None:
     write_json(args.folder / "workflow/schemas/config.schema.json", schema())
     write_text(args.folder / "docs/config.md", describe())
     write_text(args.folder / "docs/experiment-keys.md", truth_keys.describe())
-
-
-def ecoflex(args: argparse.Namespace) -> None:
-    """Make a study of uniaxial compression tests."""
-    from fingerfit.recipes.ecoflex import make_study
-
-    make_study(args.tests, args.out)
-
-
-def skin(args: argparse.Namespace) -> None:
-    """Make a study of skin stretched between two pads."""
-    from fingerfit.recipes.skin import make_study
-
-    make_study(args.folder, args.out)
-    print(f"{args.out}: the thickness of the skin is not known, so that only modulus times thickness is identified")

@@ -256,7 +256,7 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
 
 
 def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
-    """What an effect at the size of a first look changes."""
+    """What an effect at its trial size changes."""
     sizes = {effect.key(p.name): p.null + p.step for p in effect.parameters}
     values = {**settings.starts(), **effect.places()[0], **sizes}
     found = []

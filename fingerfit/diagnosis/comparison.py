@@ -286,13 +286,13 @@ def best_places(ranking: Sequence[Ranked]) -> list[Ranked]:
 
 
 def stiffness_map(comparison: Comparison, ranking: Sequence[Ranked]) -> np.ndarray:
-    """Which place wants to be stiffer or softer, from the effects that were tried all over the body.
+    """Where stiffer or softer material would reduce the misfit, from the effects that were tried all over the body.
 
     Returns
     -------
     ndarray, shape (places, dim + 2)
         Position in mm; predicted change of log mu there; the evidence for it in standard deviations, negative where
-        the place wants to be softer.
+        softer material would reduce it.
     """
     mesh = comparison.problem.meshes[SEARCH]
     rows = []

@@ -44,7 +44,7 @@ from fingerfit.study.data import Data
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
 BATCHES = 2
-"""How often the next best effects are refitted, as long as none explains what is left."""
+"""How often the next best effects are refitted, as long as none explains the residual."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Diagnosis:
 
 
 def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: int = 1) -> Diagnosis:
-    """Examine a fitted model.
+    """Diagnose a fitted model.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def rank_again(
     Returns
     -------
     list of Ranked
-        The best first; falls and sizes as the second look predicts them.
+        The best first; falls and sizes as predicted from the model solved again.
     int
         Simulations that were not known before.
     """

@@ -25,7 +25,7 @@ from fingerfit.settings.config import CONFIG, Settings, load_settings
 from fingerfit.study.reader import load_study
 
 RUNGS = 6
-"""Highest ladder that is climbed without asking."""
+"""Most models that `discover` fits in one call."""
 
 
 def add(config: Path, name: str) -> str:
@@ -45,7 +45,7 @@ def add(config: Path, name: str) -> str:
     _rewrite(config, {**settings.model.effects, name: numbers})
     what = ", ".join(f"{key} {value:.4g}" for key, value in numbers.items())
     start = f", starting at {what}" if what else ""
-    known = f"; {reused} simulations of its refit are known" if reused else ""
+    known = f"; {reused} simulations of its refit are reused" if reused else ""
     return f"{config}: added {name} ({effect.title}){start}{known}"
 
 
@@ -72,7 +72,7 @@ def run_again(config: Path) -> str:
 
 
 def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
-    """Fit, diagnose, add what is missing, and again, until nothing is missing or nothing known explains the rest.
+    """Fit, diagnose, add the missing effect, until the model is adequate or no known effect explains the rest.
 
     Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so.
 
@@ -91,7 +91,7 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
             return say(f"ladder: {results}/ladder.json; page: {results}/report.html")
         first, *others = diagnosis["effects"]
         if others:
-            say(f"these data cannot tell {first} from {' and '.join(others)}: {first}, which fits best, is added")
+            say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
         say(add(config, first))
     return say(f"stopped after {RUNGS} models; the last effect is added but not fitted: {run_again(config)}")
 
@@ -116,8 +116,8 @@ def _told(rung: dict[str, Any]) -> str:
         if entry.get("at_bound")
     )
     return (
-        f"{rung['model']}: error {fitted:.3g} times the noise{held};"
-        f" {counted['run']} simulations run, {counted['reused']} of the models below reused; {rung['sentence']}{ends}"
+        f"{rung['model']}: error {fitted:.3g} times the noise level{held};"
+        f" {counted['run']} simulations run, {counted['reused']} reused from models below; {rung['sentence']}{ends}"
     )
 
 

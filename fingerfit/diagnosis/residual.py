@@ -79,7 +79,7 @@ class Patches:
 
 @dataclass(frozen=True)
 class Residual:
-    """What is left, as one vector with its covariance.
+    """The residual as one vector with its covariance.
 
     The vector has, for each picture and patch, a displacement (mm) and a brightness, then the same for each step with
     measured points (mean of those of a patch, without a brightness), then the response of each step (N or

@@ -1,4 +1,4 @@
-"""The score test: how much of what is left would an effect explain, once the model's own constants follow.
+"""The score test: how much of the residual would an effect explain, once the model's own constants follow.
 
 The residual r = J d + S t + noise is whitened with its covariance; what the model's own constants (columns J) could
 still take up is projected away, and the fall of the misfit by the columns S of an effect follows (the Lagrange

@@ -79,7 +79,7 @@ class Verdict:
     kind : str
         ``missing``, ``indistinguishable``, ``adequate`` or ``unexplained``.
     effects : tuple of str
-        Blamed effects, the best first.
+        Effects that are named, the best first.
     sentence : str
         For a person.
     threshold : float
@@ -207,7 +207,7 @@ def decide(
         Error of the model on held-out steps, where there are some.
     """
     if score_test.freedom < 1:
-        text = "there are as many constants as measured values: nothing can be said about what is missing"
+        text = "there are as many constants as measured values: missing effects cannot be tested"
         return Verdict("unexplained", (), text, 0.0)
     limit = threshold(score_test, ranking, tests)
     adequate = explains(score_test)
@@ -221,7 +221,7 @@ def decide(
     if not tried:
         chosen = [one.candidate.effect.name for one in to_refit(score_test, ranking, tests)]
         if chosen or not adequate:
-            text = "something is missing, but none of the known effects explains it"
+            text = "unexplained: no known effect explains the misfit beyond the noise"
             return Verdict("unexplained", (), text, limit)
         text = "the model explains the measurements to within their noise"
         hidden = ", ".join(_title(one) for one in unseen(score_test, ranking))
@@ -236,8 +236,8 @@ def decide(
     share = explained_share(score_test, refits[best]) if fell else 1.0
     if half_explained(score_test, ranking, refits, tests) is not None:
         if partner is None or not explains(partner[1]) or not _generalises(score_test, partner[1], held_out):
-            nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of it"
-            return Verdict("unexplained", (), f"something is missing; {nearest}", limit)
+            nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of the misfit"
+            return Verdict("unexplained", (), f"unexplained: {nearest} beyond the noise", limit)
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
         return Verdict(
             "missing", (best,), f"{text} the misfit beyond the noise, alone {100 * share:.0f} % of it", limit
@@ -246,7 +246,9 @@ def decide(
     rivals = [best, *(name for name in rivals if name != best)]
     if len(rivals) > 1:
         names = " or ".join(_title(by_name[name]) for name in rivals)
-        return Verdict("indistinguishable", tuple(rivals), f"missing: {names}; these data cannot tell which", limit)
+        return Verdict(
+            "indistinguishable", tuple(rivals), f"missing: {names}; these data cannot tell them apart", limit
+        )
     text = f"missing: {_title(by_name[best])}; it explains {100 * min(share, 1.0):.0f} % of the misfit beyond the noise"
     return Verdict("missing", (best,), text, limit)
 
@@ -290,7 +292,7 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
     """
     if verdict.kind != "adequate" or not error > LOUD:
         return verdict
-    text = f"something is missing: the measurements differ by {error:.2g} times their noise, but no effect explains it"
+    text = f"unexplained: the residual is {error:.2g} times the noise level, but no known effect explains it"
     return Verdict("unexplained", (), text, verdict.threshold)
 
 
@@ -315,7 +317,7 @@ def _title(one: Ranked) -> str:
 
 
 def confusions(score_test: ScoreTest, ranking: Sequence[Ranked], count: int = 6) -> list[dict[str, float | str]]:
-    """Pairs of the first few effects that look alike on these data."""
+    """Pairs of the first few effects that are alike on these data."""
     found: list[dict[str, float | str]] = []
     first = [one for one in ranking[:count] if one.finding.visible > 1e-4]
     for n, a in enumerate(first):

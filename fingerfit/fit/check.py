@@ -106,7 +106,7 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
 
 
 def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> bool:
-    """Whether the deck with an effect at the sizes of a first look differs from that without it."""
+    """Whether the deck with an effect at its trial sizes differs from that without it."""
     known = catalogue(Path(settings.study))
     start = settings.starts()
     sizes = [effect.null(), *(with_effect(effect, {}, p.name) for p in effect.parameters)]

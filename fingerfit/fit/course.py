@@ -100,5 +100,5 @@ def _evaluate(problem: InverseProblem, asked: Asked, predictor: Predictor) -> di
         return {**entry, "message": f"a score of {score}"}
     entry = {**entry, "score": score, "message": ""}
     if made.inverted or made.overlaps:
-        entry["message"] = f"{made.inverted} inverted elements, {made.overlaps} pixels claimed twice"
+        entry["message"] = f"{made.inverted} inverted elements, {made.overlaps} pixels covered twice"
     return entry

@@ -101,7 +101,9 @@ def _bound_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list
         bound = p.lower if which == "lower" else p.upper
         text = f"{p.name} ends at its {which} bound, {bound:g}{'' if p.unit == '1' else f' {p.unit}'}"
         if p.name in problem.settings.model.parameters:
-            text += f": the data may want it {'smaller' if which == 'lower' else 'larger'} (model.parameters.{p.name})"
+            text += (
+                f": a {'smaller' if which == 'lower' else 'larger'} value may fit better (model.parameters.{p.name})"
+            )
         elif absent.get(p.name) == bound:
             text += ", where the effect is absent"
         found.append(f"{text}; standard error and interval are those of a constant without bounds")
@@ -142,18 +144,18 @@ def table_of(found: dict[str, Any]) -> str:
     lines += [
         "",
         f"score {found['score']['kind']} {found['score']['final']:.6f}; {search['rounds']} rounds,"
-        f" {sims['asked']} simulations asked for, {sims['run']} different ones; stop: {search['stop']}",
+        f" {sims['run']} distinct simulations ({sims['asked']} requested); stop: {search['stop']}",
     ]
     if found["search_mesh"]:
-        moves = [_move(name, entry, found["search_mesh"][name]) for name, entry in found["parameters"].items()]
-        lines.append(f"moved by the finer mesh: {', '.join(moves)}")
+        changes = [_change(name, entry, found["search_mesh"][name]) for name, entry in found["parameters"].items()]
+        lines.append(f"change from the coarse to the finer mesh: {', '.join(changes)}")
     if search["diverged"]:
         lines.append(f"{search['diverged']} guesses had no solution")
     return "\n".join([*lines, *found["remarks"], *search["faults"]]) + "\n"
 
 
-def _move(name: str, entry: Mapping[str, Any], searched: float) -> str:
-    """What the finer mesh changed: a share, or where the value may be 0 a difference in its unit."""
+def _change(name: str, entry: Mapping[str, Any], searched: float) -> str:
+    """From the coarse to the finer mesh: a share, or where the value may be 0 a difference in its unit."""
     if entry["log"]:
         return f"{name} {100 * (entry['value'] / searched - 1):+.1f} %"
     unit = "" if entry["unit"] == "1" else f" {entry['unit']}"

@@ -51,7 +51,7 @@ class Minimum:
 
 def minimum(problem: InverseProblem, last: Round) -> Minimum:
     """Minimum of the score on the finest mesh that has a solution."""
-    # after moves that went wrong the next ones are short
+    # after steps that went wrong the next ones are short
     trust = last.best.get("trust", TRUST) if last.best and last.stage == SENSITIVITY else TRUST
     return _minimum(problem, last, finest(problem, last), trust)
 

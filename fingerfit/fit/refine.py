@@ -2,7 +2,7 @@
 
 Around the best guess of the search mesh the prediction is linear in the logarithms of the constants. With the
 solution of the finer mesh as its base this linear model is moved to the minimum of the very score that was used,
-and solved again there, until the moves are small (docs/decisions/0003-two-meshes.md).
+and solved again there, until the steps are small (docs/decisions/0003-two-meshes.md).
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def refine_round(problem: InverseProblem, last: Round) -> Round:
 def _slopes_again(
     problem: InverseProblem, last: Round, values: dict[str, float], memory: dict[str, Any], rough: bool = False
 ) -> Round:
-    """The round that asks for slopes elsewhere; it remembers where the move began and how far moves are trusted."""
+    """The round that asks for slopes elsewhere; it remembers where the step began and how far steps are trusted."""
     base: dict[str, Any] = {
         "number": last.number + 1,
         "solver": last.solver,

@@ -94,7 +94,7 @@ def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
 
 
 def deviations(prediction: Prediction, data: Data) -> np.ndarray:
-    """Conjugate quantity and points less what was measured, in units of the noise, where both are known."""
+    """Response and points less what was measured, in units of the noise, where both are known."""
     return np.concatenate(_deviations(prediction, data))
 
 

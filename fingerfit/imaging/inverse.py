@@ -169,7 +169,7 @@ def _outside(depth: np.ndarray, xi: np.ndarray, slope: np.ndarray, det: np.ndarr
 
 
 def _solve(slope: np.ndarray, value: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Moves from `value` to `goal`, shape (dim, pairs), and the determinants; zero where these vanish."""
+    """Steps from `value` to `goal`, shape (dim, pairs), and the determinants; zero where these vanish."""
     right = goal - value
     if len(right) == 2:
         (a, c), (b, d) = slope

@@ -1,10 +1,10 @@
-"""Displacements that are left between a synthesized and a measured picture, patch by patch of material.
+"""Residual displacements between a synthesized and a measured picture, patch by patch of material.
 
 In each patch the measured picture is taken for the synthesized one moved by u and brighter by b:
 M - S = -grad u + b in the least-squares sense (Lucas and Kanade 1981), grad being the mean gradient of both
 pictures. The measured picture is pulled back by what was found (Baker and Matthews 2004), so that a displacement
-belongs to the material of its patch; large moves are found on smoothed pictures first. The last step is linear in
-the pictures, so that noise can be sent through the same equations, and so can what varies inside a patch.
+belongs to the material of its patch; large displacements are found on smoothed pictures first. The last step is linear
+in the pictures, so that noise can be sent through the same equations, and so can what varies inside a patch.
 """
 
 from __future__ import annotations
@@ -92,24 +92,24 @@ def _window(inside: np.ndarray, margin: int) -> tuple[slice, ...]:
 
 def _register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, count: int) -> Fit:
     dim = synthesized.ndim
-    moves = np.zeros((count, dim))
+    shifts = np.zeros((count, dim))
     inside = patch.ravel() >= 0
     owner = patch.ravel()[inside]
     coefficients = spline_coefficients(measured)
     index = np.indices(synthesized.shape)[::-1].reshape(dim, -1).T.astype(float)
-    field, aimed = np.zeros((len(owner), dim)), moves
+    field, aimed = np.zeros((len(owner), dim)), shifts
     for extra in COARSE:
         back = measured
-        if np.any(moves):
-            # a field is smoother than the moves it is made of: what it fell short by is aimed at in the next pass
-            aimed = moves + aimed - means(field, owner, count)
+        if np.any(shifts):
+            # a field is smoother than its displacements: what it fell short by is aimed at in the next pass
+            aimed = shifts + aimed - means(field, owner, count)
             whole = _spread(aimed, patch)
             back, field = sample(coefficients, index + whole).reshape(measured.shape), whole[inside]
-            moves = means(field, owner, count)
+            shifts = means(field, owner, count)
         pixel, design, normal, difference = _equations(smooth(synthesized, extra), smooth(back, extra), patch, count)
         step = _solve(owner, design, normal, difference)
-        moves = moves + np.clip(np.nan_to_num(step[:, :dim]), -FARTHEST, FARTHEST)
-    values = np.concatenate([np.where(np.isnan(step[:, :dim]), np.nan, moves), step[:, dim:]], axis=1)
+        shifts = shifts + np.clip(np.nan_to_num(step[:, :dim]), -FARTHEST, FARTHEST)
+    values = np.concatenate([np.where(np.isnan(step[:, :dim]), np.nan, shifts), step[:, dim:]], axis=1)
     own_error = _own_error(values, field, owner, index[inside], design, normal)
     return Fit(values, owner, pixel, design, normal, own_error)
 
@@ -178,16 +178,16 @@ def _own_error(
     return np.broadcast_to(spread + np.diag([FLOOR**2] * dim + [0.0]), normal.shape)
 
 
-def _gradients(moves: np.ndarray, centre: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def _gradients(shifts: np.ndarray, centre: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Gradients of displacements from patch to patch, by local linear regression, shape (patches, dim, dim)."""
-    if len(moves) == 0:
-        return np.zeros((0, moves.shape[1], moves.shape[1]))
+    if len(shifts) == 0:
+        return np.zeros((0, shifts.shape[1], shifts.shape[1]))
     away = centre[None] - centre[:, None]
     # neighbours count by how near they are, in units of a patch's edge
-    weight = np.exp(-(away**2).sum(axis=2) / (2 * pixels.mean() ** (2 / moves.shape[1]))) * pixels
+    weight = np.exp(-(away**2).sum(axis=2) / (2 * pixels.mean() ** (2 / shifts.shape[1]))) * pixels
     columns = np.concatenate([np.ones((*away.shape[:2], 1)), away], axis=2)
     normal = np.einsum("pq,pqi,pqj->pij", weight, columns, columns, optimize=True)
-    right = np.einsum("pq,pqi,qj->pij", weight, columns, moves, optimize=True)
+    right = np.einsum("pq,pqi,qj->pij", weight, columns, shifts, optimize=True)
     return np.einsum("pij,pjk->pik", np.linalg.pinv(normal, hermitian=True), right)[:, 1:].transpose(0, 2, 1)
 
 
@@ -209,15 +209,15 @@ def _gradient(picture: np.ndarray) -> list[np.ndarray]:
     return list(found[::-1])
 
 
-def _spread(moves: np.ndarray, patch: np.ndarray) -> np.ndarray:
-    """Moves of the patches as a smooth field, shape (pixels, dim)."""
+def _spread(shifts: np.ndarray, patch: np.ndarray) -> np.ndarray:
+    """Displacements of the patches as a smooth field, shape (pixels, dim)."""
     inside = patch >= 0
     width = 0.5 * (inside.sum() / max(1, len(np.unique(patch[inside])))) ** (1 / patch.ndim)
     if patch.ndim == 3 and width >= 2 * _BLOCK:
-        return _spread_coarsely(moves, patch, width)
+        return _spread_coarsely(shifts, patch, width)
     weight = smooth(inside.astype(float), width) + 1e-6
-    values = np.where(inside[..., None], moves[patch], 0.0)
-    columns = [smooth(values[..., axis], width) / weight for axis in range(moves.shape[1])]
+    values = np.where(inside[..., None], shifts[patch], 0.0)
+    columns = [smooth(values[..., axis], width) / weight for axis in range(shifts.shape[1])]
     return np.stack([column.ravel() for column in columns], axis=1)
 
 
@@ -225,7 +225,7 @@ _BLOCK = 2
 """Voxels along each side of a block in which a field that is much smoother is made."""
 
 
-def _spread_coarsely(moves: np.ndarray, patch: np.ndarray, width: float) -> np.ndarray:
+def _spread_coarsely(shifts: np.ndarray, patch: np.ndarray, width: float) -> np.ndarray:
     """The same in space, where such wide Gaussians cost most: on blocks of voxels, then linear between them."""
     from scipy.ndimage import map_coordinates
 
@@ -239,8 +239,8 @@ def _spread_coarsely(moves: np.ndarray, patch: np.ndarray, width: float) -> np.n
     sigma = width / _BLOCK
     weight = smooth(np.bincount(block, minlength=size).reshape(coarse).astype(float), sigma) + 1e-6
     at = (place - (_BLOCK - 1) / 2) / _BLOCK
-    found = np.empty((patch.size, moves.shape[1]))
-    for axis, column in enumerate(moves.T):
+    found = np.empty((patch.size, shifts.shape[1]))
+    for axis, column in enumerate(shifts.T):
         total = np.bincount(block, column[owner], minlength=size).reshape(coarse)
         found[:, axis] = map_coordinates(smooth(total, sigma) / weight, at, order=1, mode="nearest")
     return found

@@ -179,7 +179,12 @@ def as_text(effect: Effect) -> dict[str, Any]:
 
 def as_lines(effect: Effect) -> str:
     """An effect for a person to read: what it is, its numbers with units and bounds, and how it is confirmed."""
-    lines = [f"{effect.name}: {effect.title}", effect.words, f"looks like: {effect.look}", f"confirm: {effect.confirm}"]
+    lines = [
+        f"{effect.name}: {effect.title}",
+        effect.words,
+        f"in the data: {effect.look}",
+        f"confirm: {effect.confirm}",
+    ]
     for p in effect.parameters:
         unit = "" if p.unit == "1" else f" {p.unit}"
         lines.append(f"{p.name}: {p.lower:g} to {p.upper:g}{unit}, absent at {p.null:g}")

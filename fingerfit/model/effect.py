@@ -19,8 +19,8 @@ NEEDS = ("time", "pictures", "displacements", "layers", "plane", "space")
 the plane between a base and an indenter, a body in the plane, a body in space."""
 
 
-LOOKS = 30
-"""Slopes are taken over 3 % of a parameter's scale: no farther than about a first look, however wide the bounds are."""
+TRIALS = 30
+"""Slopes are taken over 3 % of a parameter's scale: no farther than about a trial size, however wide the bounds are."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class EffectParameter:
     lower, upper : float
         Bounds.
     step : float
-        What a first look at the effect changes, from null: small, but well above a solver's tolerance.
+        Trial size: the change from null at which slopes are taken; small, but well above a solver's tolerance.
     """
 
     name: str
@@ -50,8 +50,8 @@ class EffectParameter:
 
     @property
     def scale(self) -> float:
-        """What a fit counts as 1: the distance of the bounds, or `LOOKS` first looks where that is less."""
-        return min(self.upper - self.lower, LOOKS * self.step)
+        """What a fit counts as 1: the distance of the bounds, or `TRIALS` trial sizes where that is less."""
+        return min(self.upper - self.lower, TRIALS * self.step)
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ class Effect:
     parameters : tuple of EffectParameter
         At their null values the model is the one without the effect.
     scan : mapping
-        Places and the like that a first look tries: name to values.
+        Places and the like that the score test tries: name to values.
     refine : mapping
-        Bounds of those scanned numbers that a fit then moves, too; the others stay.
+        Bounds of those scanned numbers that a fit then changes, too; the others stay.
     changes : mapping
         Formulas for what goes into the deck: ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a factor on
         mu at a place), ``force``, ``displacement`` (prescribed), ``before`` (prescribed before the first picture),

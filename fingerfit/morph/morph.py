@@ -26,7 +26,7 @@ SMOOTH = 2.5
 """Length over which neighbours decide together about a surface, mm."""
 APART = 1.8
 """Between the bones, and between bone and skin, from which the edge of a bone is looked for, mm."""
-LOOKS = 4
+SEARCHES = 4
 """Times that surfaces are set on their edges."""
 
 
@@ -150,7 +150,7 @@ def fit_skin(mesh: Mesh, way: Deformation, subject: Picture) -> Morphed:
     found = points
     bone = _apart(mesh, points, mesh.node_sets["BONE_SURFACE"], under)
     known, profiles = np.concatenate([skin, under, bone]), Profiles(subject)
-    for _ in range(LOOKS):
+    for _ in range(SEARCHES):
         layers, inward, near = _look(mesh, found, skin, under, profiles)
         thickness = np.linalg.norm(found[under] - found[skin], axis=1)
         depth = (near @ layers.depth)[:, None] * inward

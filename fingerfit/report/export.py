@@ -28,7 +28,7 @@ CELLS = {
     (3, 4): "tetra", (3, 10): "tetra10", (3, 8): "hexahedron", (3, 20): "hexahedron20",
 }  # fmt: skip
 """Names that meshio has for cells by dimension and number of nodes; the order of their nodes is ABAQUS's."""
-OF = ("measured", "model", "left", "noise")
+OF = ("measured", "model", "residual", "noise")
 STIFFNESS = ("change_of_log_mu", "standard_deviations")
 """Columns of the map of stiffness, after the place: the change that would explain most, and the evidence for it."""
 
@@ -103,7 +103,7 @@ def export(model: Path, out: Path) -> list[Path]:
 
 def write_fields(found: Results, folder: Path) -> list[Path]:
     """Mesh with displacement, strain and stress before compression and at each step (.vtu), and their series (.pvd);
-    beside them points with what is left of the displacements, and with the map of stiffness.
+    beside them points with the residual displacements, and with the map of stiffness.
 
     Displacements count from the state of the first picture, stresses from the one without any.
     """
@@ -195,14 +195,14 @@ def write_pictures(found: Results, folder: Path) -> list[Path]:
             written[-1], Picture(values, frame.spacing, frame.origin, frame.direction), np.float32,
         )  # fmt: skip
 
-    moves = compare["residual_displacement"]
+    displacement = compare["residual_displacement"]
     owner = _patches(compare, frame)
     for n, index in enumerate(compare["picture_step"]):
         step = f"step_{compare['step'][index]}"
         write(f"measured_{step}", compare["measured"][n])
         write(f"synthesized_{step}", compare["synthesized"][n])
         write(f"difference_{step}", compare["measured"][n] - compare["synthesized"][n])
-        field = np.where((owner >= 0)[..., None], moves[n][owner], np.nan)
+        field = np.where((owner >= 0)[..., None], displacement[n][owner], np.nan)
         write(f"residual_displacement_mm_{step}", np.nan_to_num(field))
     return written
 
@@ -257,8 +257,8 @@ def _forces(compare: dict[str, np.ndarray]) -> list[list[object]]:
 
 
 def _errors(compare: dict[str, np.ndarray]) -> list[list[object]]:
-    """What is left of each step's picture or points, and of the response."""
-    rows: list[list[object]] = [["step", "fitted", *(f"rms_{of}" for of in ("left", "noise")), "times_the_noise",
+    """Residual of each step's picture or points, and of the response."""
+    rows: list[list[object]] = [["step", "fitted", *(f"rms_{of}" for of in ("residual", "noise")), "times_the_noise",
                                  "response_times_the_noise"]]  # fmt: skip
     field = {int(index): n for n, index in enumerate(compare["picture_step"])}
     for index, step in enumerate(compare["step"]):
@@ -280,23 +280,23 @@ def _residuals(found: Results) -> tuple[list[list[object]], list[list[object]]]:
     layer = _layers(found.mesh, compare["patch_centre"])
     for n, index in enumerate(compare["picture_step"]):
         step = int(compare["step"][index])
-        moves, noise = compare["residual_displacement"][n], compare["residual_displacement_noise"][n]
-        known = np.isfinite(moves).all(axis=1)
+        displacement, noise = compare["residual_displacement"][n], compare["residual_displacement_noise"][n]
+        known = np.isfinite(displacement).all(axis=1)
         for patch in np.flatnonzero(known):
             name = names[layer[patch]].lower() if layer[patch] >= 0 else ""
-            patches.append([step, name, *compare["patch_centre"][patch], *moves[patch], *noise[patch]])
+            patches.append([step, name, *compare["patch_centre"][patch], *displacement[patch], *noise[patch]])
         for number, name in enumerate(names):
             own = known & (layer == number)
             if own.any():
-                length = np.linalg.norm(moves[own], axis=1)
-                ratio = np.sqrt(np.nanmean((moves[own] / noise[own]) ** 2))
+                length = np.linalg.norm(displacement[own], axis=1)
+                ratio = np.sqrt(np.nanmean((displacement[own] / noise[own]) ** 2))
                 layers.append([step, name.lower(), int(own.sum()), np.sqrt(np.mean(length**2)),
                                np.quantile(length, 0.95), length.max(), ratio])  # fmt: skip
     return patches, layers
 
 
 def _candidates(ranking: list[dict[str, Any]]) -> list[list[object]]:
-    """Tested effects, the likeliest first, and what their refits left."""
+    """Tested effects, the best first, and the misfits of their refits."""
     rows: list[list[object]] = [
         ["effect", "predicted_fall", "share_of_excess", "misfit_refitted", "error_fitted", "error_held_out"]
     ]

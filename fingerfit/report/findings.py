@@ -29,7 +29,7 @@ SHOWN = 6
 
 
 def write_compare(comparison: Comparison, path: Path) -> None:
-    """Measured and synthesized pictures, what is left with all of its noise, forces and meshes, as arrays."""
+    """Measured and synthesized pictures, the residual with all of its noise, forces and meshes, as arrays."""
     problem, data, residual = comparison.problem, comparison.data, comparison.residual
     mesh = problem.meshes[comparison.mesh]
     outcome = problem.outcome(comparison.base)
@@ -107,8 +107,8 @@ def parts_left(comparison: Comparison, known: np.ndarray) -> dict[str, np.ndarra
     Returns
     -------
     dict of ndarray
-        ``moves``, shape (fields, patches, dim), mm; ``brightness``, shape (pictures, patches); ``response``, shape
-        (steps,), N or mm.
+        ``residual_displacement``, shape (fields, patches, dim), mm; ``brightness``, shape (pictures, patches);
+        ``response``, shape (steps,), N or mm.
     """
     residual = comparison.residual
     whole = np.full(residual.kept.shape, np.nan)
@@ -119,7 +119,7 @@ def parts_left(comparison: Comparison, known: np.ndarray) -> dict[str, np.ndarra
 
 
 def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:
-    """The part of what is left in which an effect is shown.
+    """The part of the residual in which an effect is shown.
 
     Brightness for those that change the brightness, the response for those that change loads
     or their reading, else displacements; another one where that is not measured or would not change.

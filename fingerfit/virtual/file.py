@@ -153,7 +153,7 @@ def _body_problems(body: Any, path: Path) -> Iterator[InputError]:
         lengths[f"body.layers.{number}.height"] = layer.height
         one, two, three = lengths.values()
         if not _DOUBLE[0] <= one * two * three <= _DOUBLE[1]:
-            # what is largest of too large a volume is to blame, and what is smallest of one that vanishes
+            # what is largest of too large a volume is at fault, and what is smallest of one that vanishes
             field = (max if one * two * three > 1 else min)(lengths, key=lengths.__getitem__)
             expected = f"a length with which the volume of layer {layer.name} is a number of double precision"
             yield InputError(path, field, lengths[field], expected)

@@ -90,7 +90,7 @@
     one("slider").setAttribute("aria-valuetext", name);
     for (const part of all(".now-step")) part.textContent = name;
     for (const part of all(".now-words")) {
-      part.textContent = shown ? `difference ${shown.words}: ${shown.ratio} times what noise leaves` : "";
+      part.textContent = shown ? `difference ${shown.words}: ${shown.ratio} times the noise level` : "";
     }
     const views = data.views, group = views.length ? views[state.view].group : "";
     one("slices").hidden = views.length === 0 || count === 0;

@@ -321,7 +321,7 @@ changes:
 """
 
 
-def test_an_effect_is_to_blame_for_what_it_makes_of_right_numbers(tmp_path):
+def test_an_effect_is_named_that_makes_wrong_numbers_of_right_ones(tmp_path):
     (tmp_path / "own/effects").mkdir(parents=True)
     (tmp_path / "own/effects/growth.yaml").write_text(OWN)
     path = described(tmp_path, own="own", effects={"growth": {"more": 0.3}})

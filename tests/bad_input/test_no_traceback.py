@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
+from scripts import make_study_of
 from seeds import generator
 
 from fingerfit import cli
@@ -23,7 +24,6 @@ from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.formulas import evaluate
-from fingerfit.recipes.ecoflex import make_study
 from fingerfit.report.page.inputs import read_inputs
 from fingerfit.settings.config import load_settings
 from fingerfit.virtual.experiment import _as_measured
@@ -266,7 +266,7 @@ HEAD = "Time (s),Compression (mm),Load (N)\n"
 def test_tests_of_silicone(tmp_path, rows, says):
     (tmp_path / "a.csv").write_text(HEAD + rows)
     with pytest.raises(InputError) as raised:
-        make_study([tmp_path / "a.csv"], tmp_path / "out")
+        make_study_of("ecoflex").make_study([tmp_path / "a.csv"], tmp_path / "out")
     assert says in str(raised.value)
     assert not (tmp_path / "out").exists()
 

@@ -2,6 +2,7 @@
 
 from battery import all_of, bad, either, fine, holds, nothing, put, swap
 from places import MESH, picture
+from scripts import EXAMPLES
 
 AREA = "command line"
 PREPARE = ["prepare", "config.yaml", "--out", "d.npz", "--mesh", "m.inp"]
@@ -12,6 +13,11 @@ def call(command, *says, **more):
     return more.pop("make", bad)(
         f"fingerfit {name}", more.pop("change", nothing), *says, command=command.split(), **more
     )
+
+
+def script(example, arguments, *says, **more):
+    command = f"{EXAMPLES / example / 'make_study.py'} {arguments}"
+    return call(command, *says, name=f"({example}) make_study.py {arguments}", **more)
 
 
 def nifti(place):
@@ -70,15 +76,15 @@ CASES = [
     call("morph mesh.inp small.mha --at 20 0 --labels 1=MUSCLE --out m.inp", "MUSCLE", change=nifti),
     call("morph mesh.inp small.mha --at 20 0 --labels x=BONE --out m.inp", "labels", change=nifti),
     call("morph mesh.inp study/before.mha --at 20 0 --out m.inp", "before.mha|mesh.inp", change=holds("mesh.inp", MESH)),
-    call("ecoflex --out made", "tests"),
-    call("ecoflex none.csv --out made", "none.csv"),
-    call("ecoflex study/steps.csv --out made", "steps.csv"),
-    call("ecoflex empty.csv --out made", "empty.csv", change=holds("empty.csv", "")),
-    call("ecoflex study --out made", "study"),
-    call("ecoflex bytes.csv --out made", "bytes.csv", change=holds("bytes.csv", bytes(range(256)))),
-    call("skin nowhere --out made", "nowhere"),
-    call("skin study --out made", "study"),
-    call("skin config.yaml --out made", "config.yaml"),
+    script("ecoflex", "--out made", "tests"),
+    script("ecoflex", "none.csv --out made", "none.csv"),
+    script("ecoflex", "study/steps.csv --out made", "steps.csv"),
+    script("ecoflex", "empty.csv --out made", "empty.csv", change=holds("empty.csv", "")),
+    script("ecoflex", "study --out made", "study"),
+    script("ecoflex", "bytes.csv --out made", "bytes.csv", change=holds("bytes.csv", bytes(range(256)))),
+    script("skin", "nowhere --out made", "nowhere"),
+    script("skin", "study --out made", "study"),
+    script("skin", "config.yaml --out made", "config.yaml"),
     call("add", "effect"),
     call("add tillt", "tillt"),
     call("add tilt --config none.yaml", "none.yaml"),

@@ -209,7 +209,7 @@ NOT_FILES: dict[str, Callable[[Path], object]] = {
 }
 
 
-def judge(case: Case, place: Path, code: int | None, said: str, before: Iterable[Path]) -> tuple[str, str]:
+def assess(case: Case, place: Path, code: int | None, said: str, before: Iterable[Path]) -> tuple[str, str]:
     """Outcome of a case, and in one line what happened.
 
     Parameters
@@ -261,9 +261,11 @@ def run(case: Case, place: Path) -> tuple[int | None, str]:
 
 
 def _called(command: Sequence[str]) -> int:
-    """The command line; netgen waits forever in a fork of a process where other tests have used its threads."""
+    """The command line, or a script; netgen waits forever in a fork of a process where other tests have used its threads."""
     if "finger" in command[:1]:
         os.execv(sys.executable, [sys.executable, "-m", "fingerfit", *command])
+    if command and command[0].endswith(".py"):
+        os.execv(sys.executable, [sys.executable, *command])
     return main(list(command))
 
 

@@ -36,7 +36,7 @@ def test_one_clear_line(area, case, studies, tmp_path, record_property):
     battery.copy(studies(case.place), place)
     case.change(place)
     before = set(place.rglob("*"))
-    outcome, why = battery.judge(case, place, *battery.run(case, place), before)
+    outcome, why = battery.assess(case, place, *battery.run(case, place), before)
     record_property(PROPERTY, [area, case.name, outcome, why])
     assert outcome != battery.NEITHER, why
 
@@ -45,7 +45,7 @@ def test_one_clear_line(area, case, studies, tmp_path, record_property):
 def test_the_studies_are_fine_before_they_are_changed(name, studies, tmp_path):
     battery.copy(studies(name), tmp_path / "w")
     case = battery.fine(name, battery.nothing, place=name)
-    assert battery.judge(case, tmp_path / "w", *battery.run(case, tmp_path / "w"), []) == (battery.ACCEPTED, "")
+    assert battery.assess(case, tmp_path / "w", *battery.run(case, tmp_path / "w"), []) == (battery.ACCEPTED, "")
 
 
 def test_there_are_enough_and_none_twice():

@@ -59,7 +59,7 @@ def test_healed_or_told(area, fault, workspaces, tmp_path, record_property):
         return other.estimate()
 
     try:
-        outcome, why = workspace.judge(fault, place, expected, fresh)
+        outcome, why = workspace.assess(fault, place, expected, fresh)
     except AssertionError as error:
         outcome, why = NEITHER, " ".join(str(error).split())[:300]
     record_property(PROPERTY, [area, fault.name, outcome, why])

@@ -194,7 +194,7 @@ def clear(said: str, words: Sequence[str]) -> str:
     return ""
 
 
-def judge(fault: Fault, place: Workspace, expected: str, fresh: Callable[[Workspace], str]) -> tuple[str, str]:
+def assess(fault: Fault, place: Workspace, expected: str, fresh: Callable[[Workspace], str]) -> tuple[str, str]:
     """Let a fault happen, run again, and tell the outcome and in one line what happened."""
     said_by_fault = fault.happens(place)
     if isinstance(said_by_fault, str) and (why := clear(said_by_fault, fault.says)):

@@ -12,7 +12,7 @@ PIXEL, EDGE = 0.14, 1.0
 STEPS = np.arange(1, 8)
 PICTURES = np.array([0, 2, 4, 6])
 FITTED = np.array([True, True, False, True])
-NOISE, MOVES_NOISE = 0.012, 0.008
+NOISE, RESIDUAL_NOISE = 0.012, 0.008
 TILT = 0.045
 
 
@@ -58,20 +58,20 @@ def compare(tilt_left, mu=1.0, seed=3, names=LAYERS):
     points, rings, layer = mesh()
     count = np.array([10, 10])
     centre = np.stack(np.meshgrid(*[(np.arange(10) + 0.5) * WIDTH / 10] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    moves = np.array(
+    residual = np.array(
         [displacement(centre, depths[i], TILT) - displacement(centre, depths[i], TILT - tilt_left) for i in PICTURES]
     )
-    moves += rng.normal(0, MOVES_NOISE, moves.shape)
-    moves[:, [0, 9]] = np.nan
+    residual += rng.normal(0, RESIDUAL_NOISE, residual.shape)
+    residual[:, [0, 9]] = np.nan
     moved = np.array([points + displacement(points, depths[i], TILT - tilt_left) for i in PICTURES])
     force_model = 0.9 * depths + 0.35 * depths**2
     force = mu * force_model * (1 + 1.2 * tilt_left) + rng.normal(0, 0.03, len(STEPS))
     error = np.sqrt(((measured - synthesized)[:, inside] ** 2).mean(axis=1))
     return {
         "measured": measured, "synthesized": synthesized, "picture_step": PICTURES, "fitted": FITTED, "error": error,
-        "floor": np.full(4, NOISE * np.sqrt(2)), "spacing": np.full(2, PIXEL), "origin": origin, "residual_displacement": moves,
-        "residual_displacement_noise": np.where(np.isfinite(moves), MOVES_NOISE, np.nan), "patch_centre": centre, "patch_count": count,
-        "brightness": np.where(np.isfinite(moves[..., 0]), 0.004, np.nan), "brightness_noise": np.full(moves.shape[:2], 0.003),
+        "floor": np.full(4, NOISE * np.sqrt(2)), "spacing": np.full(2, PIXEL), "origin": origin, "residual_displacement": residual,
+        "residual_displacement_noise": np.where(np.isfinite(residual), RESIDUAL_NOISE, np.nan), "patch_centre": centre, "patch_count": count,
+        "brightness": np.where(np.isfinite(residual[..., 0]), 0.004, np.nan), "brightness_noise": np.full(residual.shape[:2], 0.003),
         "response": depths * 0.01 - 0.004, "response_noise": np.full(len(STEPS), 0.006), "control": np.array("force"),
         "step_fitted": STEPS != 5, "mesh_points": points, "mesh_moved": moved, "mesh_rings": rings, "mesh_layer": layer,
         "layer_names": np.array(names), "step": STEPS, "force": force, "displacement": depths,
@@ -105,9 +105,9 @@ def rung(model, effects, values, spread, error, misfit, verdict, sentence, simul
 def ladder(done=True):
     rungs = [
         rung("base", [], {"mu_top": 0.0254, "mu_middle": 0.0331, "mu_bottom": 0.0702}, 0.02, (2.71, 3.02), 5710.0, "missing",
-             "A tilt of the indenter is missing: it explains 94 % of what is left.", (41, 0)),
+             "missing: tilt of the indenter; it explains 94 % of the misfit beyond the noise", (41, 0)),
         rung("base+tilt", ["tilt"], {"mu_top": 0.0212, "mu_middle": 0.0356, "mu_bottom": 0.0655, "tilt": 2.02}, 0.012, (1.01, 1.04),
-             611.0, "adequate", "Nothing is missing: what is left is noise (p = 0.41).", (17, 44)),
+             611.0, "adequate", "the model explains the measurements to within their noise", (17, 44)),
     ]  # fmt: skip
     return {"study": "hidden-tilt", "rungs": rungs if done else rungs[:1]}
 
@@ -135,7 +135,7 @@ def diagnosis_of_base():
         candidate("force_gain", "Force gain", 0.04, None, 1.02, "1", visible=0.005, imitated=True),
     ]
     return {
-        "model": "base", "verdict": "missing", "sentence": "A tilt of the indenter is missing: it explains 94 % of what is left.",
+        "model": "base", "verdict": "missing", "sentence": "missing: tilt of the indenter; it explains 94 % of the misfit beyond the noise",
         "effects": ["tilt"], "misfit": 5710.0, "freedom": 601, "threshold": 672.0, "ranking": ranking,
         "confusions": [{"a": "tilt", "b": "gradient", "likeness": 0.91}],
         "measurements": [{"title": "a step with the indenter turned by 180 degrees", "gain": 7.4}, {"title": "two finer pictures", "gain": 1.6}],

@@ -9,12 +9,14 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import keep_json, read_json
 from fingerfit.report.page import ladder_figure, write_page
-from fingerfit.report.page.inputs import read_inputs
+from fingerfit.report.page.figures import force_figure
+from fingerfit.report.page.inputs import read_compare, read_inputs
 
 _spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
 sample = importlib.util.module_from_spec(_spec)
@@ -41,7 +43,7 @@ def test_sections_and_numbers(whole):
     for name in ("compare", "fails", "missing", "ladder", "provenance"):
         assert f'<section id="{name}">' in whole
     assert "The model “base+tilt” explains the measurements" in whole
-    assert "What is left is 1.01 times the noise; it was 2.71 times with base." in whole
+    assert "The residual is 1.01 times the noise level; it was 2.71 times with base." in whole
     assert (
         "These data would not show: Force gain. Not tried, for lack of what they need: Relaxation (needs a time at every step)."
         in whole
@@ -71,9 +73,10 @@ def test_words_for_numbers_and_places(whole):
         assert words not in table
     assert "inclusion 1.22 times" in table and "at 85 % of the width, at 50 % of the height" in table
     assert "0.5 mm thick" in table and "in the layer top" in table
-    assert table.count("the constants can imitate it here") == 1
+    assert table.count("the fitted constants can absorb it here") == 1
     assert (
-        "missing. A tilt" not in whole and "put a level on the indenter" in whole.split('<table class="candidates">')[0]
+        "is missing. missing" not in whole.lower()
+        and "put a level on the indenter" in whole.split('<table class="candidates">')[0]
     )
 
 
@@ -97,9 +100,31 @@ def test_every_picture_of_every_model_is_there_once(whole):
 
 
 def test_the_worst_region_comes_first(whole):
-    ratios = re.search(r'<div data-for="base">\s*<p>After.*?</table>', whole, re.S)[0]
+    ratios = re.search(r'<div data-for="base">\s*<p>Residual displacement.*?</table>', whole, re.S)[0]
     found = [float(x) for x in re.findall(r"<small>([\d.]+) ×</small>", ratios)]
     assert len(found) == 40 and found == sorted(found, reverse=True) and found[0] > 5
+
+
+def test_nothing_is_explained_of_a_misfit_that_is_noise(whole):
+    """The base model has a misfit to explain, the adequate one of 611 for 600 has none."""
+    base, adequate = re.findall(r'<table class="candidates">.*?</table>', whole, re.S)
+    assert base.count('<span class="track short">') == base.count('data-label="Would explain"') > 5
+    assert '<td data-label="Would explain">–' in adequate
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_labels_of_the_force_fit_their_axes(tmp_path, known):
+    """Without a response there is no empty space below."""
+    found = sample.compare(sample.TILT)
+    sample.save(tmp_path / "compare.npz", found if known else {**found, "response": np.full(len(sample.STEPS), np.nan)})
+    figure = force_figure(read_compare(tmp_path / "compare.npz"))
+    for _ in range(2):  # the second time where the layout of the first one has put the axes
+        figure.canvas.draw()
+    assert len(figure.axes) == 1 + known
+    for axes in figure.axes:
+        label, box = axes.yaxis.label.get_window_extent(), axes.get_window_extent()
+        assert label.y0 >= box.y0 - 1 and label.y1 <= box.y1 + 1
+    assert figure.axes[-1].get_tightbbox().y0 < 0.05 * figure.bbox.height
 
 
 def test_names_of_layers_do_not_inject(tmp_path):
@@ -177,7 +202,7 @@ out.map = map.src === uri("map|base|0"); out.framed = document.querySelectorAll(
 out.inView = map.getBoundingClientRect().top >= 0 && map.getBoundingClientRect().top < innerHeight;
 const pattern = document.querySelector('[data-for="base"] img[data-panel=pattern]');
 const there = document.querySelector('[data-for="base"] img[data-panel=there]');
-out.blamed = pattern.src === uri("pattern|base|0|tilt");
+out.named = pattern.src === uri("pattern|base|0|tilt");
 const drawn = ["tilt", "indenter_slip", "inclusion", "skin", "intensity_drift", "onset", "gradient"];
 const rows = Array.from(document.querySelectorAll('[data-for="base"] tr[data-effect]'));
 out.clickable = rows.map((r) => r.dataset.effect).sort().join() === drawn.sort().join();
@@ -195,9 +220,9 @@ out.wide = document.documentElement.scrollWidth <= innerWidth;
 out.innerWidth = innerWidth;
 const blink = document.getElementById("blink"), seen = [];
 blink.click();
-const look = setInterval(() => seen.push(document.getElementById("blink-shot").src === uri("measured|base|0")), 350);
+const watch = setInterval(() => seen.push(document.getElementById("blink-shot").src === uri("measured|base|0")), 350);
 setTimeout(() => {
-  clearInterval(look); blink.click();
+  clearInterval(watch); blink.click();
   out.blinked = seen.includes(true) && seen.includes(false);
   out.stopped = document.getElementById("blink-name").textContent;
   const pre = document.createElement("pre");

@@ -126,7 +126,7 @@ def test_borders_of_the_mesh_in_a_slice(compare):
 def test_regions_are_rows_of_layers(compare):
     found = rows(compare)
     assert {(p.layer, round(p.low, 3)) for p in found} == {("top", 4.0), ("bottom", 2.0), ("bottom", 0.0)}
-    assert found[0].layer == "top"  # the moves grow with the height
+    assert found[0].layer == "top"  # displacements grow with the height
     assert all(len(p.patches) == 20 for p in found)
     assert found[0].where == "on the right, downwards and to the right"
 
@@ -204,7 +204,7 @@ def test_stiffness_is_shown_in_a_section_for_each_x(compare, whole):
         assert outline.min(axis=0) == pytest.approx([0, 0], abs=0.011)
         assert outline.max(axis=0) == pytest.approx([8, 6], abs=0.011)
     assert {"stiffness|base|0", "stiffness|base|1"} <= set(data_of(whole)["panels"])
-    assert "map of the places that want to be stiffer or softer" in whole
+    assert "map of where stiffer or softer material would reduce the misfit" in whole
 
 
 CLICKS = """

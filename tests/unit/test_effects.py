@@ -47,7 +47,7 @@ def deck(values=(), effects=None, of=None, folders=(), mesh=MESH):
 
 
 def at_step(effect):
-    """An effect at its first place and the sizes of a first look."""
+    """An effect at its first place and its trial sizes."""
     return effect.places()[0] | {effect.key(p.name): p.null + p.step for p in effect.parameters}
 
 
@@ -180,7 +180,7 @@ def test_split_layer_changes_its_layer_only():
 
 
 def test_an_element_has_the_mean_of_a_field():
-    """With three elements over a layer the middle one lies half in either half of a layer that is really two."""
+    """With three elements over a layer the middle one lies half in either half of a layer of two materials."""
     mesh = layered_block(12.0, LAYERS, 6, 3, "CPE8")
     place = {"split_layer.contrast": 0.6, "split_layer.layer": 2}
     change = np.log(moduli(place, mesh) / plain_moduli(mesh))

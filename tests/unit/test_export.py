@@ -107,8 +107,8 @@ def made(tmp_path_factory):
     data.save(model / "prepared.npz")
     rng = generator(1)
     centre = np.array([[x, y, z] for x in (1.0, 3.0) for y in (0.75, 2.25) for z in (0.5, 1.5)])
-    moves = rng.normal(0, 0.05, (2, 8, 3))
-    moves[1, 3] = np.nan
+    displacement = rng.normal(0, 0.05, (2, 8, 3))
+    displacement[1, 3] = np.nan
     compare = {
         "measured": data.measured,
         "synthesized": 0.5 * data.measured,
@@ -121,8 +121,8 @@ def made(tmp_path_factory):
         "spacing": data.spacing,
         "origin": data.origin,
         "direction": data.direction,
-        "residual_displacement": moves,
-        "residual_displacement_noise": np.full_like(moves, 0.02),
+        "residual_displacement": displacement,
+        "residual_displacement_noise": np.full_like(displacement, 0.02),
         "patch_centre": centre,
         "patch_count": np.array([2, 2, 2]),
         "mesh_points": mesh.points,
@@ -264,7 +264,9 @@ def test_tables(made):
     assert [row["step"] for row in forces] == ["1", "4"]
     assert float(forces[1]["force_model_N"]) == pytest.approx(-outcome.reaction[1, 2], rel=1e-5)
     assert forces[1]["displacement_measured_mm"] == ""
-    assert float(forces[0]["force_left_N"]) == pytest.approx(compare["force"][0] - compare["force_model"][0], abs=1e-9)
+    assert float(forces[0]["force_residual_N"]) == pytest.approx(
+        compare["force"][0] - compare["force_model"][0], abs=1e-9
+    )
     assert [row["force_noise_N"] for row in forces] == ["0.01", "0.01"]
     errors = rows(folder / "error_by_step.csv")
     assert [(row["fitted"], float(row["times_the_noise"])) for row in errors] == [("yes", 2.0), ("no", 3.0)]

@@ -1,4 +1,4 @@
-"""`fingerfit check` looks at a study's own effects, and names what is misspelt in them."""
+"""`fingerfit check` tries a study's own effects, and names what is misspelt in them."""
 
 import re
 from pathlib import Path

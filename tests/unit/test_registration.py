@@ -173,7 +173,7 @@ def world():
     return data, displacement, maps
 
 
-def examined(data, maps, rng=None, shift=None, seed=1):
+def compared(data, maps, rng=None, shift=None, seed=1):
     """Residual with noise on all pictures; the measured ones may be displaced, mm."""
     before, measured = data.before, data.measured
     if shift is not None:
@@ -194,7 +194,7 @@ def examined(data, maps, rng=None, shift=None, seed=1):
 
 def test_nothing_is_left_of_a_true_model(world):
     data, _, maps = world
-    residual = examined(data, maps)
+    residual = compared(data, maps)
     assert np.nanmax(np.abs(residual.value)) < 1e-9
     assert residual.error == pytest.approx(0.0, abs=1e-12)
     # measured minus predicted, and its noise
@@ -206,7 +206,7 @@ def test_nothing_is_left_of_a_true_model(world):
 
 def test_what_is_left_is_in_millimetres(world):
     data, _, maps = world
-    residual = examined(data, maps, shift=(0.08, -0.05))
+    residual = compared(data, maps, shift=(0.08, -0.05))
     assert np.isfinite(residual.value).sum() > 0.8 * residual.value.size
     assert np.nanmedian(residual.value[..., 0]) == pytest.approx(0.08, abs=0.004)
     assert np.nanmedian(residual.value[..., 1]) == pytest.approx(-0.05, abs=0.004)
@@ -216,8 +216,8 @@ def test_noise_agrees_with_a_monte_carlo(world):
     """Each patch's covariance comes from 40 draws, 22 % for a variance: means over the patches are compared."""
     data, _, maps = world
     rng = generator(5)
-    first = examined(data, maps, rng)
-    draws = [examined(data, maps, rng, seed=n) for n in range(60)]
+    first = compared(data, maps, rng)
+    draws = [compared(data, maps, rng, seed=n) for n in range(60)]
     values = np.array([draw.value for draw in draws])  # draw, picture, patch, component
     known = np.isfinite(values).all(axis=(0, 1, 3)) & np.isfinite(first.value).all(axis=(0, 2))
     assert known.sum() >= 15

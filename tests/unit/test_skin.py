@@ -1,9 +1,10 @@
-"""The recipe for skin between two pads, on files of the authors' format that are made here."""
+"""The example with skin between two pads, on files of the authors' format that are made here."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scripts import EXAMPLES, make_study_of
 from seeds import generator
 
 from fingerfit.core.errors import InputError
@@ -15,11 +16,10 @@ from fingerfit.deck.render import render_deck
 from fingerfit.imaging.points import estimate_covariance
 from fingerfit.model.catalogue import catalogue
 from fingerfit.prepare.prepare import make_mesh, prepare
-from fingerfit.recipes.skin import FRAMES, make_study, membrane, read_numbers
 from fingerfit.study.reader import load_study
 
 DATA = Path(__file__).resolve().parents[3] / "shared/real/skin_extension"
-STUDY = Path(__file__).resolve().parents[2] / "studies/skin"
+SCRIPT, STUDY = make_study_of("skin"), EXAMPLES / "skin"
 GEO = "L0 = 100;\nH0 = 40;\nL = 100;\nH = 50;\nl_pad = 8.0; // length\nh_pad = 8.0;\ndL_pad = 32.0;\n"
 NUMBERS = {"L0": 100.0, "H0": 40.0, "L": 100.0, "H": 50.0, "l_pad": 8.0, "h_pad": 8.0, "dL_pad": 32.0}
 NOISE = 0.01
@@ -47,16 +47,16 @@ def authors_files(folder):
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("skin")
-    make_study(authors_files(folder / "authors"), folder / "study")
+    SCRIPT.make_study(authors_files(folder / "authors"), folder / "study")
     return load_study(folder / "study")
 
 
 def test_the_study_turns_the_pull_downwards(study):
-    assert len(study.steps) == len(FRAMES)
-    assert study.steps[0].displacement == pytest.approx(4 * FRAMES[0] / 49, abs=1e-4)
+    assert len(study.steps) == len(SCRIPT.FRAMES)
+    assert study.steps[0].displacement == pytest.approx(4 * SCRIPT.FRAMES[0] / 49, abs=1e-4)
     assert study.steps[0].force == pytest.approx(0.02 * study.steps[0].displacement, abs=1e-5)
     data = prepare(study, make_mesh(study, None), None, 1.0, 0.3)
-    last = data.points_step == len(FRAMES) - 1
+    last = data.points_step == len(SCRIPT.FRAMES) - 1
     # the measured x, along the pull, is the study's y; all points move towards the moving pad, downwards
     assert data.points[last][:, 1].min() == pytest.approx(11.0, abs=1e-4)
     assert (data.points_displacement[last][:, 1] < 0).all()
@@ -67,8 +67,8 @@ def test_noise_is_what_no_smooth_field_can_do(study):
     # 5 standard errors: of n degrees of freedom a variance is off by sqrt(2 / n), a covariance by 1 / sqrt(n); those of
     # a step are two of each of 18 x 9 points less the 21 coefficients of a polynomial of fifth degree
     freedom = 2 * (18 * 9 - 21)
-    assert data.points_noise == pytest.approx(NOISE, rel=5 / np.sqrt(2 * freedom * len(FRAMES)))
-    between, own = data.between_steps / NOISE**2, np.eye(len(FRAMES), dtype=bool)
+    assert data.points_noise == pytest.approx(NOISE, rel=5 / np.sqrt(2 * freedom * len(SCRIPT.FRAMES)))
+    between, own = data.between_steps / NOISE**2, np.eye(len(SCRIPT.FRAMES), dtype=bool)
     assert between[own] == pytest.approx(1.0, abs=5 * np.sqrt(2 / freedom))
     assert between[~own] == pytest.approx(0.0, abs=5 / np.sqrt(freedom))
 
@@ -99,7 +99,7 @@ def test_errors_of_a_point_at_two_steps_are_alike():
 
 
 def test_membrane_has_a_hole_for_each_pad():
-    mesh = membrane(NUMBERS, 2.0, 6.0)
+    mesh = SCRIPT.membrane(NUMBERS, 2.0, 6.0)
     corners = mesh.points[mesh.blocks[0].nodes]
     x, y = np.moveaxis(corners, -1, 0)
     area = 0.5 * (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
@@ -121,7 +121,7 @@ def deck(study, mesh, values):
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in (STUDY / "effects").glob("*.yaml")))
 def test_effects_of_the_study(study, name, tmp_path):
-    mesh = membrane(NUMBERS, 4.0, 10.0)
+    mesh = SCRIPT.membrane(NUMBERS, 4.0, 10.0)
     mesh.node_sets["INDENTER"] = mesh.node_sets["TOP"][:1]
     effect = catalogue(STUDY)[name]
     place = effect.places()[0]
@@ -131,25 +131,25 @@ def test_effects_of_the_study(study, name, tmp_path):
     assert changed != deck(study, mesh, {})
     (tmp_path / "mesh.inp").write_text(format_mesh(mesh))
     (tmp_path / "deck.inp").write_text(changed)
-    assert len(read_deck(tmp_path / "deck.inp").steps) >= len(FRAMES)
+    assert len(read_deck(tmp_path / "deck.inp").steps) >= len(SCRIPT.FRAMES)
 
 
 def test_what_is_wrong_is_told(tmp_path):
     with pytest.raises(InputError, match=r"healthy_skin.geo"):
-        make_study(tmp_path, tmp_path / "out")
+        SCRIPT.make_study(tmp_path, tmp_path / "out")
     (tmp_path / "healthy_skin.geo").write_text("L0 = 100;\n")
     with pytest.raises(InputError, match="dL_pad"):
-        read_numbers(tmp_path / "healthy_skin.geo")
+        SCRIPT.read_numbers(tmp_path / "healthy_skin.geo")
     folder = authors_files(tmp_path / "authors")
     (folder / "displacement/xt_dic_0006.out").write_text("1 2\n")
     with pytest.raises(InputError, match="as in the first frame"):
-        make_study(folder, tmp_path / "out")
+        SCRIPT.make_study(folder, tmp_path / "out")
 
 
 def test_the_authors_files(tmp_path):
     if not DATA.is_dir():
         pytest.skip("the measured data (shared/real/skin_extension) are not here")
-    make_study(DATA, tmp_path)
+    SCRIPT.make_study(DATA, tmp_path)
     study = load_study(tmp_path)
     data = prepare(study, make_mesh(study, None), None, 1.0, 0.3)
     assert len(data.points) == 8 * 537

@@ -18,7 +18,7 @@ ROOMS = (
     ("deck", "search"),
     ("anatomy", "imaging", "solvers"),
     ("morph", "settings"),
-    ("prepare", "testing", "recipes"),
+    ("prepare", "testing"),
     ("forward",),
     ("fit",),
     ("provenance", "virtual"),

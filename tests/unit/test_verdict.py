@@ -112,7 +112,7 @@ def test_the_share_is_that_of_the_refit(world):
 
 
 def test_what_the_refit_says_goes_before_the_first_look(world):
-    """The effect that looked second is the better one once both are fitted."""
+    """The effect that is ranked second is the better one once both are fitted."""
     between = 0.85 * world.signal(0) + np.sqrt(1 - 0.85**2) * world.signal(1)
     score_test = world.score_test(30 * world.signal(0))
     ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=between)
@@ -126,7 +126,7 @@ def test_two_that_fit_as_well_are_indistinguishable(world):
     found = answer(world, 30 * world.signal(0), tilt=world.signal(0), inclusion=near)
     assert found.kind == "indistinguishable"
     assert found.effects == ("tilt", "inclusion")
-    assert "tilt of the indenter or an inclusion; these data cannot tell which" in found.sentence
+    assert "tilt of the indenter or inclusion in the plane; these data cannot tell them apart" in found.sentence
 
 
 @pytest.mark.parametrize(("apart", "kind"), [(15.0, "indistinguishable"), (17.0, "missing")])
@@ -154,7 +154,7 @@ def test_what_an_error_of_the_mesh_may_decide_does_not_tell_two_adequate_refits_
 def test_nothing_known_explains_it(world):
     found = answer(world, 40 * world.signal(5), tilt=world.signal(0), inclusion=world.signal(1))
     assert (found.kind, found.effects) == ("unexplained", ())
-    assert "none of the known effects explains it" in found.sentence
+    assert "no known effect explains the misfit beyond the noise" in found.sentence
 
 
 def test_little_of_it_is_explained(world):
@@ -162,7 +162,10 @@ def test_little_of_it_is_explained(world):
     found = answer(world, residual, tilt=world.signal(0), inclusion=world.signal(1))
     assert (found.kind, found.effects) == ("unexplained", ())
     share = 25**2 / (40**2 + 25**2)
-    assert f"tilt of the indenter comes nearest but explains only {100 * share:.0f} % of it" in found.sentence
+    assert (
+        f"tilt of the indenter comes nearest but explains only {100 * share:.0f} % of the misfit beyond the noise"
+        in found.sentence
+    )
 
 
 def test_two_effects_together(world):
@@ -179,7 +182,8 @@ def test_two_effects_together(world):
     found = decide(score_test, ranking, refits, TESTS, (ranking[1], both))
     assert (found.kind, found.effects) == ("missing", ("tilt",))
     assert (
-        f"with an inclusion it explains the misfit beyond the noise, alone {100 * 900 / 1525:.0f} %" in found.sentence
+        f"with inclusion in the plane it explains the misfit beyond the noise, alone {100 * 900 / 1525:.0f} %"
+        in found.sentence
     )
     # after it was added the other one is missing
     second = answer(world, 25 * world.signal(1), inclusion=world.signal(1), skin=world.signal(2))
@@ -195,7 +199,9 @@ def test_a_pair_that_does_not_explain_it_when_fitted_names_nothing(world):
     for partner in (None, (ranking[1], both)):
         found = decide(score_test, ranking, refits, TESTS, partner)
         assert (found.kind, found.effects) == ("unexplained", ())
-        assert "tilt of the indenter comes nearest but explains only 59 % of it" in found.sentence
+        assert (
+            "tilt of the indenter comes nearest but explains only 59 % of the misfit beyond the noise" in found.sentence
+        )
 
 
 def test_what_explains_enough_alone_needs_no_partner(world):
@@ -293,7 +299,7 @@ def test_alarms_by_chance_are_rare(world, rng):
     own, signals = world.basis[:, :OWN], world.basis[:, OWN : OWN + TESTS]
     models, rare, often = 400, 0, 0
 
-    def accused(residual, *tests):
+    def named(residual, *tests):
         score_test = ScoreTest(residual, np.eye(VALUES), own, np.zeros((VALUES, 1)))
         tested = [score_test.test(signals[:, [n]], -WIDE, WIDE) for n in range(TESTS)]
         ranking = [Ranked(Candidate(EFFECTS["tilt"], {}), finding, signals[:, [n]]) for n, finding in enumerate(tested)]
@@ -302,10 +308,10 @@ def test_alarms_by_chance_are_rare(world, rng):
 
     for _ in range(models):
         noise = rng.normal(size=VALUES)
-        corrected, single = accused(noise, TESTS, 1)
+        corrected, single = named(noise, TESTS, 1)
         rare, often = rare + corrected, often + single
         # 10 standard deviations of noise: the limit is at 3.5, and noise takes away 6 once in a thousand million
-        assert accused(noise + 10 * signals[:, 0], TESTS) == [True]
+        assert named(noise + 10 * signals[:, 0], TESTS) == [True]
     # Bounds that a seed exceeds once in a million. Falls are independent chi squared of one degree of freedom, since the
     # signals are orthonormal. A misfit above its expectation raises the limit, in 84 of 100 by its deviation or less.
     spread = 1 + np.sqrt(2 / (VALUES - OWN))
@@ -319,7 +325,7 @@ def test_no_model_is_adequate_whose_pictures_differ_by_much_more_than_their_nois
     found = answer(world, 0 * world.signal(0), tilt=world.signal(0))
     assert doubted(found, 1.2) is found
     assert doubted(found, 1.8).kind == "unexplained"
-    assert "1.8 times their noise" in doubted(found, 1.8).sentence
+    assert "1.8 times the noise level" in doubted(found, 1.8).sentence
     missing = answer(world, 30 * world.signal(0), tilt=world.signal(0))
     assert doubted(missing, 5.0) is missing
 
@@ -409,7 +415,7 @@ def test_what_only_mesh_or_load_steps_explain_is_cured_by_settings(world, name, 
 def test_what_mesh_explains_in_part_or_beside_an_effect_is_not_named_on_it(world):
     part = world.score_test(30 * world.signal(5) + 20 * world.signal(0))
     ranking = world.ranking(part, coarse_mesh=world.signal(0))
-    assert "none of the known effects" in by_settings(decide(part, ranking, {}, TESTS), part, ranking, TESTS).sentence
+    assert "no known effect explains" in by_settings(decide(part, ranking, {}, TESTS), part, ranking, TESTS).sentence
     score_test = world.score_test(30 * world.signal(0))
     ranking = world.ranking(score_test, tilt=world.signal(0), coarse_mesh=world.signal(0))
     found = decide(score_test, ranking, world.refits(score_test, ranking), TESTS)

@@ -1,9 +1,8 @@
-"""Diagnosis of forces alone, on made-up tests in the format of docs/ecoflex.md."""
-
-from pathlib import Path
+"""Diagnosis of forces alone, on made-up tests in the format of examples/ecoflex."""
 
 import numpy as np
 import pytest
+from scripts import EXAMPLES, make_study_of
 from seeds import generator
 
 from fingerfit.deck.mesh_file import format_mesh
@@ -11,11 +10,10 @@ from fingerfit.diagnosis.diagnose import diagnose, errors
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.simulate import run_fit
 from fingerfit.prepare.prepare import make_mesh, prepare
-from fingerfit.recipes.ecoflex import make_study, spread_of
 from fingerfit.settings.config import load_settings
 from fingerfit.study.reader import load_study
 
-CONFIG = Path(__file__).resolve().parents[2] / "studies/ecoflex/fixed.yaml"
+SCRIPT, CONFIG = make_study_of("ecoflex"), EXAMPLES / "ecoflex/fixed.yaml"
 MU, ALPHA = 0.01, 2.0
 
 
@@ -37,8 +35,8 @@ def several_tests(folder, alpha, seed=1):
     return paths
 
 
-def examined(folder, alpha):
-    make_study(several_tests(folder, alpha), folder / "study")
+def diagnosed(folder, alpha):
+    SCRIPT.make_study(several_tests(folder, alpha), folder / "study")
     settings = load_settings(CONFIG)
     settings = settings.model_copy(update={"study": str(folder / "study")})
     study = load_study(folder / "study")
@@ -53,14 +51,14 @@ def examined(folder, alpha):
 def test_the_factor_between_specimens_is_taken_apart():
     shape = np.arange(1.0, 11.0)
     own = np.array([[0.01], [-0.01], [0.0]]) * (-1.0) ** np.arange(10)
-    noise, factor = spread_of(np.array([[0.95], [1.0], [1.05]]) * shape * (1 + own))
+    noise, factor = SCRIPT.spread_of(np.array([[0.95], [1.0], [1.05]]) * shape * (1 + own))
     # they are told apart to first order: what is left is of the size of their product, 0.05 x 0.01, of each
     assert factor == pytest.approx(0.05, rel=1e-3)
     assert noise / shape == pytest.approx(0.01, rel=1e-3)
 
 
 def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
-    found = examined(tmp_path, ALPHA)
+    found = diagnosed(tmp_path, ALPHA)
     fitted, held_out = errors(found.comparison)
     # 16 seeds: 9.1 and 7.9, with standard deviations of 1.2 and 0.8
     assert fitted > 2
@@ -79,6 +77,6 @@ def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
 
 
 def test_nothing_is_missing_where_nothing_is(tmp_path):
-    found = examined(tmp_path, 1.4)
+    found = diagnosed(tmp_path, 1.4)
     assert found.verdict.kind == "adequate"
     assert errors(found.comparison)[0] < 1.0  # 16 seeds: 0.41, 0.12

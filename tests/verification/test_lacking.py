@@ -97,7 +97,7 @@ def test_the_diagnosis_says_so(tmp_path, monkeypatch):
         ("viscoelastic relaxation", "*VISCOELASTIC"),
         # of forces alone these cannot be tested either
         ("mesh too coarse", "a finer mesh"),
-        ("an inclusion", "pictures or measured points"),
+        ("inclusion in the plane", "pictures or measured points"),
         ("tilt of the indenter", "pictures or measured points"),
     ]
     tested = {entry["effect"] for entry in diagnosis["ranking"]}
@@ -112,7 +112,7 @@ def test_what_was_not_measured_is_no_candidate_but_told(tmp_path):
     problem, _ = begin(settings, tmp_path / "model")
     assert {title: str(error.found) for title, error in untestable(problem).items()} == {
         "mesh too coarse": "a finer mesh",
-        "an inclusion": "pictures or measured points",
+        "inclusion in the plane": "pictures or measured points",
         "tilt of the indenter": "pictures or measured points",
         "viscoelastic relaxation": "a time at every step",
     }

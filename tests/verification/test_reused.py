@@ -75,7 +75,7 @@ def test_adding_what_was_refitted_runs_nothing(folder):
     assert counted == {"run": run, "reused": 0}
     name = found.verdict.effects[0]
     said = add(folder / "config.yaml", name)
-    assert f"; {found.refits[name].simulations} simulations of its refit are known" in said
+    assert f"; {found.refits[name].simulations} simulations of its refit are reused" in said
     run, counted, _ = diagnosed(folder)
     assert run == 0
     assert counted["run"] == 0

@@ -93,7 +93,7 @@ def diagnose(place):
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """The study, its first rung, and then those that `snakemake discover` climbs."""
+    """The study, its first rung, and then those that `snakemake discover` adds."""
     place = tmp_path_factory.mktemp("hidden")
     (place / "experiment.yaml").write_text(yaml.safe_dump(DESCRIPTION))
     run_experiment(place / "experiment.yaml", place / "study")
@@ -186,10 +186,10 @@ def test_discover_tells_each_rung(place):
     lines = (place / "said.txt").read_text(encoding="utf-8").splitlines()
     base, tilted = rung(place, "base"), rung(place, "base+tilt")
     wanted = [
-        f"base: error {base['error']['fitted']:.3g} times the noise, {base['error']['held_out']:.3g} on held-out steps;"
-        f" {base['simulations']['run']} simulations run, 0 of the models below reused; {base['sentence']}",
+        f"base: error {base['error']['fitted']:.3g} times the noise level, {base['error']['held_out']:.3g} on held-out steps;"
+        f" {base['simulations']['run']} simulations run, 0 reused from models below; {base['sentence']}",
         "config.yaml: added tilt (tilt of the indenter), starting at slope ",
-        f"base+tilt: error {tilted['error']['fitted']:.3g} times the noise,"
+        f"base+tilt: error {tilted['error']['fitted']:.3g} times the noise level,"
         f" {tilted['error']['held_out']:.3g} on held-out steps; 0 simulations run,",
         "ladder: results/study/ladder.json; page: results/study/report.html",
     ]

@@ -1,4 +1,4 @@
-"""Four small bodies, each examined in this process: nothing hidden, one effect, two, and one that is not in the catalogue."""
+"""Four small bodies, each diagnosed in this process: nothing hidden, one effect, two, and one that is not in the catalogue."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ changes:
 """
 
 
-def climbed(folder, effects, highest=3) -> list[Diagnosis]:
-    """The rungs of a body with hidden effects: fitted, examined, what is missing added, and again."""
+def rungs_of(folder, effects, highest=3) -> list[Diagnosis]:
+    """The rungs of a body with hidden effects: fitted, diagnosed, the missing effect added, and again."""
     write_json(folder / "experiment.yaml", {**DESCRIPTION, "effects": {}})
     (folder / "own/effects").mkdir(parents=True)
     (folder / "own/effects/waves.yaml").write_text(WAVES)
@@ -45,13 +45,13 @@ def climbed(folder, effects, highest=3) -> list[Diagnosis]:
 
 
 def test_nothing_hidden(tmp_path):
-    (found,) = climbed(tmp_path, {})
+    (found,) = rungs_of(tmp_path, {})
     assert found.verdict.kind == "adequate"
     assert found.verdict.effects == ()
 
 
 def test_a_drift_that_the_score_of_pictures_does_not_see(tmp_path):
-    first, second = climbed(tmp_path, {"intensity_drift": {"gain": 0.1}}, 2)
+    first, second = rungs_of(tmp_path, {"intensity_drift": {"gain": 0.1}}, 2)
     assert (first.verdict.kind, first.verdict.effects) == ("missing", ("intensity_drift",))
     # 8 seeds: 1.7 % too large on average with a standard deviation of 0.7 %; five of them
     assert first.refits["intensity_drift"].values["intensity_drift.gain"] == pytest.approx(0.1, rel=0.055)
@@ -60,14 +60,14 @@ def test_a_drift_that_the_score_of_pictures_does_not_see(tmp_path):
 
 @pytest.mark.slow
 def test_two_effects_are_found_one_after_the_other(tmp_path):
-    rungs = climbed(tmp_path, {"tilt": {"slope": 0.02}, "intensity_drift": {"gain": 0.05}})
+    rungs = rungs_of(tmp_path, {"tilt": {"slope": 0.02}, "intensity_drift": {"gain": 0.05}})
     assert [found.verdict.kind for found in rungs] == ["missing", "missing", "adequate"]
     assert {found.verdict.effects for found in rungs[:2]} == {("tilt",), ("intensity_drift",)}
 
 
 @pytest.mark.slow
 def test_what_is_not_in_the_catalogue_has_no_name(tmp_path):
-    (found,) = climbed(tmp_path, {"waves": {"contrast": 1.2}}, 1)
+    (found,) = rungs_of(tmp_path, {"waves": {"contrast": 1.2}}, 1)
     assert found.verdict.kind == "unexplained"
     assert found.verdict.effects == ()
     assert found.ranking[0].finding.fall > 10 * found.verdict.threshold

@@ -58,7 +58,7 @@ MU = {"unit": "MPa", "start": 0.015, "lower": 0.001, "upper": 0.2}
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    """The homogeneous model examined: some candidates tested, the best of them refitted."""
+    """The homogeneous model diagnosed: some candidates tested, the best of them refitted."""
     folder = tmp_path_factory.mktemp("finger")
     centre = (Anatomy().pulp_centre, 0.0)
     # other elements than the fit's; meshes as coarse as this, of other nodes, would differ by half of what layers do
@@ -103,7 +103,7 @@ def test_rigid_tools_are_not_part_of_the_body(world):
 def test_the_layer_is_missing(world):
     assert (world.verdict.kind, world.verdict.effects) == ("missing", ("layers",))
     # found: friction and a shift of the pictures look better, and are refitted, too
-    # what is left beyond the noise is what other elements change
+    # the residual beyond the noise is what other elements change
     before = errors(world.comparison)[0]
     assert before > 1.5  # 9 seeds: 1.65 on average with a standard deviation of 0.026
     score_test, after = world.score_test, world.refits["layers"]

@@ -206,7 +206,9 @@ def test_a_diagnosis_of_a_model_that_lacks_nothing(place):
     assert (found["verdict"], found["effects"]) == ("adequate", [])
     (rung,) = read_json(place / "results/study/ladder.json")["rungs"]
     assert (rung["model"], rung["verdict"]) == ("base", "adequate")
-    assert "Nothing is missing" in (place / "results/study/report.html").read_text(encoding="utf-8")
+    assert "Model adequate: no missing effect detected" in (place / "results/study/report.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_tolerances_cost_only_new_simulations(place):

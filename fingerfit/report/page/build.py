@@ -146,7 +146,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "first_effect": next(iter(model.patterns), ""),
         "parts": {effect: part for effect, (part, _) in model.patterns.items()},
         "titles": named,
-        "blamed": [c for c in ranking if c["effect"] in effects],
+        "named": [c for c in ranking if c["effect"] in effects],
         "commands": commands(effects[0]) if effects else (),
         "steps": _steps(model),
         "curve": panels.keys.get(f"there|{model.name}|steps|response"),
@@ -164,7 +164,7 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
     refit = entry.get("refit") or None
     misfit = model.diagnosis.get("misfit")
     achieved = misfit - refit["misfit"] if refit and misfit is not None and refit.get("misfit") is not None else None
-    share = entry.get("share_of_excess")
+    share = entry.get("share_of_excess") if _exceeds(model.diagnosis) else None
     return {
         "effect": str(entry.get("effect", "")),
         "title": entry.get("title") or entry.get("effect", ""),
@@ -183,8 +183,14 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _exceeds(diagnosis: dict[str, Any]) -> bool:
+    """Whether the misfit exceeds that of noise by more than chance: of less there are no shares to explain."""
+    misfit, freedom = diagnosis.get("misfit"), diagnosis.get("freedom")
+    return misfit is None or freedom is None or misfit - freedom > (diagnosis.get("threshold") or 0.0)
+
+
 def _steps(model: Model) -> list[dict[str, Any]]:
-    """What is left by step of the response, against its noise."""
+    """Residual of the response by step, against its noise."""
     compare = model.compare
     if compare is None or not np.isfinite(compare.response).any():
         return []

@@ -22,6 +22,7 @@ LEFT, RIGHT, BOTTOM, TOP = 0.62, 0.98, 0.52, 0.16
 """Margins of a panel, inches; the scale of colours is in the right one."""
 WARM = LinearSegmentedColormap.from_list("warm", ["#FFFFFF", "#FBE7B5", COLOURS[0], COLOURS[5]])
 UNKNOWN = "#DDDDDD"
+NOISE_BAND = "noise (2 standard deviations)"
 
 
 def plain(text: object) -> str:
@@ -147,25 +148,25 @@ def borders(compare: Compare) -> list[np.ndarray]:
     return [compare.mesh_points[list(edge)] for edge, own in owners.items() if len(own) == 1 or len(set(own)) > 1]
 
 
-def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -> Figure:
+def map_panel(frame: Frame, compare: Compare, displacement: np.ndarray, limit: float) -> Figure:
     """Displacements of patches: arrows, many times enlarged, over a map of their length.
 
     Parameters
     ----------
     frame : Frame
     compare : Compare
-    moves : ndarray, shape (patches, 2)
+    displacement : ndarray, shape (patches, 2)
         mm; NaN where unknown.
     limit : float
         End of the scale of colours, and displacement whose arrow is as long as a patch, mm.
     """
     figure, axes, scale = frame.panel()
     size = patch_size(compare)
-    length = np.hypot(moves[:, 0], moves[:, 1])
+    length = np.hypot(displacement[:, 0], displacement[:, 1])
     shown = _cells(axes, compare, length, cmap=WARM, vmin=0, vmax=limit)
     known = np.isfinite(length) & (length > 0.02 * limit)
     reach = 1.15 * float(size.min()) / limit
-    drawn = np.minimum(1.0, 1.3 * limit / np.maximum(length, 1e-12))[:, None] * moves
+    drawn = np.minimum(1.0, 1.3 * limit / np.maximum(length, 1e-12))[:, None] * displacement
     axes.quiver(
         *compare.patch_centre[known].T, *drawn[known].T, angles="xy", scale_units="xy", scale=1 / reach,
         width=0.006, headwidth=3.6, headlength=4, headaxislength=3.6, pivot="middle", color="#111111",
@@ -173,7 +174,7 @@ def map_panel(frame: Frame, compare: Compare, moves: np.ndarray, limit: float) -
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
     axes.set_xlabel(f"{frame.labels[0]} (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
-    _scale(figure, shown, scale, "displacement left over in mm", "max")
+    _scale(figure, shown, scale, "residual displacement in mm", "max")
     return figure
 
 
@@ -196,17 +197,17 @@ def _cells(axes: Any, compare: Compare, values: np.ndarray, **colours: Any) -> A
 
 
 def brightness_panel(frame: Frame, compare: Compare, values: np.ndarray, limit: float) -> Figure:
-    """Brightness of patches that is left over, shape (patches,)."""
+    """Residual brightness of patches, shape (patches,)."""
     figure, axes, scale = frame.panel()
     shown = _cells(axes, compare, values, cmap="RdBu_r", vmin=-limit, vmax=limit)
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
-    _scale(figure, shown, scale, "brightness left over (of 1)", "both")
+    _scale(figure, shown, scale, "residual brightness (of 1)", "both")
     return figure
 
 
 def curve_panel(compare: Compare, values: np.ndarray, limit: float) -> Figure:
-    """What is left of the response against the step, with the band of its noise.
+    """Residual of the response against the step, with the band of its noise.
 
     Parameters
     ----------
@@ -218,30 +219,36 @@ def curve_panel(compare: Compare, values: np.ndarray, limit: float) -> Figure:
     """
     figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
     axes = figure.subplots()
-    _left_curve(axes, compare, values, "o-")
+    _residual_curve(axes, compare, values, "o-")
     axes.set_ylim(-limit, limit)
     axes.tick_params(labelsize=8.5)
     return figure
 
 
-def _left_curve(axes: Any, compare: Compare, values: np.ndarray, style: str) -> None:
+def _residual_curve(axes: Any, compare: Compare, values: np.ndarray, style: str) -> None:
     name, unit = compare.response_name
     noise = np.nan_to_num(compare.response_noise)
     if noise.any():
         axes.fill_between(
-            compare.step, -2 * noise, 2 * noise, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)"
+            compare.step,
+            -2 * noise,
+            2 * noise,
+            color=COLOURS[4],
+            alpha=0.18,
+            linewidth=0,
+            label=NOISE_BAND,
         )
         axes.legend(frameon=False, fontsize=8.5, loc="best")
     axes.axhline(0, color="#555555", linewidth=0.8)
     shown = np.isfinite(values)
     axes.plot(compare.step[shown], values[shown], style, markersize=4.5, color=COLOURS[5])
     axes.set_xlabel("step", fontsize=9)
-    axes.set_ylabel(f"{name} left over in {unit}", fontsize=9)
+    axes.set_ylabel(f"residual\n{name} in {unit}", fontsize=9)
     axes.set_xticks(compare.step if len(compare.step) <= 12 else compare.step[:: len(compare.step) // 8])
 
 
 def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
-    """Which places want to be stiffer or softer, over the layers of the body.
+    """Where stiffer or softer material would reduce the misfit, over the layers of the body.
 
     Parameters
     ----------
@@ -302,28 +309,27 @@ def _stiffness_map(axes: Any, edges: list[np.ndarray], stiffness: np.ndarray, li
 
 
 def force_figure(compare: Compare) -> Figure | None:
-    """Force against indentation with the band of noise, and below what is left of it; None when nothing is known."""
+    """Force against indentation with the band of noise, and below its residual; None when nothing is known."""
     known = np.isfinite(compare.force) & np.isfinite(compare.displacement) if len(compare.force) else np.zeros(0, bool)
     modelled = bool(len(compare.force_model)) and bool(np.isfinite(compare.force_model).any())
     if not modelled and not known.any():
         return None
-    figure = Figure(figsize=(5.2, 4.6), layout="constrained")
-    upper, lower = figure.subplots(2, 1, gridspec_kw={"height_ratios": [2.4, 1]})
+    both = bool(np.isfinite(compare.response).any())
+    figure = Figure(figsize=(5.2, 5.1 if both else 3.4), layout="constrained")
+    upper, *lower = np.ravel(figure.subplots(1 + both, 1, gridspec_kw={"height_ratios": [2, 1.2][: 1 + both]}))
     if modelled:
         _model_line(upper, compare)
     if known.any():
         upper.errorbar(
             compare.displacement[known], compare.force[known], xerr=_bars(compare.displacement_noise, known),
             yerr=_bars(compare.force_noise, known), fmt="o", markersize=4.5, capsize=2, color=COLOURS[5],
-            label="measured (bars: twice the noise)",
+            label="measured (bars: 2 standard deviations)",
         )  # fmt: skip
     upper.set(xlabel="indentation in mm", ylabel="force in N")
     upper.legend(frameon=False, fontsize=9)
-    if not np.isfinite(compare.response).any():
-        figure.delaxes(lower)
-        return figure
-    _left_curve(lower, compare, compare.response, "o")
-    lower.margins(y=0.25)
+    for axes in lower:
+        _residual_curve(axes, compare, compare.response, "o")
+        axes.margins(y=0.25)
     return figure
 
 
@@ -341,5 +347,5 @@ def _model_line(axes: Any, compare: Compare) -> None:
     noise = (np.concatenate([n[:1], n[order]])[fine] for n in (compare.force_noise, compare.displacement_noise))
     band = 2 * np.hypot(next(noise), slope * next(noise))
     if band.any():
-        axes.fill_between(x, y - band, y + band, color=COLOURS[4], alpha=0.18, linewidth=0, label="noise (twice)")
+        axes.fill_between(x, y - band, y + band, color=COLOURS[4], alpha=0.18, linewidth=0, label=NOISE_BAND)
     axes.plot(x, y, "-", color=COLOURS[4], label="model")

@@ -71,7 +71,7 @@ class Compare:
     brightness, brightness_noise : ndarray, shape (pictures, patches)
         Residual brightness and its standard error; NaN where unknown.
     response, response_noise : ndarray, shape (steps,)
-        What is left of the response, and its standard error, N or mm.
+        Residual of the response, and its standard error, N or mm.
     control : ndarray of str, shape ()
         The quantity that is prescribed, ``force`` or ``displacement``.
     step_fitted : ndarray of bool, shape (steps,)
@@ -225,8 +225,8 @@ class Model:
     diagnosis : dict
         As in ``diagnosis.json``, empty when there is none.
     patterns : dict of (str, ndarray)
-        What effects would leave, the blamed ones first: by its name, the part of what is left in which it is shown
-        (``moves``, ``brightness`` or ``response``), and its values, shaped like those of `compare`.
+        What effects would leave, the named ones first: by its name, the part of the residual in which it is shown
+        (``residual_displacement``, ``brightness`` or ``response``), and its values, shaped like those of `compare`.
     stiffness : ndarray, shape (places, dim + 2)
         Position in mm, predicted change of log mu, and the evidence for it in standard deviations.
     settings : dict

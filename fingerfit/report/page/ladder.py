@@ -1,4 +1,4 @@
-"""Figures of the ladder: how the error falls from model to model, and how the constants move."""
+"""Figures of the ladder: how the error falls from model to model, and how the constants change."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def ladder_figure(ladder: dict[str, Any]) -> Figure:
     axes.set_xticks(x, [plain(_short(rung_label(rung, i == 0))) for i, rung in enumerate(rungs)])
     if len(rungs) > 4:
         axes.tick_params(axis="x", rotation=20)
-    axes.set_ylabel("error in multiples of the noise")
+    axes.set_ylabel("error in multiples of the noise level")
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=9, frameon=False)
     axes.annotate(

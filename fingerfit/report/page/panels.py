@@ -167,7 +167,7 @@ class Panels:
                     self.keys[f"pattern|{name}|{n}{after}|{effect}"] = self.keep(figure)
 
     def _draw_curves(self, model: Model, compare: Compare) -> None:
-        """What is left by step, where nothing else is or an effect is shown so, and what effects would leave."""
+        """Residual by step, where there is no other or an effect is shown so, and what effects would leave."""
         drawn = _drawn(model, RESPONSE)
         if not np.isfinite(compare.response).any() or (compare.views and not drawn):
             return
@@ -206,7 +206,7 @@ def _drawn(model: Model, part: str) -> dict[str, np.ndarray]:
 
 
 def _in_plane(values: np.ndarray, view: View | None) -> np.ndarray:
-    """Moves or brightness of the patches that are drawn, in the plane, shape (pictures, cells[, 2])."""
+    """Displacements or brightness of the patches that are drawn, in the plane, shape (pictures, cells[, 2])."""
     if view is None:
         return values
     own = values[:, view.patches]
@@ -218,7 +218,7 @@ def _frame_data(frame: Frame) -> dict[str, Any]:
 
 
 def _limit(values: list[np.ndarray]) -> float:
-    """End of the scale of moves or brightness: the greatest but for outliers, rounded up."""
+    """End of the scale of displacements or brightness: the greatest but for outliers, rounded up."""
     sizes = [np.linalg.norm(m, axis=-1) if m.ndim == 3 else np.abs(m) for m in values]
     lengths = np.concatenate([np.zeros(1), *(size.ravel() for size in sizes)])
     top = float(np.nanquantile(lengths, 0.995)) if np.isfinite(lengths).any() else 0.0

@@ -88,7 +88,7 @@ def patch_size(compare: Compare) -> np.ndarray:
 
 
 def places(compare: Compare) -> list[Place]:
-    """All rows of patches at all pictures, the worst first."""
+    """All rows of patches at all pictures, the largest residual first."""
     if not compare.mapped:
         return []
     layer, row = patch_layers(compare), np.arange(len(compare.patch_centre))

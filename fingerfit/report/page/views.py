@@ -25,7 +25,7 @@ class View:
     group, title : str
         Direction of the slice; its name and place.
     compare : Compare
-        What is seen in it: pictures, and of the patches that it goes through the moves along it.
+        What is seen in it: pictures, and of the patches that it goes through the displacements along it.
     patches : ndarray of int, shape (cells,)
         Which patches these are.
     mains : list of int

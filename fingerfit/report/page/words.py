@@ -11,9 +11,9 @@ from fingerfit.report.page.inputs import Inputs
 
 VERDICTS = {
     "missing": ("▲", "An effect is missing"),
-    "indistinguishable": ("◆", "Something is missing; two or more effects explain it alike"),
-    "adequate": ("✓", "Nothing is missing"),
-    "unexplained": ("?", "Something is missing that no known effect explains"),
+    "indistinguishable": ("◆", "Indistinguishable: two or more candidates explain the residual equally well"),
+    "adequate": ("✓", "Model adequate: no missing effect detected"),
+    "unexplained": ("?", "Unexplained: no known effect explains the residual"),
 }
 
 
@@ -96,7 +96,7 @@ def titles(diagnosis: dict[str, Any]) -> dict[str, str]:
 
 
 def _not_shown(diagnosis: dict[str, Any]) -> str:
-    """What an adequate model may lack all the same."""
+    """Effects that an adequate model may lack all the same."""
     named = titles(diagnosis)
     hidden = [named[str(e.get("effect"))] for e in diagnosis.get("ranking") or [] if e.get("imitated")]
     untried = [f"{e.get('title')} (needs {e.get('lacks')})" for e in diagnosis.get("not_tried") or []]
@@ -111,12 +111,12 @@ def headline(inputs: Inputs) -> dict[str, Any]:
     error = last.error["fitted"]
     falls = ""
     if error is not None:
-        falls = f"What is left is {number(error)} times the noise"
+        falls = f"The residual is {number(error)} times the noise level"
         falls += f"; it was {number(first)} times with {inputs.models[0].name}." if _fell(inputs, first) else "."
     effects = last.diagnosis.get("effects") or []
     add = commands(str(effects[0])) if effects else ()
     named = titles(last.diagnosis)
-    blamed = [named.get(str(name), str(name)) for name in effects]
+    candidates = [named.get(str(name), str(name)) for name in effects]
     found, following = {
         "adequate": (
             f"The model “{last.name}” explains the measurements as well as their noise allows.",
@@ -124,16 +124,16 @@ def headline(inputs: Inputs) -> dict[str, Any]:
             + _not_shown(last.diagnosis),
         ),
         "missing": (
-            f"The model “{last.name}” lacks an effect" + (f": {' and '.join(blamed)}." if blamed else "."),
-            "Add it and fit again." if add else "Look at the candidates below.",
+            f"The model “{last.name}” lacks an effect" + (f": {' and '.join(candidates)}." if candidates else "."),
+            "Add it and fit again." if add else "See the candidates below.",
         ),
         "indistinguishable": (
-            f"The model “{last.name}” lacks " + (" or ".join(blamed) or "one of several effects")
-            + "; these measurements cannot tell which.",
+            f"The model “{last.name}” lacks " + (" or ".join(candidates) or "one of several effects")
+            + "; these measurements cannot tell them apart.",
             "Make the further measurement that is suggested below, or add one of them knowing this.",
         ),
         "unexplained": (
-            f"The model “{last.name}” lacks something that none of the known effects explains.",
+            f"The model “{last.name}” does not explain the measurements, and no known effect does.",
             "See below where it fails, then describe an effect of your own or check the measurement there.",
         ),
     }.get(

@@ -25,13 +25,13 @@ FOUND = {
 
 
 def test_an_effect_that_is_absent_on_the_search_mesh_moved_by_a_difference():
-    assert "moved by the finer mesh: tilt.slope +0.01 1/mm\n" in table_of(FOUND)
+    assert "change from the coarse to the finer mesh: tilt.slope +0.01 1/mm\n" in table_of(FOUND)
 
 
 def test_a_constant_moved_by_a_share():
     entry = {**ENTRY, "unit": "MPa", "value": 0.021, "log": True}
     found = {**FOUND, "parameters": {"mu": entry}, "search_mesh": {"mu": 0.02}}
-    assert "moved by the finer mesh: mu +5.0 %\n" in table_of(found)
+    assert "change from the coarse to the finer mesh: mu +5.0 %\n" in table_of(found)
 
 
 def test_the_table_says_what_is_at_its_bound():
@@ -75,7 +75,7 @@ def test_a_constant_that_ends_at_its_bound_is_told(tmp_path, monkeypatch, which,
     assert found["parameters"]["mu"]["value"] == bound
     assert found["parameters"]["mu"]["at_bound"] == which
     wanted = {"lower": "smaller", "upper": "larger"}[which]
-    remark = f"mu ends at its {which} bound, {bound:g} MPa: the data may want it {wanted} (model.parameters.mu)"
+    remark = f"mu ends at its {which} bound, {bound:g} MPa: a {wanted} value may fit better (model.parameters.mu)"
     assert any(one.startswith(remark) for one in found["remarks"])
     assert remark in table_of(found)
     assert f"  at its {which} bound\n" in table_of(found)

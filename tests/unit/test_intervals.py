@@ -63,7 +63,7 @@ def test_a_long_step_that_bounds_cut_still_goes_down():
 
 
 def test_a_step_that_bounds_turn_uphill_is_taken_straight_down():
-    """A narrow valley aslant: with the second axis at its bound, the Newton step along the first one climbs its wall."""
+    """A narrow valley aslant: with the second axis at its bound, the Newton step along the first one goes up its wall."""
 
     def valley(d):
         return float(100 * (d[0] - d[1] - 0.02) ** 2 + 0.5 * (d[1] - 0.5) ** 2)

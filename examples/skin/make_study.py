@@ -1,17 +1,22 @@
 """Extension of skin between two glued pads (Elouneg and others) as a study of measured points and forces.
 
+    python examples/skin/make_study.py healthy_skin
+
 The pads lie along the last axis of the study's frame, the one of the moving pad, which is pulled downwards, below:
 the direction in which indenters push. The measured x runs along it, and the measured y to the left.
 """
 
 from __future__ import annotations
 
+import argparse
 import re
+import sys
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from fingerfit.cli import exit_code
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import read_text, write_text
 from fingerfit.deck.mesh_file import format_mesh
@@ -155,7 +160,7 @@ def make_study(folder: Path, out: Path) -> None:
         raise InputError(folder / "reactionforce/fx_pad_mov.out", "rows", len(force), expected)
     if len(pad) <= FRAMES[-1]:
         raise InputError(folder / "displacement/xt_pad_mov.out", "rows", len(pad), f"{FRAMES[-1] + 1} frames")
-    rows = []
+    rows, tables = [], {}
     for number, frame in enumerate(FRAMES, 1):
         path = folder / f"displacement/xt_dic_{frame:04d}.out"
         now = read_table(path, 2)
@@ -163,9 +168,11 @@ def make_study(folder: Path, out: Path) -> None:
             raise InputError(path, "rows", len(now), f"{len(first)}, as in the first frame")
         table = np.concatenate([turned(first), turned(now - first)], axis=1)
         text = "\n".join(",".join(f"{value:.5f}" for value in row) for row in table)
-        write_text(out / f"points/{number}.csv", f"x,y,ux,uy\n{text}\n")
+        tables[out / f"points/{number}.csv"] = f"x,y,ux,uy\n{text}\n"
         pull = -pad[frame, 0]
         rows.append(f"{number},{pull:.5f},{np.interp(pull, moved, force):.5f},points/{number}.csv")
+    for path, text in tables.items():
+        write_text(path, text)
     write_text(out / "steps.csv", "\n".join(["step,displacement,force,points", *rows]) + "\n")
     for name, share in (("membrane", 1.0), ("membrane_fine", FINER)):
         write_text(out / f"{name}.inp", format_mesh(membrane(numbers, share * FINE, share * COARSE)))
@@ -183,3 +190,17 @@ def make_study(folder: Path, out: Path) -> None:
         "  layers: [{name: skin, elements: SKIN}]\n"
         "boundary: {base: held, indenter: glued}   # the fixed pad; the moving pad\n",
     )
+    print(f"{out}: the thickness of the skin is not known, so that only modulus times thickness is identified")
+
+
+def main() -> int:
+    """Read the arguments; returns the exit code."""
+    parser = argparse.ArgumentParser(description="Make a study of skin stretched between two pads (README.md).")
+    parser.add_argument("folder", type=Path, help="the authors' files")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent, help="folder of the study (this one)")
+    args = parser.parse_args()
+    return exit_code(lambda: make_study(args.folder, args.out), parser.prog)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

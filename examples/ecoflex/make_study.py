@@ -1,23 +1,29 @@
-"""Uniaxial compression of silicone cylinders (Dawood and others 2026) as a study of forces without pictures."""
+"""Uniaxial compression of silicone cylinders (Dawood and others 2026) as a study of forces without pictures.
+
+python examples/ecoflex/make_study.py EF10_50T/*.csv
+"""
 
 from __future__ import annotations
 
+import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from fingerfit.cli import exit_code
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import read_text, write_text
 
 DIAMETER, HEIGHT = 50.0, 30.0
 """Of the cylinders, mm."""
 STEPS = 20
-FRICTION = """# written by `fingerfit ecoflex`: of a disc between rubbing plates, slab method (Siebel 1923)
+FRICTION = """# written by make_study.py: force on a disc between plates with friction, slab method (Siebel 1923)
 title: friction at the plates
 acts: observation
-words: The plates rub, so that the force exceeds the uniaxial one, the more the flatter the cylinder is pressed.
-look: The force rises faster at large compression than the material says; the cylinder bulges like a barrel.
+words: Friction between plates and cylinder raises the force above the uniaxial one, more so the flatter the cylinder.
+look: The force rises faster at large compression than the material law says; the cylinder bulges like a barrel.
 confirm: The same test with greased plates, or with cylinders of another height.
 parameters:
   coefficient: {{unit: "1", absent: 0, lower: 0, upper: 0.5, step: 0.05}}
@@ -85,6 +91,11 @@ def make_study(tests: Sequence[Path], out: Path) -> None:
         CSV files, one for each test.
     out : Path
         Folder of the study.
+
+    Raises
+    ------
+    InputError
+        When a file is not one of the authors', or its loads are none of compression.
     """
     curves = [read_test(path) for path in tests]
     end = min(compression.max() for compression, _ in curves)
@@ -111,3 +122,16 @@ def make_study(tests: Sequence[Path], out: Path) -> None:
         f"body: {{brick: [{side:.5f}, {side:.5f}, {HEIGHT:g}], layers: [{{name: silicone}}]}}\n"
         "boundary: {base: slides, indenter: slides}\n",
     )
+
+
+def main() -> int:
+    """Read the arguments; returns the exit code."""
+    parser = argparse.ArgumentParser(description="Make a study of uniaxial compression tests (README.md).")
+    parser.add_argument("tests", type=Path, nargs="+", help="the authors' CSV files, one for each test")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent, help="folder of the study (this one)")
+    args = parser.parse_args()
+    return exit_code(lambda: make_study(args.tests, args.out), parser.prog)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -57,7 +57,7 @@ def test_the_constants_follow_as_in_a_refit(columns, rng):
     own, effect, nuisance, covariance = columns
     score_test = ScoreTest(rng.normal(size=VALUES), covariance, own, nuisance)
     for signal in effect.T:
-        # what is left of a signal when the constants make up for it
+        # the rest of a signal when the constants make up for it
         assert score_test.follow(signal) == pytest.approx(-refit(signal, covariance + nuisance @ nuisance.T, own)[1])
 
 
@@ -126,11 +126,9 @@ def test_common_modes_are_chi_square(columns, rng):
     root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
     # one of the modes twice, and one that is a constant's own
     common = np.concatenate([modes, 3 * modes[:, :1], own[:, :1]], axis=1)
-    judges = [
-        ScoreTest(noise, covariance, own, nuisance, common) for noise in (root @ rng.normal(size=(VALUES, 800))).T
-    ]
-    assert {score_test.common_freedom for score_test in judges} == {2}
-    found = np.array([score_test.common_misfit for score_test in judges])
+    tests = [ScoreTest(noise, covariance, own, nuisance, common) for noise in (root @ rng.normal(size=(VALUES, 800))).T]
+    assert {score_test.common_freedom for score_test in tests} == {2}
+    found = np.array([score_test.common_misfit for score_test in tests])
     assert found.mean() == pytest.approx(2.0, abs=5 * np.sqrt(4 / 800))
     assert np.mean(found > 5.991) == pytest.approx(0.05, abs=5 * np.sqrt(0.05 * 0.95 / 800))
     # they are part of the whole, and a test of the very modes finds the same

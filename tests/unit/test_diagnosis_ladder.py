@@ -135,7 +135,7 @@ def test_add_starts_where_the_refit_did(config, tmp_path):
     refit = {"parameters": {"tilt.slope": 0.009}, "start": {"slope": 0.0123456789}, "simulations": 14}
     ranking = [{"effect": "tilt", "place": {}, "size": {"slope": 0.02}, "refit": refit}]
     keep_json(tmp_path / "results/study/base/diagnosis.json", {"ranking": ranking})
-    assert add(config, "tilt").endswith("starting at slope 0.01235; 14 simulations of its refit are known")
+    assert add(config, "tilt").endswith("starting at slope 0.01235; 14 simulations of its refit are reused")
     assert effects(config) == {"tilt": {"slope": 0.0123456789}}
 
 
@@ -234,7 +234,7 @@ def test_effects_are_listed_with_their_numbers(capsys):
     assert "    slope: -0.08 to 0.08 1/mm, absent at 0" in blocks["tilt"]
     assert "    confirm: A photograph of the indenter's edge, or a spirit level on it." in blocks["tilt"]
     assert "    needs: pictures or measured points, a block of layers in the plane" in blocks["tilt"]
-    assert blocks["inclusion_in_space"][0] == "inclusion_in_space: an inclusion"
+    assert blocks["inclusion_in_space"][0] == "inclusion_in_space: inclusion in space"
     assert "    thickness: tried at 0.5, 1; fitted from 0.2 to 2.5" in blocks["skin"]
     assert "    layer: tried at 1, 2, 3; not fitted" in blocks["split_layer"]
     assert "    needs: a prescribed force" in blocks["onset"]
@@ -283,9 +283,9 @@ def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, cap
         keep_json(folder / "diagnosis.json", {"effects": effects, "ranking": []})
     assert main(["discover"]) == 0
     assert capfd.readouterr().out.splitlines() == [
-        "base: error 2.28 times the noise; 9 simulations run, 5 of the models below reused; so it is",
-        "these data cannot tell tilt from skin: tilt, which fits best, is added",
+        "base: error 2.28 times the noise level; 9 simulations run, 5 reused from models below; so it is",
+        "these data cannot tell tilt from skin: adding tilt, which fits best",
         "config.yaml: added tilt (tilt of the indenter)",
-        "base+tilt: error 2.28 times the noise; 9 simulations run, 5 of the models below reused; so it is",
+        "base+tilt: error 2.28 times the noise level; 9 simulations run, 5 reused from models below; so it is",
         "ladder: results/study/ladder.json; page: results/study/report.html",
     ]

@@ -32,7 +32,7 @@ def settings(effects=(), **changes):
     return load_settings(data)
 
 
-def climbed(study, effects=(), **changes):
+def rung_of(study, effects=(), **changes):
     """A model whose rung is there; its settings.json."""
     found = settings(effects, **changes)
     folder = study / found.model.full_name
@@ -52,18 +52,18 @@ def models(found):
 
 def test_the_rungs_of_the_path_in_order(tmp_path):
     for effects in (("tilt",), ("tilt", "skin"), ()):
-        last = climbed(tmp_path, effects)
+        last = rung_of(tmp_path, effects)
     assert models(ladder(tmp_path, last)) == ["base"]
-    last = climbed(tmp_path, ("tilt", "skin"))
+    last = rung_of(tmp_path, ("tilt", "skin"))
     assert models(ladder(tmp_path, last)) == ["base", "base+tilt", "base+tilt+skin"]
     assert ladder(tmp_path, last)["others"] == []
 
 
 def test_what_was_dropped_is_a_side_branch(tmp_path):
-    base = climbed(tmp_path)
-    climbed(tmp_path, ("tilt",))
-    climbed(tmp_path, ("tilt", "friction"))
-    skin = climbed(tmp_path, ("tilt", "skin"))
+    base = rung_of(tmp_path)
+    rung_of(tmp_path, ("tilt",))
+    rung_of(tmp_path, ("tilt", "friction"))
+    skin = rung_of(tmp_path, ("tilt", "skin"))
     assert models(ladder(tmp_path, skin)) == ["base", "base+tilt", "base+tilt+skin"]
     back = ladder(tmp_path, base)
     assert models(back) == ["base"]
@@ -82,21 +82,21 @@ def test_what_was_dropped_is_a_side_branch(tmp_path):
     ],
 )
 def test_rungs_of_other_settings_are_told_apart(tmp_path, changes):
-    climbed(tmp_path)
-    last = climbed(tmp_path, ("tilt",), **changes)
+    rung_of(tmp_path)
+    last = rung_of(tmp_path, ("tilt",), **changes)
     found = ladder(tmp_path, last)
     assert models(found) == ["base+tilt"]
     assert found["others"] == [{"model": "base", "why": "made with other settings"}]
 
 
 def test_where_and_how_it_is_searched_makes_no_other_ladder(tmp_path):
-    climbed(tmp_path)
+    rung_of(tmp_path)
     changes = {"model__parameters__mu__start": 0.1, "fit__stages__0__points": 5, "fit__batch": 4, "results": "r"}
-    last = climbed(tmp_path, ("tilt",), **changes)
+    last = rung_of(tmp_path, ("tilt",), **changes)
     assert models(ladder(tmp_path, last)) == ["base", "base+tilt"]
 
 
 def test_rungs_that_do_not_say_what_they_were_made_with(tmp_path):
-    last = climbed(tmp_path, ("tilt",))
+    last = rung_of(tmp_path, ("tilt",))
     keep_json(tmp_path / "base/rung.json", {"model": "base", "effects": []})
     assert models(ladder(tmp_path, last)) == ["base+tilt"]

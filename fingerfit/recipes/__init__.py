@@ -1,1 +1,0 @@
-"""Recipes that turn other people's data into studies."""

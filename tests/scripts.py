@@ -1,0 +1,16 @@
+"""Scripts of examples/, which are no part of the package."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+
+
+def make_study_of(example: str) -> ModuleType:
+    """The script ``make_study.py`` of an example, as a module."""
+    spec = importlib.util.spec_from_file_location(f"make_study_of_{example}", EXAMPLES / example / "make_study.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
