@@ -18,6 +18,7 @@ from fingerfit.diagnosis.comparison import (
     stiffness_map,
 )
 from fingerfit.diagnosis.designs import separation
+from fingerfit.diagnosis.first_pass import refit_all, widened
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     SEEN,
@@ -38,7 +39,6 @@ from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.simulate import run_fit, solve_missing
 from fingerfit.fit.slopes import moved
-from fingerfit.settings.extend import extended
 from fingerfit.study.data import Data
 
 SECOND = 6
@@ -149,7 +149,9 @@ def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: i
     ranking = best_places(everywhere)
     if problem.meshes[SEARCH].dim == 3:
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
-        run += more
+    else:
+        ranking, more = refit_all(comparison, last, ranking, threads)
+    run += more
     return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking)
 
 
@@ -286,12 +288,16 @@ def _refit(
     ended, run = _ended(problem, last, one, everything, found.score_test.misfit, threads)
     fitted, held_out = errors(ended.comparison)
     score_test, values = ended.score_test, minimum(ended.problem, ended.last).values
-    common = score_test.common_misfit, score_test.common_freedom
     start = ended.problem.settings.model.effects[one.candidate.effect.name]
-    count, fall = len(ended.problem.asked), _fall(found.comparison, ended.comparison)
-    return Refit(
-        score_test.misfit, score_test.freedom, fitted, held_out, values, *common, ended.share, start, count, fall
-    ), run
+    before = problem.settings.starts()
+    constants = {name: value for name, value in ended.problem.settings.starts().items() if name in before}
+    fall = _fall(found.comparison, ended.comparison)
+    refit = Refit(
+        score_test.misfit, score_test.freedom, fitted, held_out, values,
+        score_test.common_misfit, score_test.common_freedom,
+        ended.share, start, len(ended.problem.asked), fall, constants,
+    )  # fmt: skip
+    return refit, run
 
 
 def _fall(before: Comparison, after: Comparison) -> float:
@@ -357,17 +363,6 @@ def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> 
     """Fit of the model with an effect that was named, on the way of its refit: none of its simulations is new."""
     one = next(one for one in found.ranking if one.candidate.effect.name == name)
     return widened(problem, last, one, found.refits[name].share)
-
-
-def widened(problem: InverseProblem, last: Round, one: Ranked, share: float = 1.0) -> InverseProblem:
-    """Fit of the model with a tested effect more, from where `fit` ended and a share of the predicted size.
-
-    The size has few digits: `fingerfit add` writes it, and the model that is made so asks for the same simulations.
-    """
-    effect = one.candidate.effect
-    size = {p.name: float(f"{p.null + share * (one.size[p.name] - p.null):.4g}") for p in effect.parameters}
-    settings = extended(problem.settings, effect, one.candidate.place, size, minimum(problem, last).values)
-    return InverseProblem(settings, problem.data, problem.mesh_files, problem.sims)
 
 
 def _root_mean_square(values: np.ndarray) -> float:

@@ -55,6 +55,8 @@ class Refit:
         How many it asked for.
     fall : float
         Of the misfit, where both models are weighed by the covariance of the one without the effect.
+    constants : mapping
+        Where the numbers of the model without the effect went out from.
     """
 
     misfit: float
@@ -68,6 +70,7 @@ class Refit:
     start: Mapping[str, float] = field(default_factory=dict)
     simulations: int = 0
     fall: float = 0.0
+    constants: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
