@@ -32,6 +32,7 @@ from fingerfit.diagnosis.verdict import (
     half_explained,
     threshold,
     to_refit,
+    traced,
     untried,
 )
 from fingerfit.fit.minimum import finest, minimum
@@ -112,6 +113,10 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
             verdict, run = decide(score_test, ranking, refits, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
+    titles = {one.candidate.effect.name: one.candidate.effect.title for one in ranking}
+    own = {name: minimum(problem, last).values[name] for name in problem.settings.model.parameters}
+    base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
+    verdict = traced(verdict, score_test, refits, titles, base, problem.settings.fit.tolerance)
     measurements: list[tuple[str, float]] = []
     if verdict.kind == "indistinguishable":
         named = {one.candidate.effect.name: one for one in ranking}

@@ -28,6 +28,8 @@ LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
 WORSE, WORSE_OF_FEW = 0.02, 0.2
 """Rise of the error on held-out steps, in noise floors, from which a refit does not count; of few values."""
+MATTERS = 0.05
+"""Fall of the error, in noise floors, by which an effect matters that moves no constant."""
 TRIED = 3
 """Effects that are refitted at once."""
 
@@ -278,6 +280,51 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
             share = f"that explains {100 * min(fall / excess, 1.0):.0f} % of the misfit beyond the noise"
             return replace(verdict, sentence=f"{wrong}: {share}; take {cure}")
     return verdict
+
+
+def traced(
+    verdict: Verdict,
+    score_test: ScoreTest,
+    refits: Mapping[str, Refit],
+    titles: Mapping[str, str],
+    base: Refit,
+    tolerance: float,
+) -> Verdict:
+    """The verdict, but *adequate* where the model explains the data and no effect that it names matters: a trace.
+
+    With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance,
+    or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    score_test : ScoreTest
+        Of the model without the effects.
+    refits : mapping
+        By name of the effect.
+    titles : mapping
+        Of the effects, by name.
+    base : Refit
+        The model without the effects: its constants and errors.
+    tolerance : float
+        Share of a constant.
+    """
+    if verdict.kind not in ("missing", "indistinguishable") or not explains(score_test):
+        return verdict
+    if any(_matters(refits[name], base, tolerance) for name in verdict.effects):
+        return verdict
+    names = " or ".join(titles[name] for name in verdict.effects)
+    text = (
+        "the model explains the measurements to within their noise; beyond chance, but a trace that moves no constant"
+    )
+    return Verdict("adequate", (), f"{text} by more than {100 * tolerance:g} %: {names}", verdict.threshold)
+
+
+def _matters(refit: Refit, base: Refit, tolerance: float) -> bool:
+    changes = [abs(refit.values[name] - value) > tolerance * abs(value) for name, value in base.values.items()]
+    known = base.held_out is not None and refit.held_out is not None
+    before, after = (base.held_out, refit.held_out) if known else (base.fitted, refit.fitted)
+    return any(changes) or float(before or 0.0) - float(after or 0.0) > MATTERS
 
 
 def doubted(verdict: Verdict, error: float) -> Verdict:
