@@ -22,6 +22,8 @@ DRAWS = 40
 PLACES = 32
 """Points of a patch in space at which solutions are read, at most."""
 
+Registrations = tuple[Registration, ...]
+
 
 @dataclass(frozen=True)
 class Patches:
@@ -108,7 +110,7 @@ class Residual:
     kept: np.ndarray
     error: np.ndarray
     floor: np.ndarray
-    fits: tuple[Registration, ...]
+    fits: Registrations
     places: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     place_patch: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
@@ -250,12 +252,7 @@ def _owners(data: Data, frame: Picture, way: BackwardMap, patches: Patches) -> n
 
 
 def _noise(
-    data: Data,
-    maps: list[BackwardMap],
-    fits: tuple[Registration, ...],
-    owners: list[np.ndarray],
-    scale: np.ndarray,
-    seed: int,
+    data: Data, maps: list[BackwardMap], fits: Registrations, owners: list[np.ndarray], scale: np.ndarray, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Covariance of each patch over all pictures, and the noise floor of the pictures.
 
@@ -286,12 +283,7 @@ def _noise(
 
 
 def _noise_in_space(
-    data: Data,
-    maps: list[BackwardMap],
-    fits: tuple[Registration, ...],
-    owners: list[np.ndarray],
-    scale: np.ndarray,
-    seed: int,
+    data: Data, maps: list[BackwardMap], fits: Registrations, owners: list[np.ndarray], scale: np.ndarray, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same for volumes, where draws cost minutes: expected values in place of their means.
 
@@ -329,7 +321,7 @@ def _noise_in_space(
     return _joined(found, found, fits, scale), np.sqrt(power)
 
 
-def _joined(own: np.ndarray, first: np.ndarray, fits: tuple[Registration, ...], scale: np.ndarray) -> np.ndarray:
+def _joined(own: np.ndarray, first: np.ndarray, fits: Registrations, scale: np.ndarray) -> np.ndarray:
     """Covariance of each patch over all pictures, shape (patches, pictures * size, pictures * size).
 
     Parameters
