@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from fingerfit.diagnosis.comparison import (
 )
 from fingerfit.diagnosis.designs import separation
 from fingerfit.diagnosis.first_pass import refit_all, widened
+from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     SEEN,
@@ -105,6 +106,7 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
     fitted, held_out = errors(found.comparison)
     for _ in range(BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
+        refits = by_one_likelihood(refits)
         verdict = doubted(decide(score_test, ranking, refits, tests, held_out=held_out), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, refits, held_out), tests)
         if half is not None and half.candidate.effect.name not in halves:
@@ -202,6 +204,15 @@ def _partner(
     return best, run
 
 
+def by_one_likelihood(refits: Mapping[str, Refit]) -> dict[str, Refit]:
+    """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest."""
+    models = {name: refit.weighed for name, refit in refits.items() if refit.weighed is not None}
+    if not models:
+        return dict(refits)
+    found = misfits(models, min(models, key=lambda name: np.nan_to_num(refits[name].fitted, nan=np.inf)))
+    return {name: replace(refit, compared=found.get(name)) for name, refit in refits.items()}
+
+
 def rank_again(
     comparison: Comparison, score_test: ScoreTest, ranking: list[Ranked], tests: int, threads: int = 1
 ) -> tuple[list[Ranked], int]:
@@ -296,25 +307,14 @@ def _refit(
     start = ended.problem.settings.model.effects[one.candidate.effect.name]
     before = problem.settings.starts()
     constants = {name: value for name, value in ended.problem.settings.starts().items() if name in before}
-    fall = _fall(found.comparison, ended.comparison)
+    models = {"before": Weighed.of(found.comparison), "after": Weighed.of(ended.comparison)}
+    both = misfits(models, "before")
     refit = Refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
         score_test.common_misfit, score_test.common_freedom,
-        ended.share, start, len(ended.problem.asked), fall, constants,
+        ended.share, start, len(ended.problem.asked), both["before"] - both["after"], constants, models["after"],
     )  # fmt: skip
     return refit, run
-
-
-def _fall(before: Comparison, after: Comparison) -> float:
-    """Fall of the misfit from one model to the next, both weighed by the covariance of the first."""
-    kept = before.residual.kept & after.residual.kept
-    rows = kept[before.residual.kept], kept[after.residual.kept]
-    covariance, nuisance = before.covariance[np.ix_(rows[0], rows[0])], before.nuisance()[rows[0]]
-    first, second = (
-        ScoreTest(one.residual.vector[its], covariance, one.own()[its], nuisance).misfit
-        for one, its in zip((before, after), rows, strict=True)
-    )
-    return first - second
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fingerfit.diagnosis.comparison import Ranked, alike
+from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.applicable import cure_of
 from fingerfit.model.effect import NUMERICS
@@ -59,6 +60,10 @@ class Refit:
         Of the misfit, where both models are weighed by the covariance of the one without the effect.
     constants : mapping
         Where the numbers of the model without the effect went out from.
+    weighed : Weighed, optional
+        What it leaves.
+    compared : float, optional
+        Misfit by the likelihood that all refits of a model have in common.
     """
 
     misfit: float
@@ -73,6 +78,13 @@ class Refit:
     simulations: int = 0
     fall: float = 0.0
     constants: Mapping[str, float] = field(default_factory=dict)
+    weighed: Weighed | None = field(default=None, repr=False, compare=False)
+    compared: float | None = None
+
+    @property
+    def level(self) -> float:
+        """The misfit by which refits are compared with each other."""
+        return self.misfit if self.compared is None else self.compared
 
 
 @dataclass(frozen=True)
@@ -179,7 +191,7 @@ def half_explained(
 
 
 def _left(one: Ranked, refits: Mapping[str, Refit]) -> float:
-    return refits[one.candidate.effect.name].misfit
+    return refits[one.candidate.effect.name].level
 
 
 def decide(
@@ -231,7 +243,7 @@ def decide(
         text = "the model explains the measurements to within their noise"
         hidden = ", ".join(_title(one) for one in unseen(score_test, ranking))
         return Verdict("adequate", (), f"{text}; these data would not show: {hidden}" if hidden else text, limit)
-    best = min(tried, key=lambda name: refits[name].misfit)
+    best = min(tried, key=lambda name: refits[name].level)
     fell = score_test.misfit - refits[best].misfit >= limit
     # each misfit has its model's own error of the mesh, which is too large where the model is wrong
     if not fell and not (explains(refits[best]) and refits[best].fall >= limit):
@@ -354,7 +366,7 @@ def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:
 
 def _rival(one: Refit, best: Refit) -> bool:
     """Whether a refit cannot be told from the best one: by odds, or because both explain the data well enough."""
-    behind = one.misfit - best.misfit
+    behind = one.level - best.level
     if behind < RIVAL * max(1.0, best.misfit / max(best.freedom, 1)):
         return True
     return explains(one) and behind < NEAR * one.freedom
