@@ -40,18 +40,52 @@ Slope = Callable[[str], np.ndarray]
 
 
 @dataclass(frozen=True)
+class Refitted:
+    """A model refitted in the first pass.
+
+    Parameters
+    ----------
+    values : dict
+        Constants and numbers of effects at the minimum, in their units.
+    misfit : float
+    converged : bool
+        Whether the minimum was reached.
+    at_bound : tuple of str
+        Numbers that end at a bound.
+    simulations : int
+        How many were not known before.
+    share : float
+        Of the misfit beyond the noise, what it explains.
+    """
+
+    values: Mapping[str, float]
+    misfit: float
+    converged: bool
+    at_bound: tuple[str, ...]
+    simulations: int
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
 class Ranked:
-    """A tested candidate: what it would explain, and its columns."""
+    """A tested candidate: what it would explain, its columns, and its refit of the first pass where there is one."""
 
     candidate: Candidate
     finding: Finding
     columns: np.ndarray
+    refitted: Refitted | None = None
 
     @property
     def size(self) -> dict[str, float]:
         """Predicted numbers of the effect, by their short names."""
         parameters = zip(self.candidate.effect.parameters, self.finding.size, strict=True)
         return {p.name: float(p.null + s) for p, s in parameters}
+
+    @property
+    def place(self) -> dict[str, float]:
+        """Its scanned numbers, by their names in a guess; those that a fit moves, where the refit left them."""
+        found = self.refitted.values if self.refitted else {}
+        return {name: found.get(name, value) for name, value in self.candidate.place.items()}
 
 
 class Comparison:
@@ -103,7 +137,7 @@ class Comparison:
         for parameter in self.problem.settings.parameters():
             effect, _, short = parameter.name.partition(".")
             if effect in self.problem.effects and self.problem.effects[effect].acts == OBSERVATION:
-                columns.append(self._observed(self.problem.effects[effect], self.base.values, short))
+                columns.append(self.observed(self.problem.effects[effect], self.base.values, short))
             else:
                 columns.append((slope or self.slope)(parameter.name))
         return np.stack(columns, axis=1)[self.residual.kept]
@@ -219,7 +253,7 @@ class Comparison:
         if effect.name == "coarse_mesh":
             return self.mesh_signal[:, None][self.residual.kept]
         if effect.acts == OBSERVATION:
-            columns = [self._observed(effect, candidate.place, p.name) for p in effect.parameters]
+            columns = [self.observed(effect, candidate.place, p.name) for p in effect.parameters]
         else:
             for parameter, asked in zip(effect.parameters, candidate.asked, strict=True):
                 found = difference(self.read(asked), None, lambda: self.read(without or self.anchor), parameter.step)
@@ -228,8 +262,8 @@ class Comparison:
                 columns.append(found)
         return np.stack(columns, axis=1)[self.residual.kept]
 
-    def _observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
-        """Slope of an effect on the observation by one of its parameters."""
+    def observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
+        """Slope of an effect on the observation by one of its parameters, of all values, shape (all,)."""
         parameter = next(p for p in effect.parameters if p.name == name)
         data, dim, points = self.data, self.problem.meshes[SEARCH].dim, self.problem.meshes[SEARCH].body
         now = {**effect.null(), **values}
@@ -329,10 +363,10 @@ def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, 
     return [
         {
             "effect": one.candidate.effect.name,
-            "place": {key.split(".")[1]: value for key, value in one.candidate.place.items()},
+            "place": {key.split(".")[1]: value for key, value in one.place.items()},
             "size": one.size,
             "predicted_fall": one.finding.fall,
-            "share_of_excess": min(1.0, one.finding.fall / excess),
+            "share_of_excess": min(1.0, one.refitted.share if one.refitted else one.finding.fall / excess),
             "visible": one.finding.visible,
         }
         for one in ranking

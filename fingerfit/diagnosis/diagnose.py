@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,8 @@ from fingerfit.diagnosis.comparison import (
     stiffness_map,
 )
 from fingerfit.diagnosis.designs import separation
+from fingerfit.diagnosis.first_pass import refit_all, widened
+from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     SEEN,
@@ -31,6 +33,7 @@ from fingerfit.diagnosis.verdict import (
     half_explained,
     threshold,
     to_refit,
+    traced,
     untried,
 )
 from fingerfit.fit.minimum import finest, minimum
@@ -38,7 +41,6 @@ from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.simulate import run_fit, solve_missing
 from fingerfit.fit.slopes import moved
-from fingerfit.settings.extend import extended
 from fingerfit.study.data import Data
 
 SECOND = 6
@@ -104,6 +106,7 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
     fitted, held_out = errors(found.comparison)
     for _ in range(BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
+        refits = by_one_likelihood(refits)
         verdict = doubted(decide(score_test, ranking, refits, tests, held_out=held_out), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, refits, held_out), tests)
         if half is not None and half.candidate.effect.name not in halves:
@@ -112,6 +115,10 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
             verdict, run = decide(score_test, ranking, refits, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
+    titles = {one.candidate.effect.name: one.candidate.effect.title for one in ranking}
+    own = {name: minimum(problem, last).values[name] for name in problem.settings.model.parameters}
+    base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
+    verdict = traced(verdict, score_test, refits, titles, base, problem.settings.fit.tolerance)
     measurements: list[tuple[str, float]] = []
     if verdict.kind == "indistinguishable":
         named = {one.candidate.effect.name: one for one in ranking}
@@ -149,7 +156,9 @@ def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: i
     ranking = best_places(everywhere)
     if problem.meshes[SEARCH].dim == 3:
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
-        run += more
+    else:
+        ranking, more = refit_all(comparison, last, ranking, threads)
+    run += more
     return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking)
 
 
@@ -193,6 +202,15 @@ def _partner(
             break
     problem.asked.update(ended.problem.asked)
     return best, run
+
+
+def by_one_likelihood(refits: Mapping[str, Refit]) -> dict[str, Refit]:
+    """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest."""
+    models = {name: refit.weighed for name, refit in refits.items() if refit.weighed is not None}
+    if not models:
+        return dict(refits)
+    found = misfits(models, min(models, key=lambda name: np.nan_to_num(refits[name].fitted, nan=np.inf)))
+    return {name: replace(refit, compared=found.get(name)) for name, refit in refits.items()}
 
 
 def rank_again(
@@ -286,24 +304,17 @@ def _refit(
     ended, run = _ended(problem, last, one, everything, found.score_test.misfit, threads)
     fitted, held_out = errors(ended.comparison)
     score_test, values = ended.score_test, minimum(ended.problem, ended.last).values
-    common = score_test.common_misfit, score_test.common_freedom
     start = ended.problem.settings.model.effects[one.candidate.effect.name]
-    count, fall = len(ended.problem.asked), _fall(found.comparison, ended.comparison)
-    return Refit(
-        score_test.misfit, score_test.freedom, fitted, held_out, values, *common, ended.share, start, count, fall
-    ), run
-
-
-def _fall(before: Comparison, after: Comparison) -> float:
-    """Fall of the misfit from one model to the next, both weighed by the covariance of the first."""
-    kept = before.residual.kept & after.residual.kept
-    rows = kept[before.residual.kept], kept[after.residual.kept]
-    covariance, nuisance = before.covariance[np.ix_(rows[0], rows[0])], before.nuisance()[rows[0]]
-    first, second = (
-        ScoreTest(one.residual.vector[its], covariance, one.own()[its], nuisance).misfit
-        for one, its in zip((before, after), rows, strict=True)
-    )
-    return first - second
+    before = problem.settings.starts()
+    constants = {name: value for name, value in ended.problem.settings.starts().items() if name in before}
+    models = {"before": Weighed.of(found.comparison), "after": Weighed.of(ended.comparison)}
+    both = misfits(models, "before")
+    refit = Refit(
+        score_test.misfit, score_test.freedom, fitted, held_out, values,
+        score_test.common_misfit, score_test.common_freedom,
+        ended.share, start, len(ended.problem.asked), both["before"] - both["after"], constants, models["after"],
+    )  # fmt: skip
+    return refit, run
 
 
 @dataclass(frozen=True)
@@ -357,17 +368,6 @@ def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> 
     """Fit of the model with an effect that was named, on the way of its refit: none of its simulations is new."""
     one = next(one for one in found.ranking if one.candidate.effect.name == name)
     return widened(problem, last, one, found.refits[name].share)
-
-
-def widened(problem: InverseProblem, last: Round, one: Ranked, share: float = 1.0) -> InverseProblem:
-    """Fit of the model with a tested effect more, from where `fit` ended and a share of the predicted size.
-
-    The size has few digits: `fingerfit add` writes it, and the model that is made so asks for the same simulations.
-    """
-    effect = one.candidate.effect
-    size = {p.name: float(f"{p.null + share * (one.size[p.name] - p.null):.4g}") for p in effect.parameters}
-    settings = extended(problem.settings, effect, one.candidate.place, size, minimum(problem, last).values)
-    return InverseProblem(settings, problem.data, problem.mesh_files, problem.sims)
 
 
 def _root_mean_square(values: np.ndarray) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import reach_of, smooth
-from fingerfit.imaging.registration import FEWEST, Fit, means, register
+from fingerfit.imaging.registration import FEWEST, Registration, means, register
 from fingerfit.imaging.warp import BackwardMap, Probe, spline_coefficients, warp
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.solvers.contract import Outcome
@@ -21,6 +21,8 @@ quantity of each step that is not prescribed."""
 DRAWS = 40
 PLACES = 32
 """Points of a patch in space at which solutions are read, at most."""
+
+Registrations = tuple[Registration, ...]
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class Residual:
     kept : ndarray of bool, shape (all,)
     error, floor : ndarray, shape (pictures,)
         Root mean square difference of intensity inside the body, and what noise alone leaves of it.
-    fits : tuple of Fit
+    fits : tuple of Registration
         Registrations, by picture.
     places, place_patch : ndarray, shapes (places, dim) and (places,)
         Material points of the pixels that were registered, some of each patch, mm, and their patches; in space, where
@@ -108,7 +110,7 @@ class Residual:
     kept: np.ndarray
     error: np.ndarray
     floor: np.ndarray
-    fits: tuple[Fit, ...]
+    fits: Registrations
     places: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     place_patch: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
@@ -250,7 +252,7 @@ def _owners(data: Data, frame: Picture, way: BackwardMap, patches: Patches) -> n
 
 
 def _noise(
-    data: Data, maps: list[BackwardMap], fits: tuple[Fit, ...], owners: list[np.ndarray], scale: np.ndarray, seed: int
+    data: Data, maps: list[BackwardMap], fits: Registrations, owners: list[np.ndarray], scale: np.ndarray, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Covariance of each patch over all pictures, and the noise floor of the pictures.
 
@@ -281,7 +283,7 @@ def _noise(
 
 
 def _noise_in_space(
-    data: Data, maps: list[BackwardMap], fits: tuple[Fit, ...], owners: list[np.ndarray], scale: np.ndarray, seed: int
+    data: Data, maps: list[BackwardMap], fits: Registrations, owners: list[np.ndarray], scale: np.ndarray, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same for volumes, where draws cost minutes: expected values in place of their means.
 
@@ -319,7 +321,7 @@ def _noise_in_space(
     return _joined(found, found, fits, scale), np.sqrt(power)
 
 
-def _joined(own: np.ndarray, first: np.ndarray, fits: tuple[Fit, ...], scale: np.ndarray) -> np.ndarray:
+def _joined(own: np.ndarray, first: np.ndarray, fits: Registrations, scale: np.ndarray) -> np.ndarray:
     """Covariance of each patch over all pictures, shape (patches, pictures * size, pictures * size).
 
     Parameters
@@ -328,7 +330,7 @@ def _joined(own: np.ndarray, first: np.ndarray, fits: tuple[Fit, ...], scale: np
         By the noise of each measured picture.
     first : ndarray, like `own`
         By that of the first picture, which all synthesized ones have in common.
-    fits : tuple of Fit
+    fits : tuple of Registration
         Registrations, by picture, with their own error.
     scale : ndarray, shape (size,)
         Of a pixel, mm, and of brightness.

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fingerfit.diagnosis.comparison import Ranked, alike
+from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.applicable import cure_of
 from fingerfit.model.effect import NUMERICS
@@ -28,6 +29,8 @@ LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
 WORSE, WORSE_OF_FEW = 0.02, 0.2
 """Rise of the error on held-out steps, in noise floors, from which a refit does not count; of few values."""
+MATTERS = 0.05
+"""Fall of the error, in noise floors, by which an effect matters that moves no constant."""
 TRIED = 3
 """Effects that are refitted at once."""
 
@@ -55,6 +58,12 @@ class Refit:
         How many it asked for.
     fall : float
         Of the misfit, where both models are weighed by the covariance of the one without the effect.
+    constants : mapping
+        Where the numbers of the model without the effect went out from.
+    weighed : Weighed, optional
+        What it leaves.
+    compared : float, optional
+        Misfit by the likelihood that all refits of a model have in common.
     """
 
     misfit: float
@@ -68,6 +77,14 @@ class Refit:
     start: Mapping[str, float] = field(default_factory=dict)
     simulations: int = 0
     fall: float = 0.0
+    constants: Mapping[str, float] = field(default_factory=dict)
+    weighed: Weighed | None = field(default=None, repr=False, compare=False)
+    compared: float | None = None
+
+    @property
+    def level(self) -> float:
+        """The misfit by which refits are compared with each other."""
+        return self.misfit if self.compared is None else self.compared
 
 
 @dataclass(frozen=True)
@@ -174,7 +191,7 @@ def half_explained(
 
 
 def _left(one: Ranked, refits: Mapping[str, Refit]) -> float:
-    return refits[one.candidate.effect.name].misfit
+    return refits[one.candidate.effect.name].level
 
 
 def decide(
@@ -226,7 +243,7 @@ def decide(
         text = "the model explains the measurements to within their noise"
         hidden = ", ".join(_title(one) for one in unseen(score_test, ranking))
         return Verdict("adequate", (), f"{text}; these data would not show: {hidden}" if hidden else text, limit)
-    best = min(tried, key=lambda name: refits[name].misfit)
+    best = min(tried, key=lambda name: refits[name].level)
     fell = score_test.misfit - refits[best].misfit >= limit
     # each misfit has its model's own error of the mesh, which is too large where the model is wrong
     if not fell and not (explains(refits[best]) and refits[best].fall >= limit):
@@ -279,6 +296,51 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
     return verdict
 
 
+def traced(
+    verdict: Verdict,
+    score_test: ScoreTest,
+    refits: Mapping[str, Refit],
+    titles: Mapping[str, str],
+    base: Refit,
+    tolerance: float,
+) -> Verdict:
+    """The verdict, but *adequate* where the model explains the data and no effect that it names matters: a trace.
+
+    With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance,
+    or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    score_test : ScoreTest
+        Of the model without the effects.
+    refits : mapping
+        By name of the effect.
+    titles : mapping
+        Of the effects, by name.
+    base : Refit
+        The model without the effects: its constants and errors.
+    tolerance : float
+        Share of a constant.
+    """
+    if verdict.kind not in ("missing", "indistinguishable") or not explains(score_test):
+        return verdict
+    if any(_matters(refits[name], base, tolerance) for name in verdict.effects):
+        return verdict
+    names = " or ".join(titles[name] for name in verdict.effects)
+    text = (
+        "the model explains the measurements to within their noise; beyond chance, but a trace that moves no constant"
+    )
+    return Verdict("adequate", (), f"{text} by more than {100 * tolerance:g} %: {names}", verdict.threshold)
+
+
+def _matters(refit: Refit, base: Refit, tolerance: float) -> bool:
+    changes = [abs(refit.values[name] - value) > tolerance * abs(value) for name, value in base.values.items()]
+    known = base.held_out is not None and refit.held_out is not None
+    before, after = (base.held_out, refit.held_out) if known else (base.fitted, refit.fitted)
+    return any(changes) or float(before or 0.0) - float(after or 0.0) > MATTERS
+
+
 def doubted(verdict: Verdict, error: float) -> Verdict:
     """The verdict, but no *adequate* where the pictures still differ by much more than their noise.
 
@@ -306,7 +368,7 @@ def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:
 
 def _rival(one: Refit, best: Refit) -> bool:
     """Whether a refit cannot be told from the best one: by odds, or because both explain the data well enough."""
-    behind = one.misfit - best.misfit
+    behind = one.level - best.level
     if behind < RIVAL * max(1.0, best.misfit / max(best.freedom, 1)):
         return True
     return explains(one) and behind < NEAR * one.freedom

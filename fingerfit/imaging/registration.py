@@ -29,7 +29,7 @@ FEWEST = 30
 
 
 @dataclass(frozen=True)
-class Fit:
+class Registration:
     """Least-squares equations of one picture.
 
     Parameters
@@ -60,7 +60,7 @@ class Fit:
         return _solve(self.patch, self.design, self.normal, difference.ravel()[self.pixel])
 
 
-def register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, count: int) -> Fit:
+def register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, count: int) -> Registration:
     """Register a synthesized picture to the measured one.
 
     Parameters
@@ -90,7 +90,7 @@ def _window(inside: np.ndarray, margin: int) -> tuple[slice, ...]:
     return tuple(found)
 
 
-def _register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, count: int) -> Fit:
+def _register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, count: int) -> Registration:
     dim = synthesized.ndim
     shifts = np.zeros((count, dim))
     inside = patch.ravel() >= 0
@@ -111,7 +111,7 @@ def _register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, 
         shifts = shifts + np.clip(np.nan_to_num(step[:, :dim]), -FARTHEST, FARTHEST)
     values = np.concatenate([np.where(np.isnan(step[:, :dim]), np.nan, shifts), step[:, dim:]], axis=1)
     own_error = _own_error(values, field, owner, index[inside], design, normal)
-    return Fit(values, owner, pixel, design, normal, own_error)
+    return Registration(values, owner, pixel, design, normal, own_error)
 
 
 def _equations(
@@ -164,7 +164,7 @@ def _own_error(
     place : ndarray, shape (pixels, dim)
         Indices of the pixels, x first.
     design, normal : ndarray
-        As of a `Fit`.
+        As of a `Registration`.
     """
     count, dim = len(values), place.shape[1]
     known = np.isfinite(values).all(axis=1)

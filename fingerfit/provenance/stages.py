@@ -138,6 +138,7 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     path, effect = model_folder(parent) / "estimate.json", catalogue(Path(settings.study))[last]
     if path.exists():
         values = {name: entry["value"] for name, entry in read_record(path, "parameters")["parameters"].items()}
+        values |= _refit_constants(path.with_name("diagnosis.json"), last, effects[last])
     elif all(parameter.name in effects[last] for parameter in effect.parameters):
         values = warm(parent, where).starts()
     else:
@@ -145,6 +146,16 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
         raise InputError(where, f"model.effects.{last}", found, wanted)
     place = {effect.key(name): effects[last][name] for name in effect.scan if name in effects[last]}
     return extended(parent, effect, place, effects[last], values)
+
+
+def _refit_constants(diagnosis: Path, effect: str, numbers: dict[str, float]) -> dict[str, float]:
+    """Where the refit of an effect that started from these numbers had the other ones: the model repeats it."""
+    for entry in read_record(diagnosis, "ranking")["ranking"] if diagnosis.exists() else []:
+        refit = entry.get("refit") or {}
+        if entry.get("effect") == effect and refit.get("start") == numbers:
+            found: dict[str, float] = refit.get("constants", {})
+            return found
+    return {}
 
 
 def check_model(settings: Settings, where: Path | str = CONFIG) -> None:

@@ -174,6 +174,7 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
                     "parameters": {name: float(value) for name, value in refit.values.items()},
                     "at_bound": at_bounds(effect, refit.values),
                     "start": dict(refit.start),
+                    "constants": dict(refit.constants),
                     "simulations": refit.simulations,
                 },
             }

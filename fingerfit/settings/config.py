@@ -183,6 +183,13 @@ class FitSettings(_Strict):
         description="Repetitions of the measurement with new noise, for the standard errors.",
     )
     seed: int = Field(default=1, ge=0, description="Of that noise.")
+    tolerance: float = Field(
+        default=0.02,
+        ge=0,
+        lt=1,
+        description="Share by which a constant may change without mattering: an effect that is beyond chance, but moves"
+        " no constant by more, is a trace, and the model adequate without it.",
+    )
     stages: list[StageSettings] = Field(min_length=1, description="Stages of the search, in order.")
 
 

@@ -1,6 +1,7 @@
 """Each of the four answers, from residuals and refits that are made for it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from fingerfit.diagnosis.verdict import (
     LEVEL,
     TRIED,
     Refit,
+    Verdict,
     by_settings,
     confusions,
     decide,
@@ -23,6 +25,7 @@ from fingerfit.diagnosis.verdict import (
     half_explained,
     threshold,
     to_refit,
+    traced,
 )
 from fingerfit.model.catalogue import catalogue
 
@@ -435,3 +438,33 @@ def test_a_fall_by_one_covariance_counts_where_the_refit_explains(world, misfit,
     found = decide(score_test, ranking, {"friction": refit}, TESTS)
     assert (found.kind, found.effects) == (kind, ("friction",) if kind == "missing" else ())
     assert "explains 100 %" in found.sentence or kind == "adequate"
+
+
+@pytest.mark.parametrize(
+    ("misfit", "value", "held_out", "kind"),
+    [
+        (1.0, 0.1019, 0.96, "adequate"),  # beyond chance, but neither constant nor error change by what matters
+        (1.0, 0.1021, 0.96, "missing"),
+        (1.0, 0.0979, 0.96, "missing"),
+        (1.0, 0.1000, 0.94, "missing"),
+        (9.0, 0.1019, 0.96, "missing"),  # a model that leaves much is not adequate, whatever its constants do
+    ],
+)
+@pytest.mark.parametrize("found", ["missing", "indistinguishable"])
+def test_what_does_not_matter_is_a_trace(found, misfit, value, held_out, kind):
+    score_test = SimpleNamespace(misfit=100 * misfit, freedom=100, common_misfit=0.0, common_freedom=0)
+    base = Refit(100 * misfit, 100, 1.0, 1.0, {"mu_top": 0.1})
+    refits = {"tilt": Refit(60.0, 99, 0.96, held_out, {"mu_top": value, "tilt.slope": 0.3})}
+    verdict = traced(Verdict(found, ("tilt",), "", 12.0), score_test, refits, {"tilt": "indenter tilt"}, base, 0.02)
+    assert verdict.kind == (found if kind == "missing" else kind)
+    assert ("indenter tilt" in verdict.sentence) == (kind == "adequate")
+    assert verdict.effects == (("tilt",) if kind == "missing" else ())
+
+
+def test_without_held_out_steps_the_fitted_ones_tell():
+    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
+    base = Refit(100.0, 100, 1.0, None, {"mu_top": 0.1})
+    for fitted, kind in ((0.96, "adequate"), (0.94, "missing")):
+        refits = {"tilt": Refit(60.0, 99, fitted, None, {"mu_top": 0.1})}
+        verdict = traced(Verdict("missing", ("tilt",), "", 12.0), score_test, refits, {"tilt": "t"}, base, 0.02)
+        assert verdict.kind == kind

@@ -96,7 +96,7 @@ def test_the_floor_counts_the_prescribed_force(world):
 def test_slopes_of_what_is_observed_do_not_depend_on_where_they_are_taken(world):
     comparison, ranking = world
     effect = next(one.candidate.effect for one in ranking if one.candidate.effect.name == "misregistration")
-    slopes = [comparison._observed(effect, {"misregistration.x": x}, "x") for x in (0.0, 0.07)]
+    slopes = [comparison.observed(effect, {"misregistration.x": x}, "x") for x in (0.0, 0.07)]
     assert np.abs(slopes[0]).max() > 0.1
     assert slopes[1] == pytest.approx(slopes[0], abs=1e-9)
 

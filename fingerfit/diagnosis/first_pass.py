@@ -1,0 +1,264 @@
+"""The first pass: candidates refitted on displacements that are registered once, and on the response.
+
+The residual r0 of the fitted model is known at patches of material. Another model's is r0 - (u - u0), with u and u0 the
+displacements of the two models at the same patches: no picture is warped. So each candidate is refitted, its numbers
+together with the model's own constants, by least squares within bounds (a trust-region method: Branch, Coleman and Li
+1999), always weighed by the covariance of the model without it. Brightness is left to the second pass, and so are
+patches that are farther off than registration reaches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fingerfit.core.errors import StateError
+from fingerfit.diagnosis.comparison import Comparison, Ranked, Refitted
+from fingerfit.fit.intervals import bound_of
+from fingerfit.fit.minimum import minimum
+from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.rounds import Asked, Round
+from fingerfit.fit.simulate import solve_missing
+from fingerfit.fit.slopes import STEP, coordinates, difference, moved
+from fingerfit.imaging.registration import FARTHEST
+from fingerfit.model.effect import NUMERICS, OBSERVATION
+from fingerfit.model.parameters import Parameter
+from fingerfit.settings.extend import extended
+
+MOVE = 0.7
+"""Longest first move, in a logarithm or as a share of a scale: a modulus doubles."""
+FALL = 2e-3
+"""Share of the misfit by which a move must lower it for another one to follow."""
+MOVES = 12
+"""A refit that has not ended after as many moves has not converged."""
+
+
+class FirstPass:
+    """Refits against what a fitted model leaves.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Of the model without any candidate; its anchor is solved.
+    threads : int
+        Simulations beside each other.
+
+    Raises
+    ------
+    StateError
+        When the model has no solution on the search mesh.
+    """
+
+    def __init__(self, comparison: Comparison, threads: int = 1) -> None:
+        from scipy.linalg import cholesky
+
+        self.comparison, self.threads, residual = comparison, threads, comparison.residual
+        anchor = comparison.read(comparison.anchor)
+        if anchor is None:
+            raise StateError("the estimate has no solution on the search mesh")
+        whole = np.zeros(len(residual.kept))
+        whole[residual.kept] = residual.vector
+        self.rows = residual.kept & _followed(comparison)
+        self._left, self._anchor = whole, anchor
+        inside = self.rows[residual.kept]
+        nuisance = comparison.nuisance()[inside]
+        covariance = comparison.covariance[np.ix_(inside, inside)] + nuisance @ nuisance.T
+        self._root = cholesky(covariance, lower=True)
+
+    @property
+    def count(self) -> int:
+        """Number of values that are fitted."""
+        return int(self.rows.sum())
+
+    def refit(self, problem: InverseProblem, start: Mapping[str, float]) -> Refitted:
+        """Refit a model from a start that has a solution.
+
+        Parameters
+        ----------
+        problem : InverseProblem
+            Of the model: that of the comparison, or one with effects more.
+        start : mapping
+            Its constants and numbers of effects, in their units.
+
+        Raises
+        ------
+        StateError
+            When the start has no solution.
+        """
+        from scipy.optimize import least_squares
+
+        path = _Path(self, problem, start)
+        first = path.residual(np.zeros(len(path.parameters)))
+        if not np.isfinite(first).all():
+            raise StateError("the start of a refit has no solution")
+        low, high = path.bounds()
+        found = least_squares(
+            path.residual, np.zeros(len(low)), path.slopes, (low, high),
+            x_scale=MOVE, ftol=FALL, xtol=1e-4, gtol=None, max_nfev=MOVES,
+        )  # fmt: skip
+        values = path.values(found.x)
+        bound = tuple(p.name for p in path.parameters if bound_of(p, values[p.name]) is not None)
+        return Refitted(values, float(2.0 * found.cost), found.status > 0, bound, path.run)
+
+    def whiten(self, columns: np.ndarray) -> np.ndarray:
+        """Values, or columns of them, in units of their noise; those that are fitted only."""
+        from scipy.linalg import solve_triangular
+
+        found: np.ndarray = solve_triangular(self._root, columns[self.rows], lower=True, check_finite=False)
+        return found
+
+    def left(self, read: np.ndarray) -> np.ndarray:
+        """What a model leaves whose solution is `read` so, in units of the noise."""
+        return self.whiten(self._left - (read - self._anchor))
+
+
+def refit_all(
+    comparison: Comparison, last: Round, ranking: Sequence[Ranked], threads: int = 1
+) -> tuple[list[Ranked], int]:
+    """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
+
+    Not seen are what mesh and load steps do, which no fit can cure, and what changes the brightness alone.
+
+    Returns
+    -------
+    list of Ranked
+        The best first, by the fall of the misfit below that of the model without them, its constants refitted as well.
+    int
+        Simulations that were not known before.
+    """
+    first, problem = FirstPass(comparison, threads), comparison.problem
+    base = first.refit(problem, comparison.base.values)
+    excess = max(base.misfit - first.count + len(base.values), 1.0)
+    found, run = [], base.simulations
+    for one in ranking:
+        effect = one.candidate.effect
+        if effect.acts == NUMERICS or set(effect.observes) == {"intensity"}:
+            found.append(one)
+            continue
+        wider = widened(problem, last, _just_present(one))
+        try:
+            there = first.refit(wider, {**wider.settings.starts(), **base.values})
+        except StateError:
+            continue  # bodies without a solution explain nothing
+        finally:
+            problem.asked.update(wider.asked)
+        run += there.simulations
+        fall = max(0.0, base.misfit - there.misfit)
+        size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
+        finding = replace(one.finding, fall=fall, size=size)
+        found.append(replace(one, finding=finding, refitted=replace(there, share=fall / excess)))
+    return sorted(found, key=lambda one: -one.finding.fall), run
+
+
+def _just_present(one: Ranked) -> Ranked:
+    """A candidate a first step off its absent value, to the side that its slopes point to."""
+    sizes = zip(one.candidate.effect.parameters, one.finding.size, strict=True)
+    steps = [np.clip(np.copysign(p.step, size or p.step), p.lower - p.null, p.upper - p.null) for p, size in sizes]
+    return replace(one, finding=replace(one.finding, size=np.array(steps)))
+
+
+def widened(problem: InverseProblem, last: Round, one: Ranked, share: float = 1.0) -> InverseProblem:
+    """The problem of the model with a candidate more, that starts where its refit of the first pass ended.
+
+    Where there is none, or with a share of the size, at that of the predicted size, with the constants of the model
+    without it. The numbers have few digits: `fingerfit add` writes them, and the model that is made so asks for the
+    same simulations.
+    """
+    effect = one.candidate.effect
+    size = {p.name: _few(p.null + share * (one.size[p.name] - p.null)) for p in effect.parameters}
+    place = {name: _few(value) for name, value in one.place.items()}
+    values = minimum(problem, last).values
+    if one.refitted and share == 1.0:
+        values = {name: _few(one.refitted.values[name]) for name in values}
+    settings = extended(problem.settings, effect, place, size, values)
+    return InverseProblem(settings, problem.data, problem.mesh_files, problem.sims)
+
+
+def _few(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+class _Path:
+    """The way of one refit: from a distance in search coordinates to what the model leaves there, and its slopes."""
+
+    def __init__(self, owner: FirstPass, problem: InverseProblem, start: Mapping[str, float]) -> None:
+        self.owner, self.problem, self.start, self.run = owner, problem, dict(start), 0
+        self.parameters: tuple[Parameter, ...] = problem.settings.parameters()
+        comparison = owner.comparison
+        self._base = {**{p.name: null_of(problem, p.name) for p in self.parameters}, **comparison.base.values}
+        observed = {
+            e.key(p.name): (e, p.name)
+            for e in problem.settings.effects()
+            if e.acts == OBSERVATION
+            for p in e.parameters
+        }
+        self._observed = {
+            name: comparison.observed(effect, {**problem.settings.fixed(), **self._base}, short)
+            for name, (effect, short) in observed.items()
+        }
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the distances; a start on a bound lies a little inside."""
+        at = coordinates(self.parameters, self.start)
+        lower, upper = (
+            coordinates(self.parameters, {p.name: getattr(p, side) for p in self.parameters}) - at
+            for side in ("lower", "upper")
+        )
+        return np.minimum(lower, -1e-6), np.maximum(upper, 1e-6)
+
+    def values(self, delta: np.ndarray) -> dict[str, float]:
+        """The guess at a distance, shape (parameters,)."""
+        return moved(self.parameters, self.start, delta)
+
+    def residual(self, delta: np.ndarray) -> np.ndarray:
+        """What the model leaves there, in units of the noise, shape (values,); infinite without a solution."""
+        (found,) = self._residuals([self.values(delta)])
+        return np.full(self.owner.count, np.inf) if found is None else found
+
+    def slopes(self, delta: np.ndarray) -> np.ndarray:
+        """Derivatives of that, shape (values, parameters); 0 where neither side has a solution."""
+        _, high = self.bounds()
+        asked, columns = [delta], np.zeros((self.owner.count, len(delta)))
+        for n, p in enumerate(self.parameters):
+            if p.name in self._observed:
+                columns[:, n] = -self.owner.whiten(self._observed[p.name]) * p.scale
+            else:
+                asked.append(delta + np.eye(len(delta))[n] * (STEP if delta[n] + STEP <= high[n] else -STEP))
+        here, *sides = self._residuals([self.values(each) for each in asked])
+        for each, there in zip(asked[1:], sides, strict=True):
+            n = int(np.argmax(np.abs(each - delta)))
+            slope = difference(there, None, lambda: here, float(each[n] - delta[n]))
+            columns[:, n] = 0.0 if slope is None else slope
+        return columns
+
+    def _residuals(self, guesses: Sequence[Mapping[str, float]]) -> list[np.ndarray | None]:
+        asked = [self.problem.ask(values) for values in guesses]
+        self.run += solve_missing(self.problem, asked, self.owner.threads)
+        return [self._left(one) for one in asked]
+
+    def _left(self, asked: Asked) -> np.ndarray | None:
+        read = self.owner.comparison.read(asked)
+        if read is None:
+            return None
+        for name, column in self._observed.items():
+            read = read + column * (asked.values[name] - self._base[name])
+        return self.owner.left(read)
+
+
+def null_of(problem: InverseProblem, name: str) -> float:
+    """The absent value of an effect's number; 0 of a constant."""
+    return {e.key(p.name): p.null for e in problem.settings.effects() for p in e.parameters}.get(name, 0.0)
+
+
+def _followed(comparison: Comparison) -> np.ndarray:
+    """Values that the first pass fits: no brightness, and no patch that is farther off than registration reaches."""
+    residual, data = comparison.residual, comparison.data
+    found = np.ones(residual.value.shape, dtype=bool)
+    found[..., -1] = False
+    pictures = len(data.picture_step)
+    with np.errstate(invalid="ignore"):
+        far = np.abs(residual.value[:pictures, :, :-1]) > FARTHEST * np.asarray(data.spacing)
+    found[:pictures][far.any(axis=2)] = False
+    return np.concatenate([found.ravel(), np.ones(len(residual.response), dtype=bool)])

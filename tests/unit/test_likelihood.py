@@ -1,0 +1,53 @@
+"""Models are compared by one likelihood: a covariance of its own must not make a worse model look better."""
+
+import numpy as np
+import pytest
+from seeds import generator
+
+from fingerfit.diagnosis.diagnose import by_one_likelihood
+from fingerfit.diagnosis.likelihood import Weighed, misfits
+from fingerfit.diagnosis.verdict import Refit
+
+COUNT = 200
+
+
+def model(offset, noise, kept=None, seed=1):
+    """A model of two numbers that leaves noise and a pattern that they cannot follow, and says how large the noise is."""
+    rng = generator(seed)
+    kept = np.ones(COUNT, dtype=bool) if kept is None else kept
+    own, pattern = rng.normal(size=(COUNT, 2)), rng.normal(size=COUNT)
+    vector = 0.1 * rng.normal(size=COUNT) + offset * pattern
+    return Weighed(kept, vector[kept], noise**2 * np.eye(kept.sum()), own[kept], np.zeros((kept.sum(), 1)))
+
+
+def test_a_worse_model_with_a_wider_covariance_is_worse():
+    good, bad = model(0.0, 0.1), model(0.3, 1.0)
+    own = {name: misfits({name: one}, name)[name] for name, one in (("good", good), ("bad", bad))}
+    assert own["bad"] < own["good"]
+    common = misfits({"good": good, "bad": bad}, "good")
+    assert common["good"] == pytest.approx(own["good"])
+    # the pattern adds 0.3^2 / 0.1^2 for each value that the two numbers leave free; five standard deviations
+    added = (COUNT - 2) * 9.0
+    assert common["bad"] - common["good"] == pytest.approx(added, abs=5 * np.sqrt(2 * (COUNT - 2)) * (9 + 2 * 3))
+
+
+def test_only_values_that_all_know_count():
+    few = np.arange(COUNT) % 2 == 0
+    all_of_it, half = model(0.0, 0.1), model(0.0, 0.1, few)
+    found = misfits({"all": all_of_it, "half": half}, "all")
+    assert found["all"] == pytest.approx(found["half"])
+    assert found["half"] == pytest.approx(misfits({"half": half}, "half")["half"])
+
+
+def test_the_one_that_comes_nearest_weighs_all():
+    good, bad = model(0.0, 0.1), model(0.3, 1.0)
+    refits = {
+        "bad": Refit(50.0, COUNT - 2, 2.5, 1.4, {}, weighed=bad),
+        "good": Refit(198.0, COUNT - 2, 0.85, 0.84, {}, weighed=good),
+        "unknown": Refit(300.0, COUNT - 2, 0.9, 0.9, {}),
+    }
+    found = by_one_likelihood(refits)
+    assert found["bad"].level > found["good"].level
+    assert found["good"].level == pytest.approx(misfits({"good": good}, "good")["good"])
+    assert found["unknown"].level == 300.0
+    assert by_one_likelihood({}) == {}
