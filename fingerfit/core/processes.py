@@ -1,6 +1,7 @@
-"""Calls beside each other, in forked processes.
+"""Calls beside each other, in forked processes: the one way of forking here.
 
-What `multiprocessing` does, without its import: that takes longer than what a round of a search saves by two processes.
+Python's own pools leave their processes behind, waiting, when the one that made them is ended from outside, and do not
+tell which signal ended a child (docs/decisions/0014-libraries.md). Here a child ends with its share.
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import subprocess
 import sys
 import tempfile
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerfit.core.errors import FingerfitError, InputError, SolverError
-from fingerfit.core.files import DOCUMENT, read_record, read_text, write_text
+from fingerfit.core.files import read_record, write_text
 from fingerfit.core.folders import PACKAGE
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
@@ -22,6 +21,7 @@ from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.provenance.results import model_folder, study_folder
 from fingerfit.settings.config import CONFIG, Settings, load_settings
+from fingerfit.settings.edit import remove_effect, write_effect
 from fingerfit.study.reader import load_study
 
 RUNGS = 6
@@ -42,7 +42,7 @@ def add(config: Path, name: str) -> str:
         raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
     numbers, reused = _found(settings, name)
     _refuse(_with(settings, name, numbers, config), effect, config)
-    _rewrite(config, {**settings.model.effects, name: numbers})
+    write_effect(config, name, numbers)
     what = ", ".join(f"{key} {value:.4g}" for key, value in numbers.items())
     start = f", starting at {what}" if what else ""
     known = f"; {reused} simulations of its refit are reused" if reused else ""
@@ -61,7 +61,7 @@ def drop(config: Path, name: str) -> str:
     if name not in settings.model.effects:
         has = ", ".join(settings.model.effects) or "none"
         raise InputError(config, f"model.effects.{name}", "no such effect in the model", f"one that it has: {has}")
-    _rewrite(config, {key: value for key, value in settings.model.effects.items() if key != name})
+    remove_effect(config, name)
     return f"{config}: dropped {name}; its results stay where they are"
 
 
@@ -167,39 +167,3 @@ def _found(settings: Settings, name: str) -> tuple[dict[str, float], int]:
             predicted = {key: float(f"{value:.4g}") for key, value in {**entry["place"], **entry["size"]}.items()}
             return refit.get("start") or predicted, refit.get("simulations", 0)
     return {}, 0
-
-
-def _rewrite(config: Path, effects: dict[str, dict[str, float]]) -> None:
-    """Replace `model.effects`; every other line, comments and other effects included, stays as it is."""
-    text = read_text(config, "file", DOCUMENT, "a readable YAML file")
-    model = re.search(r"(?m)^model:[ \t]*(#.*)?\n", text)
-    if model is None:
-        raise InputError(config, "model", "no line `model:` of its own", "one, so that effects can be written below it")
-    block = re.search(r"(?m)^  effects:.*\n?(?:    .*(?:\n|\Z))*", text)
-    start, end = block.span() if block else (model.end(), model.end())
-    old = _entries(text[start:end])
-    lines = [line for name, numbers in effects.items() for line in old.get(name, [f"    {name}: {_flow(numbers)}\n"])]
-    changed = text[:start] + "".join([*old.get("", ["  effects:\n"]), *lines] if effects else []) + text[end:]
-    write_text(config, changed)
-    try:
-        load_settings(config)
-    except FingerfitError:
-        write_text(config, text)
-        raise
-
-
-def _entries(block: str) -> dict[str, list[str]]:
-    """Lines of each effect in a block of YAML; those above the first one under an empty name."""
-    found: dict[str, list[str]] = {}
-    name = ""
-    for line in block.splitlines():
-        entry = re.match(r" {4}([\w-]+):", line)
-        name = entry[1] if entry else name
-        found.setdefault(name, []).append(line + "\n")
-    if re.match(r"  effects:\s*[^\s#]", block):  # all on one line
-        return {}
-    return found
-
-
-def _flow(numbers: dict[str, Any]) -> str:
-    return "{" + ", ".join(f"{key}: {value:.12g}" for key, value in numbers.items()) + "}"

@@ -1,7 +1,7 @@
 """Direct solution of the linear systems: PARDISO where it is installed, else SuperLU with a good order.
 
 Large systems in space are what costs: there PARDISO (package pypardiso) is several times faster than SuperLU. Without
-it, unknowns are ordered by nested dissection of the nodes' positions (George 1973), which has less fill than minimum
+it, unknowns are ordered by METIS's nested dissection (Karypis and Kumar 1998), which has less fill than minimum
 degree. A factorisation there costs as much as some tens of solutions with it, and in Newton's method the matrix changes
 little, or in a few entries where nodes come into contact: the last factorisation preconditions conjugate gradients, and
 a new one is made when they do not converge soon (docs/decisions/0006-large-systems.md).
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 LARGE = 3000
 """Unknowns from which PARDISO or nested dissection pay."""
-_LEAF = 40
-"""Nodes that are not divided further."""
 _RESIDUAL = 1e-6
 """Residual of a solution, relative to the right side, beyond which the matrix counts as singular."""
 
@@ -184,7 +182,7 @@ def _superlu(matrix: csc_matrix, options: dict[str, Any]) -> Apply | None:
 
 
 def dissect(positions: np.ndarray, matrix: csc_matrix) -> np.ndarray:
-    """Order of elimination by nested dissection: halves first, what separates them last.
+    """Order of elimination by nested dissection: parts first, what separates them last (METIS).
 
     Parameters
     ----------
@@ -197,36 +195,19 @@ def dissect(positions: np.ndarray, matrix: csc_matrix) -> np.ndarray:
     -------
     order : ndarray of int, shape (unknowns,)
     """
+    from pymetis import CSRAdjacency, nested_dissection
     from scipy.sparse import csr_matrix
 
     places, at = np.unique(positions, axis=0, return_inverse=True)
     at = at.ravel()
     entries = matrix.tocoo()
-    ones = np.ones(len(entries.row), dtype=bool)
-    graph = csr_matrix((ones, (at[entries.row], at[entries.col])), shape=(len(places), len(places)))
-    parts: list[np.ndarray] = []
-    inside = np.zeros(len(places), dtype=bool)
-
-    def divide(nodes: np.ndarray) -> None:
-        x = places[nodes]
-        axis = int(np.ptp(x, axis=0).argmax())
-        low = x[:, axis] < np.median(x[:, axis])
-        if len(nodes) <= _LEAF or not low.any():
-            parts.append(nodes)
-            return
-        inside[nodes[low]] = True
-        high = nodes[~low]
-        separates = (graph[high] @ inside) > 0
-        inside[nodes[low]] = False
-        divide(nodes[low])
-        if not separates.all():
-            divide(high[~separates])
-        parts.append(high[separates])
-
-    divide(np.arange(len(places)))
-    rank = np.empty(len(places), dtype=int)
-    rank[np.concatenate(parts)] = np.arange(len(places))
-    return np.argsort(rank[at], kind="stable")
+    row, column = at[entries.row], at[entries.col]
+    between = row != column  # METIS takes neither loops nor ways in one direction
+    ones = np.ones(int(between.sum()), dtype=bool)
+    graph = csr_matrix((ones, (row[between], column[between])), shape=(len(places), len(places)))
+    graph = graph + graph.T
+    _, rank = nested_dissection(CSRAdjacency(graph.indptr, graph.indices))
+    return np.argsort(np.asarray(rank)[at], kind="stable")
 
 
 class _Pardiso:

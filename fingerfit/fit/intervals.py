@@ -197,15 +197,15 @@ def summarise(
     sure : float
         Curvature that is seen in any case.
     """
+    # imported here, because rounds, which import `minimise`, need no scipy
+    from scipy.special import stdtrit
+
     mesh = np.zeros(len(parameters)) if mesh is None else mesh
     count = len(shifts)
     covariance = np.atleast_2d(np.cov(shifts, rowvar=False))
     spread = np.sqrt(np.diag(covariance))
     scale = np.where(spread > 0, spread, 1.0)
-    # quantile 97.5 % of Student's t with count - 1 degrees of freedom (Abramowitz and Stegun 26.7.5)
-    z = 1.959964
-    t = z + (z**3 + z) / (4 * (count - 1)) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * (count - 1) ** 2)
-    half = np.hypot(t * spread, mesh)
+    half = np.hypot(stdtrit(count - 1, 0.975) * spread, mesh)
     interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
     return Uncertainty(
         spread,

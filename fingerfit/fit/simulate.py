@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import functools
-import multiprocessing
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from fingerfit.core.errors import FingerfitError
 from fingerfit.core.files import write_text
+from fingerfit.core.processes import side_by_side
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_data
 from fingerfit.fit.course import next_round
@@ -53,16 +50,7 @@ def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int)
     meshes = {problem.mesh_names[name]: path for name, path in problem.mesh_files.items()}
     missing = write_folders(problem.sims.parent, batch, problem.solver, meshes)
     solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
-    if threads < 2 or len(missing) < 2:
-        for sim in missing:
-            solve(sim)
-    else:
-        context = multiprocessing.get_context("fork")
-        with ProcessPoolExecutor(min(threads, len(missing)), context) as pool:
-            try:
-                list(pool.map(solve, missing))
-            except BrokenProcessPool as error:
-                raise FingerfitError("a process that solved was killed, perhaps out of memory") from error
+    side_by_side(solve, missing, threads)
     return len(missing)
 
 

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +14,8 @@ from fingerfit.fit import simulate
 
 
 def test_a_killed_solve_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(simulate, "_solve", _killed)
+    own = os.getpid()
+    monkeypatch.setattr(simulate, "_solve", lambda *_: os.getpid() == own or os.kill(os.getpid(), signal.SIGKILL))
     monkeypatch.setattr(simulate, "write_folders", lambda *_: ["one", "two", "three"])
     problem = SimpleNamespace(
         asked=set(),
@@ -24,12 +27,26 @@ def test_a_killed_solve_is_told(tmp_path, monkeypatch):
     )
     signal.alarm(60)  # the default action ends a test that waits for ever; seconds, many times what it takes
     try:
-        with pytest.raises(FingerfitError, match="a process that solved was killed, perhaps out of memory"):
+        with pytest.raises(
+            FingerfitError, match=r"a process that helped was killed \(signal 9\), perhaps out of memory"
+        ):
             simulate.solve_missing(problem, [], 2)
     finally:
         signal.alarm(0)
     assert not list(Path(tmp_path).iterdir())
 
 
-def _killed(*_):
-    os.kill(os.getpid(), signal.SIGKILL)
+@pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGTERM])
+def test_no_child_outlives_the_process_that_forked_it(ending):
+    """Those of Python's own pool wait for ever."""
+    program = (
+        "import os, time\nfrom fingerfit.core.processes import side_by_side\n"
+        "side_by_side(lambda n: os.write(1, b'%d\\n' % os.getpid()) and time.sleep(1), range(2), 2)"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        assert {int(parent.stdout.readline()) for _ in range(2)} > {parent.pid}
+        parent.send_signal(ending)
+        # the pipe ends with the last process that can write to it; seconds, many times what the child sleeps
+        assert parent.communicate(timeout=60) == (b"", None)
+    assert parent.returncode == -ending
