@@ -14,12 +14,14 @@ from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.folders import template_folders
 from fingerfit.core.keys import Keys, is_number, read_yaml, unknown_key
 from fingerfit.model.applicable import IN_WORDS
-from fingerfit.model.effect import ACTS, NEEDS, Effect, EffectParameter
-from fingerfit.model.formulas import FUNCTIONS
+from fingerfit.model.effect import ACTS, CONSTANTS, MESH_ERROR, NEEDS, Effect, EffectParameter
+from fingerfit.model.formulas import FUNCTIONS, names_in
+from fingerfit.model.scales import IN_WORDS as SCALES
 
-CHANGES = ("alpha", "poisson", "field", "force", "displacement", "before", "increment")
+CHANGES = (*CONSTANTS, "field", "force", "displacement", "before", "increment", "follow", "beside_x", "beside_y")
 OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 
+DECK_KEYS = ("replaces", "shares_of", "place", "signal", "fault", "cure")
 PLACES = 1000
 """Places of one effect: each is tested by simulations of its own; a whole diagnosis has some hundred."""
 
@@ -91,7 +93,7 @@ def _read(path: Path, stamp: int) -> Effect:
         raise InputError(path, "name", path.stem, "letters, digits, _ and -: the file's name is the effect's")
     keys = Keys(path, read_yaml(path), "", problems)
     words = ("title", "words", "look", "confirm")
-    keys.known(*words, "acts", "parameters", "scan", "refine", "changes", "observes", "needs", "control")
+    keys.known(*words, "acts", "parameters", "scan", "refine", "changes", "observes", "needs", "control", *DECK_KEYS)
     texts = {name: keys.text(name) or "" for name in words}
     acts = keys.text("acts") or ""
     if acts and acts not in ACTS:
@@ -123,13 +125,49 @@ def _read(path: Path, stamp: int) -> Effect:
     if count > PLACES:
         keys.wrong("scan", f"{count} places in all", f"at most {PLACES}")
     part = path.with_suffix(".inp.j2")
+    more = {**texts, **_more(keys, [p.name for p in parameters], list(places))}
     if problems:
         raise Problems(problems)
     return Effect(
-        path.stem, **texts, acts=acts, parameters=parameters, scan=places, refine=refine, changes=changes,
+        path.stem, acts=acts, parameters=parameters, scan=places, refine=refine, changes=changes,
         observes=observes, needs=tuple(needs), control=control or "",
-        part=f"effects/{part.name}" if part.exists() else None,
+        part=f"effects/{part.name}" if part.exists() else None, fills=_fills(path), **more,
     )  # fmt: skip
+
+
+def _more(keys: Keys, numbers: Sequence[str], places: Sequence[str]) -> dict[str, Any]:
+    """What an effect replaces in the deck, what its numbers are shares of, where it is, and the rest of its words."""
+    shares, signal = keys.mapping("shares_of", {}), keys.text("signal", None)
+    shares.known(*numbers, *places)
+    for name, formula in shares.data.items():
+        strange = sorted(names_in(str(formula)) - SCALES.keys())
+        if strange or not names_in(str(formula)):
+            shares.wrong(name, ", ".join(strange) or formula, "a formula of " + ", ".join(SCALES))
+    if signal not in (None, MESH_ERROR) or (signal and len(numbers) != 1):
+        keys.wrong("signal", signal, f"{MESH_ERROR}, of an effect with one number")
+    return {
+        "replaces": _texts(keys, "replaces"),
+        "place": _texts(keys, "place"),
+        "shares_of": {name: str(formula) for name, formula in shares.data.items()},
+        "signal": signal or "",
+        "fault": keys.text("fault", None) or "",
+        "cure": keys.text("cure", None) or "",
+    }
+
+
+def _texts(keys: Keys, key: str) -> tuple[str, ...]:
+    """One text or a list of them."""
+    given = keys.data.get(key, [])
+    found = given if isinstance(given, list) else [given]
+    if not all(isinstance(text, (str, int, float)) for text in found):
+        keys.wrong(key, given, "a text or a list of texts")
+    return tuple(map(str, found))
+
+
+def _fills(path: Path) -> dict[str, str]:
+    """Parts beside an effect that fill a block of the deck, ``{name}.{block}.inp.j2``, by block."""
+    found = sorted(path.parent.glob(f"{path.stem}.*.inp.j2"))
+    return {part.name.split(".")[1]: f"effects/{part.name}" for part in found}
 
 
 def _parameters(keys: Keys) -> tuple[EffectParameter, ...]:
@@ -180,13 +218,15 @@ def as_text(effect: Effect) -> dict[str, Any]:
 def as_lines(effect: Effect) -> str:
     """An effect for a person to read: what it is, its numbers with units and bounds, and how it is confirmed."""
     lines = [f"{effect.name}: {effect.title}", effect.words, f"looks like: {effect.look}", f"confirm: {effect.confirm}"]
+    units = {p.name: "" if p.unit == "1" else f" {p.unit}" for p in effect.parameters}
+    units |= {name: f" of {formula}" for name, formula in effect.shares_of.items()}
     for p in effect.parameters:
-        unit = "" if p.unit == "1" else f" {p.unit}"
+        unit = units[p.name]
         lines.append(f"{p.name}: {p.lower:g} to {p.upper:g}{unit}, absent at {p.null:g}")
     for name, values in effect.scan.items():
         low, high = effect.refine.get(name, (None, None))
         fitted = "not fitted" if low is None else f"fitted from {low:g} to {high:g}"
-        lines.append(f"{name}: tried at {', '.join(f'{value:g}' for value in values)}; {fitted}")
+        lines.append(f"{name}: tried at {', '.join(f'{value:g}' for value in values)}{units.get(name, '')}; {fitted}")
     needs = [IN_WORDS[need] for need in effect.needs] + [f"a prescribed {effect.control}"] * bool(effect.control)
     if needs:
         lines.append(f"needs: {', '.join(needs)}")
