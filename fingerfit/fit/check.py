@@ -90,25 +90,31 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
         that replace the same block of the deck.
     """
     problems: list[FingerfitError] = []
-    replaced: dict[str, str] = {}
-    for effect in settings.effects(where):
+    for effect in _alone_in_blocks(settings.effects(where), where):
         field = f"model.effects.{effect.name}"
-        twice = [block for block in effect.replaces if replaced.setdefault(block, effect.name) != effect.name]
         lacking = unmet(effect, study, mesh.dim, settings.finer(study))
         if effect.acts == NUMERICS:
             problems.append(InputError(where, field, "an effect that is no part of a model", cure_of(effect)[1]))
         elif lacking:
             found = f"{effect.name}, which needs {' and '.join(lacking)}"
             problems.append(InputError(where, field, found, f"an effect that makes sense in {study.path}"))
-        elif twice:
-            found = f"{effect.name}, which replaces {twice[0]} of the deck, as {replaced[twice[0]]} does"
-            problems.append(InputError(where, field, found, "one of both effects"))
         elif effect.simulated and not changes_the_deck(settings, study, mesh, effect):
             found = f"{effect.name}, which changes nothing in the deck of this study"
             expected = f"an effect on what {settings.model.template} has"
             problems.append(InputError(where, field, found, expected))
     if problems:
         raise Problems(problems)
+
+
+def _alone_in_blocks(effects: tuple[Effect, ...], where: Path | str) -> tuple[Effect, ...]:
+    """The effects; refused where two of them replace the same block, since no deck can have both."""
+    owner: dict[str, str] = {}
+    for effect in effects:
+        for block in effect.replaces:
+            if owner.setdefault(block, effect.name) != effect.name:
+                found = f"{effect.name}, which replaces {block} of the deck, as {owner[block]} does"
+                raise InputError(where, f"model.effects.{effect.name}", found, "one of both effects")
+    return effects
 
 
 def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> bool:
