@@ -133,7 +133,7 @@ def _cross_check(given: Any, path: Path) -> list[FingerfitError]:
     if there("picture"):
         problems += _picture_problems(given, path)
     if there("own", "effects"):
-        problems += _effect_problems(given, path)
+        problems += _effect_problems(given, path, {} if problems else _sizes(given))
     if there("template") and not is_template(given.template, template_folders(path.parent)):
         problems.append(InputError(path, "template", given.template, "a template beside it or in templates/"))
     return problems
@@ -233,12 +233,12 @@ def _sizes(given: Any) -> dict[str, float]:
     return found | ({"duration": max(given.time)} if getattr(given, "time", None) else {})
 
 
-def _effect_problems(given: Any, path: Path) -> list[FingerfitError]:
+def _effect_problems(given: Any, path: Path, sizes: dict[str, float]) -> list[FingerfitError]:
     own = path.parent / given.own if given.own else None
     if own is not None and not own.is_dir():
         return [InputError(path, "own", given.own, "a folder beside the description")]
     try:
-        known = bound(catalogue(own), _sizes(given))
+        known = bound(catalogue(own), sizes)
     except FingerfitError as error:
         return [error]
     strange = [unknown_key(path, "effects.", name, sorted(known)) for name in given.effects if name not in known]
