@@ -21,7 +21,7 @@ from fingerfit.model.scales import IN_WORDS as SCALES
 CHANGES = (*CONSTANTS, "field", "force", "displacement", "before", "increment", "follow", "beside_x", "beside_y")
 OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 
-DECK_KEYS = ("replaces", "shares_of", "place", "signal", "fault", "cure")
+DECK_KEYS = ("replaces", "shares_of", "place", "told", "signal", "fault", "cure")
 PLACES = 1000
 """Places of one effect: each is tested by simulations of its own; a whole diagnosis has some hundred."""
 
@@ -143,12 +143,15 @@ def _more(keys: Keys, numbers: Sequence[str], places: Sequence[str]) -> dict[str
         strange = sorted(names_in(str(formula)) - SCALES.keys())
         if strange or not names_in(str(formula)):
             shares.wrong(name, ", ".join(strange) or formula, "a formula of " + ", ".join(SCALES))
+    told = keys.mapping("told", {})
+    told.known(*places)
     if signal not in (None, MESH_ERROR) or (signal and len(numbers) != 1):
         keys.wrong("signal", signal, f"{MESH_ERROR}, of an effect with one number")
     return {
         "replaces": _texts(keys, "replaces"),
         "place": _texts(keys, "place"),
         "shares_of": {name: str(formula) for name, formula in shares.data.items()},
+        "told": {name: told.text(name) or "" for name in told.data},
         "signal": signal or "",
         "fault": keys.text("fault", None) or "",
         "cure": keys.text("cure", None) or "",
@@ -212,7 +215,7 @@ def _formulas(keys: Keys, key: str, known: Sequence[str]) -> dict[str, str]:
 def as_text(effect: Effect) -> dict[str, Any]:
     """What a report says of an effect."""
     return {"name": effect.name, "title": effect.title, "words": effect.words, "look": effect.look,
-            "confirm": effect.confirm, "acts": effect.acts}  # fmt: skip
+            "confirm": effect.confirm, "acts": effect.acts, "told": dict(effect.told)}  # fmt: skip
 
 
 def as_lines(effect: Effect) -> str:

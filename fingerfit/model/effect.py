@@ -101,6 +101,8 @@ class Effect:
         Formulas of what numbers are shares of (`scales`), by short names; none is left once it is `bound`.
     place : tuple of str
         Formulas of where a scanned place is, mm from the corner of the body; empty for effects without a place.
+    told : mapping
+        Words for scanned numbers, by short names; ``{value}``, ``{percent}``, ``{layer}`` in them stand for a number.
     signal : str
         `MESH_ERROR` for an effect that is this signal and changes no deck.
     fault, cure : str
@@ -125,6 +127,7 @@ class Effect:
     replaces: tuple[str, ...] = ()
     shares_of: Mapping[str, str] = field(default_factory=dict)
     place: tuple[str, ...] = ()
+    told: Mapping[str, str] = field(default_factory=dict)
     signal: str = ""
     fault: str = ""
     cure: str = ""
