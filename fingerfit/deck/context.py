@@ -250,9 +250,18 @@ def _from_indenter(points: np.ndarray, mesh: Mesh) -> dict[str, np.ndarray]:
 
 
 def place_of(effect: Effect, values: Mapping[str, float], mesh: Mesh) -> np.ndarray | None:
-    """Where in the undeformed body a scanned place of an effect is, mm; None for effects without one."""
-    if len(effect.place) != mesh.dim:
+    """Where in the undeformed body a scanned place of an effect is, mm; None for effects without one.
+
+    Raises
+    ------
+    InputError
+        For another number of formulas than axes, and formulas that are none.
+    """
+    if not effect.place:
         return None
+    if len(effect.place) != mesh.dim:
+        expected = f"{mesh.dim}, one for each axis of the body"
+        raise InputError(f"effect {effect.name}", "place", f"{len(effect.place)} formulas", expected)
     low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
     down = {f"indenter_{axis}": float(x) for axis, x in zip("xyz", comes_down(mesh) - low, strict=False)}
     names = {**extent(high - low), **down, **effect.own(values)}

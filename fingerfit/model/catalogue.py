@@ -15,7 +15,7 @@ from fingerfit.core.folders import template_folders
 from fingerfit.core.keys import Keys, is_number, read_yaml, unknown_key
 from fingerfit.model.applicable import IN_WORDS
 from fingerfit.model.effect import ACTS, CONSTANTS, MESH_ERROR, NEEDS, Effect, EffectParameter
-from fingerfit.model.formulas import FUNCTIONS, names_in
+from fingerfit.model.formulas import FUNCTIONS, evaluate, names_in
 from fingerfit.model.scales import IN_WORDS as SCALES
 
 CHANGES = (*CONSTANTS, "field", "force", "displacement", "before", "increment", "follow", "beside_x", "beside_y")
@@ -140,9 +140,8 @@ def _more(keys: Keys, numbers: Sequence[str], places: Sequence[str]) -> dict[str
     shares, signal = keys.mapping("shares_of", {}), keys.text("signal", None)
     shares.known(*numbers, *places)
     for name, formula in shares.data.items():
-        strange = sorted(names_in(str(formula)) - SCALES.keys())
-        if strange or not names_in(str(formula)):
-            shares.wrong(name, ", ".join(strange) or formula, "a formula of " + ", ".join(SCALES))
+        if not _is_scale(str(formula)):
+            shares.wrong(name, formula, "a formula above 0 of " + ", ".join(SCALES))
     told = keys.mapping("told", {})
     told.known(*places)
     if signal not in (None, MESH_ERROR) or (signal and len(numbers) != 1):
@@ -156,6 +155,14 @@ def _more(keys: Keys, numbers: Sequence[str], places: Sequence[str]) -> dict[str
         "fault": keys.text("fault", None) or "",
         "cure": keys.text("cure", None) or "",
     }
+
+
+def _is_scale(formula: str) -> bool:
+    """Whether a formula names sizes of a study, and nothing else, and is above 0 where all of them are 1."""
+    try:
+        return bool(names_in(formula)) and float(evaluate(formula, dict.fromkeys(SCALES, 1.0))) > 0
+    except ValueError:
+        return False
 
 
 def _texts(keys: Keys, key: str) -> tuple[str, ...]:
