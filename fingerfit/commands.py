@@ -205,11 +205,12 @@ def effects(args: argparse.Namespace) -> None:
     """List the known effects."""
     from fingerfit.core.errors import InputError
     from fingerfit.model.catalogue import as_lines, catalogue
+    from fingerfit.settings.bound import effects_of
     from fingerfit.study.reader import study_path
 
     if args.study and not (study_path(args.study).is_file() and study_path(args.study).name == "study.yaml"):
         raise InputError(args.study, "study", "no study.yaml", "the folder of a study")
-    known = catalogue(study_path(args.study).parent if args.study else None)
+    known = effects_of(study_path(args.study).parent) if args.study else catalogue()
     print("\n\n".join(as_lines(effect) for effect in known.values()))
 
 

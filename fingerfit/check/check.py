@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,19 +14,21 @@ import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems, SolverError
 from fingerfit.core.files import write_text
+from fingerfit.core.folders import template_folders
 from fingerfit.core.keys import read_yaml
-from fingerfit.deck.context import deck_context
+from fingerfit.deck.context import deck_context, place_of
 from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.deck.render import blocks
 from fingerfit.fit.check import changes_the_deck, check_against_study, check_data, check_effects
 from fingerfit.forward.decks import make_deck, refusal
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import unmet
-from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import Effect
 from fingerfit.model.observation import Observation
 from fingerfit.prepare.plausible import refuse_magnitudes
 from fingerfit.prepare.prepare import make_mesh, prepare
+from fingerfit.settings.bound import effects_of
 from fingerfit.settings.choices import CONFIG
 from fingerfit.settings.config import MATERIAL, FitSettings, MeshSettings, Settings, impossible, load_settings
 from fingerfit.study.reader import load_study, study_path
@@ -231,16 +233,18 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
         With one line for each that cannot be read, or whose formulas or part name what is not there.
     """
     folder = Path(settings.study) / "effects"
-    known = catalogue(Path(settings.study))
+    known = effects_of(Path(settings.study))
     problems: list[FingerfitError] = [
         InputError(part, "file", "no .yaml beside it", f"{name}, or no such part")
         for part in sorted(folder.glob("*.inp.j2"))
-        if not (folder / (name := f"{part.name.removesuffix('.inp.j2')}.yaml")).exists()
+        if not (folder / (name := f"{part.name.split('.')[0]}.yaml")).exists()
     ]
+    named = blocks(template_folders(Path(settings.study)))
     lines = []
     for path in sorted(folder.glob("*.yaml")):
         effect = known[path.stem]
-        lacking = unmet(effect, study, mesh.dim)
+        problems += _strange_blocks(effect, path, named)
+        lacking = unmet(effect, study, mesh.dim, settings.finer(study))
         try:
             use = (
                 f"needs {' and '.join(lacking)}: not tested here" if lacking else _tried(settings, study, mesh, effect)
@@ -255,6 +259,15 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
     return lines
 
 
+def _strange_blocks(effect: Effect, path: Path, known: list[str]) -> Iterator[InputError]:
+    """Blocks that an effect fills or replaces and that no template has."""
+    used = [(path, "replaces", block) for block in effect.replaces]
+    used += [(path.parent / Path(part).name, "file", block) for block, part in effect.fills.items()]
+    for where, field, block in used:
+        if block not in known:
+            yield InputError(where, field, f"block {block}", "a block of the deck: " + ", ".join(known))
+
+
 def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
     """What an effect at its trial size changes."""
     sizes = {effect.key(p.name): p.null + p.step for p in effect.parameters}
@@ -263,6 +276,7 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
     if changes_the_deck(settings, study, mesh, effect):
         found.append("the deck")
         _taken(settings, study, mesh, effect, values)
+    place_of(effect, values, mesh)
     seen = Observation.of([effect], values, mesh.body, len(study.steps))
     if seen is not None:
         seen.shift(1)
@@ -278,7 +292,7 @@ def _taken(settings: Settings, study: Study, mesh: Mesh, effect: Effect, values:
 
     Where the solver is not there, that is told with the start of the fit.
     """
-    known = catalogue(Path(settings.study))
+    known = effects_of(Path(settings.study))
     where, guess = f"effect {effect.name}", {**settings.fixed(), **values}
     context = deck_context(study, mesh, "mesh", guess, settings.model.material, known)
     for layer in context["layers"]:

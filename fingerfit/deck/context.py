@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,12 +13,13 @@ from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.mesh.tetrahedra import nodes_on, resting
 from fingerfit.model.catalogue import catalogue
-from fingerfit.model.effect import Effect
+from fingerfit.model.effect import CONSTANTS, Effect
 from fingerfit.model.formulas import evaluate
 from fingerfit.model.observation import places
+from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
 
-QUANTITIES = ("mu", "alpha", "poisson")
+QUANTITIES = ("mu", *CONSTANTS)
 """Constants of a layer; a guess or the fixed constants give each, for all layers or as ``mu_top`` for one."""
 
 
@@ -45,19 +46,22 @@ def deck_context(
     material : mapping
         Fixed constants; the guess goes first.
     effects : mapping, optional
-        All effects that templates may name, ours when left out; those whose values are null change nothing.
+        All effects that templates may name, ours when left out; those whose values are null change nothing. Shares
+        become numbers of this study.
 
     Returns
     -------
     dict
         ``title, mesh, dim, quadratic, thickness, control, boundary, steps, increment, top, indenter, layers, effects,
-        parts``, ``values`` for templates with parameters of their own, and what templates may call: ``areas(set)``,
+        parts, follows, beside``, ``values`` for templates with parameters of their own, and what templates may call:
+        ``fills(block)`` and ``replaced(block)`` for what effects do to a block, ``areas(set)``,
         ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``nodes(set)``, ``node(set)`` and
         ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a sphere that
         touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
-    effects = catalogue() if effects is None else effects
+    effects = bound(catalogue() if effects is None else effects, scales(study, np.ptp(mesh.body, axis=0)))
     present = [effect for effect in effects.values() if effect.present(values)]
+    check_blocks(present)
     indenter = int(mesh.node_sets["INDENTER"][0])
     layers = [
         _layer(number, len(study.layer_names), name, values, material, present)
@@ -80,6 +84,10 @@ def deck_context(
         "values": dict(values),
         "effects": {name: effect.own(values) for name, effect in effects.items()},
         "parts": [effect.part for effect in present if effect.part],
+        "fills": lambda block: [effect.fills[block] for effect in present if block in effect.fills],
+        "replaced": lambda block: any(block in effect.replaces for effect in present),
+        "follows": _follows(mesh, indenter, present, values),
+        "beside": {axis: float(_changed(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
         "areas": lambda name: _areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
         "elements": lambda: _elements(mesh),
@@ -94,6 +102,32 @@ def deck_context(
             axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, len(mesh.points) + 1000001
         ),
     }
+
+
+def check_blocks(effects: Iterable[Effect]) -> None:
+    """Refuse effects that replace the same block: only one of them could be in the deck.
+
+    Raises
+    ------
+    InputError
+    """
+    owner: dict[str, str] = {}
+    for effect in effects:
+        for block in effect.replaces:
+            if other := owner.get(block):
+                found = f"{block}, which effect {other} replaces, too"
+                raise InputError(f"effect {effect.name}", "replaces", found, "one of both effects")
+            owner[block] = effect.name
+
+
+def _follows(mesh: Mesh, indenter: int, present: list[Effect], values: Mapping[str, float]) -> dict[int, float]:
+    """Share of the indenter's way that each node under it goes, nodes counted from 1; empty where all go with it."""
+    if not any("follow" in effect.changes for effect in present):
+        return {}
+    top = mesh.node_sets["TOP"]
+    aside = mesh.points[top, 0] - mesh.points[indenter, 0]
+    share = np.broadcast_to(_changed("follow", np.ones(len(top)), {"aside": aside}, present, values), len(top))
+    return {int(node) + 1: float(one) for node, one in zip(top, share, strict=True)}
 
 
 def _changed(
@@ -136,7 +170,7 @@ def _layer(
             raise InputError(
                 "config", f"model.material.{quantity}", "nothing", f"a value of {quantity} for layer {name}"
             )
-    for quantity in ("alpha", "poisson"):
+    for quantity in CONSTANTS:
         found[quantity] = float(
             _changed(quantity, found[quantity], {"number": number, "layers": count}, present, values)
         )
@@ -152,15 +186,14 @@ def _steps(study: Study, present: list[Effect], values: Mapping[str, float]) -> 
     """Prescribed quantities of the deck's steps; a load before the first picture is a step of its own."""
     control, count = study.control, len(study.steps)
     before = float(_changed("before", 0.0, {}, present, values))
-    viscous = values.get("relaxation.share", 0.0) != 0.0
     found, last = [], 0.0
     if before:
-        found.append({control: before, "kind": "static"})
+        found.append({control: before, "period": None})
     for k, step in enumerate(study.steps, 1):
-        kind, period = "static", 1.0
-        if viscous and step.time is not None:
-            kind, period, last = "visco", step.time - last, step.time
-        entry: dict[str, Any] = {"force": step.force, "displacement": step.displacement, "kind": kind, "period": period}
+        period = None
+        if step.time is not None:
+            period, last = step.time - last, step.time
+        entry: dict[str, Any] = {"force": step.force, "displacement": step.displacement, "period": period}
         names = {"k": k, "n": count, "time": step.time or 0.0}
         if entry[control] is not None:
             entry[control] = float(_changed(control, entry[control], names, present, values)) + before
@@ -214,6 +247,28 @@ def _from_indenter(points: np.ndarray, mesh: Mesh) -> dict[str, np.ndarray]:
         return {}
     found = points - comes_down(mesh)
     return {"aside_x": found[:, 0], "aside_y": found[:, 1], "beneath": -found[:, 2]}
+
+
+def place_of(effect: Effect, values: Mapping[str, float], mesh: Mesh) -> np.ndarray | None:
+    """Where in the undeformed body a scanned place of an effect is, mm; None for effects without one.
+
+    Raises
+    ------
+    InputError
+        For another number of formulas than axes, and formulas that are none.
+    """
+    if not effect.place:
+        return None
+    if len(effect.place) != mesh.dim:
+        expected = f"{mesh.dim}, one for each axis of the body"
+        raise InputError(f"effect {effect.name}", "place", f"{len(effect.place)} formulas", expected)
+    low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+    down = {f"indenter_{axis}": float(x) for axis, x in zip("xyz", comes_down(mesh) - low, strict=False)}
+    names = {**extent(high - low), **down, **effect.own(values)}
+    try:
+        return low + np.array([float(evaluate(formula, names)) for formula in effect.place])
+    except ValueError as error:
+        raise InputError(f"effect {effect.name}", "place", error, "formulas of its names") from error
 
 
 def comes_down(mesh: Mesh) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,9 @@ SECONDS = 20
 MEMORY = 2**31
 """Bytes that such a deck may take while it is made: thirty times `TABLE`, the longest text of it, which as Python's
 numbers and pieces of text takes up to ten times as much."""
+
+
+_BLOCK = re.compile(r"""\b(?:fills|replaced)\(\s*["'](\w+)["']""")
 
 
 class _Foreign(Exception):
@@ -107,6 +111,16 @@ def _place(error: Exception, template: str) -> tuple[str, int]:
             where, line = name, trace.tb_lineno
         trace = trace.tb_next
     return where, line
+
+
+def blocks(folders: Sequence[Path]) -> list[str]:
+    """Names of the blocks that templates in these folders have for effects: those that they ask for."""
+    named = set()
+    for folder in folders:
+        for path in folder.rglob("*.j2"):
+            check_regular(path, "template", DOCUMENT, "a template")
+            named |= set(_BLOCK.findall(read_text(path, "template", DOCUMENT, "a template")))
+    return sorted(named)
 
 
 def is_template(name: str, folders: Sequence[Path]) -> bool:

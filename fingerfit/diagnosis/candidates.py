@@ -10,7 +10,9 @@ from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.decks import with_effect
 from fingerfit.model.applicable import not_measured, unmet
-from fingerfit.model.effect import OBSERVATION, Effect
+from fingerfit.model.effect import CONSTANTS, OBSERVATION, Effect
+
+RIVALS = "only one of two effects that replace the same block of the deck"
 
 
 @dataclass(frozen=True)
@@ -43,23 +45,19 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     study = problem.study
     found: list[Candidate] = []
     lacking: dict[str, InputError] = {}
-    without = problem.ask(values).sim
+    without, refined = problem.ask(values).sim, REFINED in problem.mesh_files
     for effect in problem.effects.values():
-        if effect.name in problem.settings.model.effects or unmet(effect, study, problem.meshes[SEARCH].dim):
+        if effect.name in problem.settings.model.effects or unmet(effect, study, problem.meshes[SEARCH].dim, refined):
             continue
-        if _is_fitted(effect, problem):
-            continue
-        if effect.name == "coarse_mesh" and REFINED not in problem.mesh_files:
+        if _is_fitted(effect, problem) or _rivals(effect, problem):
             continue
         for place in effect.places():
-            if "layer" in effect.scan and place[effect.key("layer")] > len(study.layer_names):
-                continue
             asked = []
-            for parameter in effect.parameters if effect.acts != OBSERVATION and effect.name != "coarse_mesh" else ():
+            for parameter in effect.parameters if effect.simulated else ():
                 trial = with_effect(effect, place, parameter.name)
                 asked.append(problem.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
             if asked and all(one.sim == without for one in asked):
-                continue  # no part of this study's deck: friction where nothing is in contact
+                continue  # no part of this study's deck: friction where nothing is in contact, a layer beyond the last
             if asked and not any(one.effect.name == effect.name for one in found):
                 # its first place only: the others have the same keywords
                 refused = next(filter(None, map(problem.refusal, asked)), None)
@@ -79,13 +77,20 @@ def untestable(problem: InverseProblem) -> dict[str, InputError]:
     for effect in problem.effects.values():
         if effect.name in problem.settings.model.effects or effect.acts == OBSERVATION:
             continue
-        lacking = not_measured(effect, study, problem.meshes[SEARCH].dim)
-        if effect.name == "coarse_mesh" and REFINED not in problem.mesh_files:
-            lacking = ["a finer mesh"]
+        if rivals := _rivals(effect, problem):
+            found[effect.title] = InputError(study.path, "effects", f"a model without {rivals[0]}", RIVALS)
+            continue
+        lacking = not_measured(effect, study, problem.meshes[SEARCH].dim, REFINED in problem.mesh_files)
         if lacking:
             expected = "it in the study, or for a mesh in the settings: then the effect is tested"
             found[effect.title] = InputError(study.path, "effects", " and ".join(lacking), expected)
     return found
+
+
+def _rivals(effect: Effect, problem: InverseProblem) -> list[str]:
+    """Effects of the model that replace the same block of the deck: beside them it cannot be there."""
+    chosen = [problem.effects[name] for name in problem.settings.model.effects]
+    return [other.name for other in chosen if set(other.replaces) & set(effect.replaces)]
 
 
 def _is_fitted(effect: Effect, problem: InverseProblem) -> bool:
@@ -93,9 +98,9 @@ def _is_fitted(effect: Effect, problem: InverseProblem) -> bool:
     model = problem.settings.model.parameters
     names = problem.study.layer_names
     return (
-        set(effect.changes) <= {"alpha", "poisson"}
+        set(effect.changes) <= set(CONSTANTS)
         and bool(effect.changes)
-        and not effect.part
+        and not (effect.part or effect.fills or effect.replaces)
         and all(
             quantity in model or all(f"{quantity}_{name}" in model for name in names) for quantity in effect.changes
         )

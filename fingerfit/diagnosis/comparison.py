@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.deck.context import comes_down
+from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.residual import Patches, Reader, Residual, common_modes, flat, residual_of
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
@@ -21,14 +21,13 @@ from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, difference
 from fingerfit.forward.predict import Predictor, positions
 from fingerfit.imaging.pictures import Picture
-from fingerfit.mesh.mesh import Mesh
-from fingerfit.model.effect import OBSERVATION, Effect
+from fingerfit.model.effect import MESH_ERROR, OBSERVATION, Effect
 from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.study.data import Data
 
-SMOOTH = 3.0
-"""Length over which the error of a mesh is alike, mm."""
+SMOOTH = 0.25
+"""Length over which the error of a mesh is alike, as a share of the body's height."""
 ACROSS_POINTS = 6
 """Patches over the width of the region where points were measured."""
 ALIKE = 0.9
@@ -208,14 +207,15 @@ class Comparison:
         """Error of the mesh as a random field, shape (kept, kept).
 
         Its size is known, patch by patch and step by step, its pattern only roughly: it is taken to be smooth over
-        `SMOOTH` mm and much alike at all steps.
+        `SMOOTH` of the body's height and much alike at all steps.
         """
         value = self.residual.value
         dim = value.shape[2] - 1
         field = self.mesh_signal[: value.size].reshape(value.shape)[..., :dim]
         size = np.linalg.norm(field, axis=2) / np.sqrt(dim)
         apart = ((self.patches.centre[:, None] - self.patches.centre[None]) ** 2).sum(axis=2)
-        near = np.exp(-apart / (2 * SMOOTH**2))
+        height = float(np.ptp(self.problem.meshes[SEARCH].body[:, -1]))
+        near = np.exp(-apart / (2 * (SMOOTH * height) ** 2))
         steps = np.where(np.eye(len(size), dtype=bool), 1.0, ALIKE)
         total = np.zeros((*value.shape, *value.shape))
         for axis in range(dim):
@@ -250,7 +250,7 @@ class Comparison:
         `without` is the simulation of the model without it, the anchor when left out.
         """
         effect, columns = candidate.effect, []
-        if effect.name == "coarse_mesh":
+        if effect.signal == MESH_ERROR:
             return self.mesh_signal[:, None][self.residual.kept]
         if effect.acts == OBSERVATION:
             columns = [self.observed(effect, candidate.place, p.name) for p in effect.parameters]
@@ -331,25 +331,11 @@ def stiffness_map(comparison: Comparison, ranking: Sequence[Ranked]) -> np.ndarr
     mesh = comparison.problem.meshes[SEARCH]
     rows = []
     for one in ranking:
-        at = _position(one.candidate, mesh) if "field" in one.candidate.effect.changes else None
-        if at is not None:
+        at = place_of(one.candidate.effect, one.candidate.place, mesh)
+        if at is not None and "field" in one.candidate.effect.changes:
             change = float(one.finding.size[0])
             rows.append([*at, change, np.sign(change) * np.sqrt(one.finding.fall)])
     return np.array(rows).reshape(-1, mesh.dim + 2)
-
-
-def _position(candidate: Candidate, mesh: Mesh) -> np.ndarray | None:
-    """Where in the undeformed body a candidate was tried, mm; None where it has no place.
-
-    Places are given in shares of the body's width and height, or in space from where the indenter comes down.
-    """
-    place = {key.split(".")[1]: value for key, value in candidate.place.items()}
-    if set(place) == {"across", "along"} and mesh.dim == 2:
-        low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
-        return low + np.array([place["across"], place["along"]]) * (high - low)
-    if set(place) == {"x", "y", "below"} and mesh.dim == 3:
-        return comes_down(mesh) + np.array([place["x"], place["y"], -place["below"]])
-    return None
 
 
 def alike(score_test: ScoreTest, a: Ranked, b: Ranked) -> float:

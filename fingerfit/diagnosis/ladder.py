@@ -16,10 +16,11 @@ from fingerfit.core.folders import PACKAGE
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck, refusal, with_effect
-from fingerfit.model.catalogue import catalogue, chosen
-from fingerfit.model.effect import OBSERVATION, Effect
+from fingerfit.model.catalogue import chosen
+from fingerfit.model.effect import Effect
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.provenance.results import model_folder, study_folder
+from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, Settings, load_settings
 from fingerfit.settings.edit import remove_effect, write_effect
 from fingerfit.study.reader import load_study
@@ -37,7 +38,7 @@ def add(config: Path, name: str) -> str:
         For an effect that is not known, is there already, or needs what the solver lacks.
     """
     settings = load_settings(config)
-    effect = chosen([name], catalogue(Path(settings.study)), config)[0]
+    effect = chosen([name], effects_of(Path(settings.study)), config)[0]
     if name in settings.model.effects:
         raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
     numbers, reused = _found(settings, name)
@@ -137,9 +138,9 @@ def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
     study = load_study(Path(settings.study))
     mesh = make_mesh(study, settings.model.mesh)
     check_effects(settings, study, mesh, config)
-    if effect.acts == OBSERVATION:
+    if not effect.simulated:
         return
-    known = catalogue(Path(settings.study))
+    known = effects_of(Path(settings.study))
     start = settings.starts()
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
         file = Path(name) / "mesh.inp"

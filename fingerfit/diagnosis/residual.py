@@ -342,8 +342,9 @@ def _joined(own: np.ndarray, first: np.ndarray, fits: Registrations, scale: np.n
         root = []
         for n in range(pictures):
             block[n, :, n] = own[n, patch] + np.outer(scale, scale) * fits[n].own_error[patch]
-            values, vectors = np.linalg.eigh(np.nan_to_num(np.atleast_2d(first[n, patch])))
-            root.append((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+            # in pixels: a root of millimetres beside brightness would depend on how large the body is
+            values, vectors = np.linalg.eigh(np.nan_to_num(first[n, patch] / np.outer(scale, scale)))
+            root.append(scale[:, None] * ((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T))
         for n in range(pictures):
             for m in range(pictures):
                 block[n, :, m] += root[n] @ root[m].T

@@ -11,8 +11,8 @@ from fingerfit.forward.decks import make_deck, with_effect
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import cure_of, unmet
-from fingerfit.model.catalogue import catalogue
-from fingerfit.model.effect import NUMERICS, OBSERVATION, Effect
+from fingerfit.model.effect import NUMERICS, Effect
+from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, MATERIAL, MeshSettings, Settings, too_long
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
@@ -86,18 +86,19 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
     ------
     Problems
         Effects of the solver's settings, effects that need what the study does not have, and effects that change
-        nothing in its deck, as friction where nothing is in contact: their numbers could not be found.
+        nothing in its deck, as friction where nothing is in contact: their numbers could not be found; two effects
+        that replace the same block of the deck.
     """
     problems: list[FingerfitError] = []
-    for effect in settings.effects(where):
+    for effect in _alone_in_blocks(settings.effects(where), where):
         field = f"model.effects.{effect.name}"
-        lacking = unmet(effect, study, mesh.dim)
+        lacking = unmet(effect, study, mesh.dim, settings.finer(study))
         if effect.acts == NUMERICS:
             problems.append(InputError(where, field, "an effect that is no part of a model", cure_of(effect)[1]))
         elif lacking:
             found = f"{effect.name}, which needs {' and '.join(lacking)}"
             problems.append(InputError(where, field, found, f"an effect that makes sense in {study.path}"))
-        elif effect.acts != OBSERVATION and not changes_the_deck(settings, study, mesh, effect):
+        elif effect.simulated and not changes_the_deck(settings, study, mesh, effect):
             found = f"{effect.name}, which changes nothing in the deck of this study"
             expected = f"an effect on what {settings.model.template} has"
             problems.append(InputError(where, field, found, expected))
@@ -105,9 +106,20 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
         raise Problems(problems)
 
 
+def _alone_in_blocks(effects: tuple[Effect, ...], where: Path | str) -> tuple[Effect, ...]:
+    """The effects; refused where two of them replace the same block, since no deck can have both."""
+    owner: dict[str, str] = {}
+    for effect in effects:
+        for block in effect.replaces:
+            if owner.setdefault(block, effect.name) != effect.name:
+                found = f"{effect.name}, which replaces {block} of the deck, as {owner[block]} does"
+                raise InputError(where, f"model.effects.{effect.name}", found, "one of both effects")
+    return effects
+
+
 def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> bool:
     """Whether the deck with an effect at its trial sizes differs from that without it."""
-    known = catalogue(Path(settings.study))
+    known = effects_of(Path(settings.study))
     start = settings.starts()
     sizes = [effect.null(), *(with_effect(effect, {}, p.name) for p in effect.parameters)]
     without, *decks = (make_deck(settings, study, mesh, "mesh", {**start, **size}, known) for size in sizes)

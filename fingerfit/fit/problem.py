@@ -21,9 +21,9 @@ from fingerfit.forward.decks import make_deck, refusal
 from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
 from fingerfit.forward.score import Prediction, score
 from fingerfit.mesh.mesh import Mesh
-from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.model.observation import Observation
+from fingerfit.settings.bound import effects_of
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
@@ -142,7 +142,7 @@ class InverseProblem:
     @cached_property
     def effects(self) -> dict[str, Effect]:
         """All effects that are known in this study."""
-        return catalogue(Path(self.settings.study))
+        return effects_of(Path(self.settings.study))
 
     def seen(self, values: Mapping[str, float]) -> Observation | None:
         """Effects on the observation that a guess has."""

@@ -12,25 +12,20 @@ IN_WORDS = {
     "layers": "a block of layers in the plane",
     "plane": "a body in the plane",
     "space": "a body in space",
+    "refined": "a finer mesh",
 }
 """What an effect may need of a study (`fingerfit.model.effect.NEEDS`), for a person."""
-MEASURED = ("time", "pictures", "displacements")
-"""Needs that another measurement of the same body would meet."""
-
-CURES = {
-    "coarse_mesh": ("the mesh is too coarse", "a finer model.mesh and model.refined"),
-    "load_step": ("the load steps are too large", "smaller increments in the template"),
-}
-"""What is wrong, and what to do, about effects of mesh and load steps, which are no part of a model."""
+MEASURED = ("time", "pictures", "displacements", "refined")
+"""Needs that another measurement or mesh of the same body would meet."""
 
 
 def cure_of(effect: Effect) -> tuple[str, str]:
     """What is wrong, and what to do, where an effect of mesh and load steps shows."""
-    return CURES.get(effect.name, (effect.title, "other settings of the solver"))
+    return effect.fault or effect.title, effect.cure or "other settings of the solver"
 
 
-def what_is_there(study: Study, dim: int) -> set[str]:
-    """Which of the needs of effects a study meets; `dim` is that of its mesh."""
+def what_is_there(study: Study, dim: int, refined: bool) -> set[str]:
+    """Which needs of effects a study meets; `dim` is that of its mesh, `refined` whether there is a finer one."""
     pictured = any(step.picture for step in study.steps)
     return {
         name
@@ -41,22 +36,23 @@ def what_is_there(study: Study, dim: int) -> set[str]:
             ("layers", study.body.width is not None),
             ("plane", dim == 2),
             ("space", dim == 3),
+            ("refined", refined),
         )
         if there
     }
 
 
-def unmet(effect: Effect, study: Study, dim: int) -> list[str]:
+def unmet(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
     """Needs of an effect that a study does not meet, in words; none where the effect makes sense in it."""
-    there = what_is_there(study, dim)
+    there = what_is_there(study, dim, refined)
     found = [IN_WORDS[need] for need in effect.needs if need not in there]
     if effect.control and effect.control != study.control:
         found.append(f"a prescribed {effect.control}")
-    return found
+    return found or [f"{formula} of the study" for formula in dict.fromkeys(effect.shares_of.values())]
 
 
-def not_measured(effect: Effect, study: Study, dim: int) -> list[str]:
+def not_measured(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
     """What must be measured, in words, before an effect that makes sense for the body can be tested."""
-    lacking = unmet(effect, study, dim)
+    lacking = unmet(effect, study, dim, refined)
     measurable = [IN_WORDS[need] for need in MEASURED]
     return lacking if all(need in measurable for need in lacking) else []

@@ -14,12 +14,14 @@ from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.folders import template_folders
 from fingerfit.core.keys import Keys, is_number, read_yaml, unknown_key
 from fingerfit.model.applicable import IN_WORDS
-from fingerfit.model.effect import ACTS, NEEDS, Effect, EffectParameter
-from fingerfit.model.formulas import FUNCTIONS
+from fingerfit.model.effect import ACTS, CONSTANTS, MESH_ERROR, NEEDS, Effect, EffectParameter
+from fingerfit.model.formulas import FUNCTIONS, evaluate, names_in
+from fingerfit.model.scales import IN_WORDS as SCALES
 
-CHANGES = ("alpha", "poisson", "field", "force", "displacement", "before", "increment")
+CHANGES = (*CONSTANTS, "field", "force", "displacement", "before", "increment", "follow", "beside_x", "beside_y")
 OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 
+DECK_KEYS = ("replaces", "shares_of", "place", "told", "signal", "fault", "cure")
 PLACES = 1000
 """Places of one effect: each is tested by simulations of its own; a whole diagnosis has some hundred."""
 
@@ -91,7 +93,7 @@ def _read(path: Path, stamp: int) -> Effect:
         raise InputError(path, "name", path.stem, "letters, digits, _ and -: the file's name is the effect's")
     keys = Keys(path, read_yaml(path), "", problems)
     words = ("title", "words", "look", "confirm")
-    keys.known(*words, "acts", "parameters", "scan", "refine", "changes", "observes", "needs", "control")
+    keys.known(*words, "acts", "parameters", "scan", "refine", "changes", "observes", "needs", "control", *DECK_KEYS)
     texts = {name: keys.text(name) or "" for name in words}
     acts = keys.text("acts") or ""
     if acts and acts not in ACTS:
@@ -123,13 +125,59 @@ def _read(path: Path, stamp: int) -> Effect:
     if count > PLACES:
         keys.wrong("scan", f"{count} places in all", f"at most {PLACES}")
     part = path.with_suffix(".inp.j2")
+    more = {**texts, **_more(keys, [p.name for p in parameters], list(places))}
     if problems:
         raise Problems(problems)
     return Effect(
-        path.stem, **texts, acts=acts, parameters=parameters, scan=places, refine=refine, changes=changes,
+        path.stem, acts=acts, parameters=parameters, scan=places, refine=refine, changes=changes,
         observes=observes, needs=tuple(needs), control=control or "",
-        part=f"effects/{part.name}" if part.exists() else None,
+        part=f"effects/{part.name}" if part.exists() else None, fills=_fills(path), **more,
     )  # fmt: skip
+
+
+def _more(keys: Keys, numbers: Sequence[str], places: Sequence[str]) -> dict[str, Any]:
+    """What an effect replaces in the deck, what its numbers are shares of, where it is, and the rest of its words."""
+    shares, signal = keys.mapping("shares_of", {}), keys.text("signal", None)
+    shares.known(*numbers, *places)
+    for name, formula in shares.data.items():
+        if not _is_scale(str(formula)):
+            shares.wrong(name, formula, "a formula above 0 of " + ", ".join(SCALES))
+    told = keys.mapping("told", {})
+    told.known(*places)
+    if signal not in (None, MESH_ERROR) or (signal and len(numbers) != 1):
+        keys.wrong("signal", signal, f"{MESH_ERROR}, of an effect with one number")
+    return {
+        "replaces": _texts(keys, "replaces"),
+        "place": _texts(keys, "place"),
+        "shares_of": {name: str(formula) for name, formula in shares.data.items()},
+        "told": {name: told.text(name) or "" for name in told.data},
+        "signal": signal or "",
+        "fault": keys.text("fault", None) or "",
+        "cure": keys.text("cure", None) or "",
+    }
+
+
+def _is_scale(formula: str) -> bool:
+    """Whether a formula names sizes of a study, and nothing else, and is above 0 where all of them are 1."""
+    try:
+        return bool(names_in(formula)) and float(evaluate(formula, dict.fromkeys(SCALES, 1.0))) > 0
+    except ValueError:
+        return False
+
+
+def _texts(keys: Keys, key: str) -> tuple[str, ...]:
+    """One text or a list of them."""
+    given = keys.data.get(key, [])
+    found = given if isinstance(given, list) else [given]
+    if not all(isinstance(text, (str, int, float)) for text in found):
+        keys.wrong(key, given, "a text or a list of texts")
+    return tuple(map(str, found))
+
+
+def _fills(path: Path) -> dict[str, str]:
+    """Parts beside an effect that fill a block of the deck, ``{name}.{block}.inp.j2``, by block."""
+    found = sorted(path.parent.glob(f"{path.stem}.*.inp.j2"))
+    return {part.name.split(".")[1]: f"effects/{part.name}" for part in found}
 
 
 def _parameters(keys: Keys) -> tuple[EffectParameter, ...]:
@@ -174,7 +222,7 @@ def _formulas(keys: Keys, key: str, known: Sequence[str]) -> dict[str, str]:
 def as_text(effect: Effect) -> dict[str, Any]:
     """What a report says of an effect."""
     return {"name": effect.name, "title": effect.title, "words": effect.words, "look": effect.look,
-            "confirm": effect.confirm, "acts": effect.acts}  # fmt: skip
+            "confirm": effect.confirm, "acts": effect.acts, "told": dict(effect.told)}  # fmt: skip
 
 
 def as_lines(effect: Effect) -> str:
@@ -185,13 +233,15 @@ def as_lines(effect: Effect) -> str:
         f"in the data: {effect.look}",
         f"confirm: {effect.confirm}",
     ]
+    units = {p.name: "" if p.unit == "1" else f" {p.unit}" for p in effect.parameters}
+    units |= {name: f" of {formula}" for name, formula in effect.shares_of.items()}
     for p in effect.parameters:
-        unit = "" if p.unit == "1" else f" {p.unit}"
+        unit = units[p.name]
         lines.append(f"{p.name}: {p.lower:g} to {p.upper:g}{unit}, absent at {p.null:g}")
     for name, values in effect.scan.items():
         low, high = effect.refine.get(name, (None, None))
         fitted = "not fitted" if low is None else f"fitted from {low:g} to {high:g}"
-        lines.append(f"{name}: tried at {', '.join(f'{value:g}' for value in values)}; {fitted}")
+        lines.append(f"{name}: tried at {', '.join(f'{value:g}' for value in values)}{units.get(name, '')}; {fitted}")
     needs = [IN_WORDS[need] for need in effect.needs] + [f"a prescribed {effect.control}"] * bool(effect.control)
     if needs:
         lines.append(f"needs: {', '.join(needs)}")

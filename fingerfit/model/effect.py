@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
+
+from fingerfit.model.formulas import evaluate, names_in
 
 LOADING = "loading"
 """Effects on what is prescribed and on its reading."""
@@ -14,10 +16,15 @@ OBSERVATION = "observation"
 """Effects on what is measured: they need no new simulation."""
 ACTS = ("material", "structure", "boundary", LOADING, NUMERICS, OBSERVATION)
 """Where an effect acts."""
-NEEDS = ("time", "pictures", "displacements", "layers", "plane", "space")
+NEEDS = ("time", "pictures", "displacements", "layers", "plane", "space", "refined")
 """What an effect may need of a study: times of all steps, pictures, pictures or points, a block of layers in
-the plane between a base and an indenter, a body in the plane, a body in space."""
-
+the plane between a base and an indenter, a body in the plane, a body in space, a finer mesh."""
+CONSTANTS = ("alpha", "poisson")
+"""Constants of each layer that effects may change; a model may fit them, too."""
+MESH_ERROR = "mesh"
+"""The expected error of the mesh: the only signal that is known without a simulation of its own."""
+DIGITS = 6
+"""Of a number that is a share of something: shares in YAML have no more."""
 
 TRIALS = 30
 """Slopes are taken over 3 % of a parameter's scale: no farther than about a trial size, however wide the bounds are."""
@@ -75,7 +82,8 @@ class Effect:
     changes : mapping
         Formulas for what goes into the deck: ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a factor on
         mu at a place), ``force``, ``displacement`` (prescribed), ``before`` (prescribed before the first picture),
-        ``increment`` (of the solver, as a share of a step).
+        ``increment`` (of the solver, as a share of a step), ``follow`` (share of the indenter's way that a node under
+        it goes), ``beside_x``, ``beside_y`` (where the indenter comes down, mm from where it was said to).
     observes : mapping
         Formulas for what is measured: ``displacement``, ``force`` (the one that is not prescribed), ``intensity``,
         ``shift_x``, ``shift_y``, ``shift_z`` (mm).
@@ -85,6 +93,20 @@ class Effect:
         ``force`` or ``displacement`` where it makes sense only for one of them.
     part : str or None
         Template part in the deck.
+    fills : mapping
+        Template parts in named blocks of the deck: block to template.
+    replaces : tuple of str
+        Blocks that lose what they have without it.
+    shares_of : mapping
+        Formulas of what numbers are shares of (`scales`), by short names; none is left once it is `bound`.
+    place : tuple of str
+        Formulas of where a scanned place is, mm from the corner of the body; empty for effects without a place.
+    told : mapping
+        Words for scanned numbers, by short names; ``{value}``, ``{percent}``, ``{layer}`` in them stand for a number.
+    signal : str
+        `MESH_ERROR` for an effect that is this signal and changes no deck.
+    fault, cure : str
+        What is wrong, and what to do, where an effect of mesh and load steps shows.
     """
 
     name: str
@@ -101,14 +123,60 @@ class Effect:
     needs: tuple[str, ...] = ()
     control: str = ""
     part: str | None = None
+    fills: Mapping[str, str] = field(default_factory=dict)
+    replaces: tuple[str, ...] = ()
+    shares_of: Mapping[str, str] = field(default_factory=dict)
+    place: tuple[str, ...] = ()
+    told: Mapping[str, str] = field(default_factory=dict)
+    signal: str = ""
+    fault: str = ""
+    cure: str = ""
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it takes simulations to see what it does."""
+        return self.acts != OBSERVATION and not self.signal
+
+    def bound(self, scales: Mapping[str, float]) -> Effect:
+        """The same with its shares as numbers, as far as what they are shares of is known (`scales`).
+
+        Raises
+        ------
+        ValueError
+            For a formula of a scale that is none, or is not above 0.
+        """
+        sizes, left = dict[str, float](), dict(self.shares_of)
+        for name, formula in self.shares_of.items():
+            if names_in(formula) <= scales.keys():
+                sizes[name] = float(evaluate(left.pop(name), scales))
+                if not sizes[name] > 0:
+                    raise ValueError(f"{formula!r} comes to {sizes[name]:g}")
+        if not sizes:
+            return self
+
+        def size(name: str, share: float) -> float:
+            return float(f"{share * sizes[name]:.{DIGITS}g}") if name in sizes else share
+
+        def own(p: EffectParameter) -> EffectParameter:
+            null, lower, upper, step = (size(p.name, share) for share in (p.null, p.lower, p.upper, p.step))
+            return replace(p, null=null, lower=lower, upper=upper, step=step)
+
+        return replace(
+            self,
+            parameters=tuple(own(p) for p in self.parameters),
+            scan={name: tuple(size(name, value) for value in values) for name, values in self.scan.items()},
+            refine={name: (size(name, low), size(name, high)) for name, (low, high) in self.refine.items()},
+            shares_of=left,
+        )
 
     def key(self, parameter: str) -> str:
         """Name of a parameter or scanned number in a guess."""
         return f"{self.name}.{parameter}"
 
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Bounds of its numbers that have some, by short names."""
-        return {p.name: (p.lower, p.upper) for p in self.parameters} | dict(self.refine)
+        """Bounds of its numbers that have some, by short names; without those that are shares still."""
+        found = {p.name: (p.lower, p.upper) for p in self.parameters} | dict(self.refine)
+        return {name: pair for name, pair in found.items() if name not in self.shares_of}
 
     def null(self) -> dict[str, float]:
         """Values at which the effect is absent."""

@@ -96,6 +96,19 @@ def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
     return found
 
 
+def names_in(formula: str) -> set[str]:
+    """Names that a formula needs values of; none where it is no formula.
+
+    >>> sorted(names_in("force / (width * exp(1))"))
+    ['force', 'width']
+    """
+    try:
+        tree = _parsed(formula)
+    except ValueError:
+        return set()
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - FUNCTIONS.keys()
+
+
 def _double(value: Any) -> Any:
     return np.asarray(value, dtype=float) if np.ndim(value) else float(value)
 

@@ -11,6 +11,7 @@ import numpy as np
 from fingerfit.core.errors import InputError
 from fingerfit.model.effect import Effect
 from fingerfit.model.formulas import evaluate
+from fingerfit.model.scales import extent
 
 
 @dataclass(frozen=True)
@@ -94,5 +95,4 @@ def places(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, A
     """
     place, size = np.moveaxis(points - low, -1, 0), high - low
     found: dict[str, Any] = dict(zip("xyz", place, strict=False))
-    found |= {"up": place[-1], "width": float(size[0]), "height": float(size[-1])}
-    return found | ({"breadth": float(size[1])} if len(size) == 3 else {})
+    return found | {"up": place[-1], **extent(size)}

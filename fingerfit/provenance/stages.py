@@ -13,11 +13,11 @@ from fingerfit.core.errors import InputError
 from fingerfit.core.files import digest, kept_json, read_record, write_text
 from fingerfit.core.folders import PACKAGE
 from fingerfit.fit.check import check_against_study, check_effects
-from fingerfit.model.catalogue import catalogue
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.provenance.inputs import page_files, study_files, template_files
 from fingerfit.provenance.results import model_folder, refuse, study_folder
 from fingerfit.provenance.sources import reached
+from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, Settings
 from fingerfit.settings.extend import extended
 from fingerfit.solvers.registry import get_solver
@@ -135,7 +135,7 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     parent = settings.model_copy(
         update={"model": settings.model.model_copy(update={"effects": {name: effects[name] for name in before}})}
     )
-    path, effect = model_folder(parent) / "estimate.json", catalogue(Path(settings.study))[last]
+    path, effect = model_folder(parent) / "estimate.json", effects_of(Path(settings.study))[last]
     if path.exists():
         values = {name: entry["value"] for name, entry in read_record(path, "parameters")["parameters"].items()}
         values |= _refit_constants(path.with_name("diagnosis.json"), last, effects[last])
@@ -182,7 +182,7 @@ def figures(settings: Settings) -> list[str]:
 
 def has_refined(settings: Settings) -> bool:
     """Whether there is a finer mesh: in the settings, or beside the mesh of the study."""
-    return settings.model.refined is not None or load_study(Path(settings.study)).body.refined is not None
+    return settings.finer(load_study(Path(settings.study)))
 
 
 def write_settings(settings: Settings, path: Path) -> str:

@@ -11,10 +11,12 @@ from typing import Any
 
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import read_json
-from fingerfit.model.catalogue import catalogue, chosen, wrong_numbers
+from fingerfit.model.catalogue import chosen, wrong_numbers
 from fingerfit.model.effect import Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.search import Plan, Stage
+from fingerfit.settings.bound import effects_of
+from fingerfit.study.study import Study
 
 CONFIG = "config.yaml"
 MATERIAL = ("mu", "alpha", "poisson")
@@ -66,6 +68,10 @@ class Choices:
                 added.append(Parameter(effect.key(name), "1", lower, upper, start, log=0 < WIDE * lower <= upper))
         return own + tuple(added)
 
+    def finer(self: Any, study: Study) -> bool:
+        """Whether there is a finer mesh: here, or beside the mesh of the study."""
+        return self.model.refined is not None or study.body.refined is not None
+
     def starts(self: Any) -> dict[str, float]:
         """Where the search starts, by the names of the parameters."""
         return {parameter.name: parameter.start for parameter in self.parameters()}
@@ -80,7 +86,7 @@ class Choices:
         """
         if not self.model.effects:
             return ()
-        every = catalogue(Path(self.study))
+        every = effects_of(Path(self.study))
         if not every.keys() >= self.model.effects.keys() and not Path(self.study).is_dir():
             raise InputError(where, "study", self.study, "the folder of a study")
         found = chosen(list(self.model.effects), every, where)

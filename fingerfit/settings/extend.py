@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from fingerfit.model.effect import Effect
 from fingerfit.settings.config import Settings, load_settings
 
+EVERYWHERE = (-math.inf, math.inf)
+"""Bounds of shares of what no study says."""
 EDGE = 0.02
 """How near to a bound a start may be, as a share of the scale of its parameter."""
 
@@ -38,10 +41,15 @@ def extended(
     bounds = {(one.name, key): pair for one in settings.effects() for key, pair in one.bounds().items()}
     for name, numbers in model["effects"].items():
         known = {key.split(".")[1]: v for key, v in values.items() if key.split(".")[0] == name}
-        numbers.update({key: min(max(v, bounds[name, key][0]), bounds[name, key][1]) for key, v in known.items()})
+        numbers.update({key: _within(v, bounds.get((name, key), EVERYWHERE)) for key, v in known.items()})
     own = {key.split(".")[1]: value for key, value in place.items()}
     for p in effect.parameters:
         edge = EDGE * p.scale
-        own[p.name] = min(max(size.get(p.name, p.null), p.lower + edge), p.upper - edge)
+        low, high = effect.bounds().get(p.name, EVERYWHERE)
+        own[p.name] = _within(size.get(p.name, p.null), (low + edge, high - edge))
     model["effects"][effect.name] = own
     return load_settings(data, "config.yaml")
+
+
+def _within(value: float, bounds: tuple[float, float]) -> float:
+    return min(max(value, bounds[0]), bounds[1])

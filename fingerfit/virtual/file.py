@@ -18,6 +18,7 @@ from fingerfit.deck.context import compressibility
 from fingerfit.deck.render import is_template
 from fingerfit.fit.check import wrong_element
 from fingerfit.model.catalogue import catalogue, wrong_numbers
+from fingerfit.model.scales import bound, extent
 from fingerfit.prepare.plausible import HEIGHT, too_deep
 from fingerfit.settings.config import impossible
 from fingerfit.solvers.registry import get_solver
@@ -132,7 +133,7 @@ def _cross_check(given: Any, path: Path) -> list[FingerfitError]:
     if there("picture"):
         problems += _picture_problems(given, path)
     if there("own", "effects"):
-        problems += _effect_problems(given, path)
+        problems += _effect_problems(given, path, {} if problems else _sizes(given))
     if there("template") and not is_template(given.template, template_folders(path.parent)):
         problems.append(InputError(path, "template", given.template, "a template beside it or in templates/"))
     return problems
@@ -221,12 +222,23 @@ def _picture_problems(given: Any, path: Path) -> Iterator[InputError]:
             yield InputError(path, "picture.pictured", number, f"steps from 1 to {count}")
 
 
-def _effect_problems(given: Any, path: Path) -> list[FingerfitError]:
+def _sizes(given: Any) -> dict[str, float]:
+    """What effects may have shares of, as far as the description has it: of a mesh, which is in a file, nothing."""
+    body: Any = getattr(given, "body", None)
+    found: dict[str, float] = {}
+    if isinstance(body, BlockDescription):
+        found = extent([body.width, sum(layer.height for layer in body.layers)])
+    elif getattr(body, "brick", None):
+        found = extent(body.brick)
+    return found | ({"duration": max(given.time)} if getattr(given, "time", None) else {})
+
+
+def _effect_problems(given: Any, path: Path, sizes: dict[str, float]) -> list[FingerfitError]:
     own = path.parent / given.own if given.own else None
     if own is not None and not own.is_dir():
         return [InputError(path, "own", given.own, "a folder beside the description")]
     try:
-        known = catalogue(own)
+        known = bound(catalogue(own), sizes)
     except FingerfitError as error:
         return [error]
     strange = [unknown_key(path, "effects.", name, sorted(known)) for name in given.effects if name not in known]

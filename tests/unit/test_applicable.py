@@ -8,9 +8,9 @@ from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError
 from fingerfit.diagnosis.ladder import add
 from fingerfit.model.applicable import IN_WORDS, MEASURED
-from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import NEEDS
 from fingerfit.provenance import stages
+from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import load_settings
 
 REFUSED = {
@@ -86,7 +86,7 @@ def test_those_that_make_sense_are_taken(folder):
 
 @pytest.mark.parametrize(
     ("effect", "number", "value", "bounds"),
-    [("tilt", "slope", 3, "-0.08 to 0.08"), ("skin", "thickness", 9, "0.2 to 2.5"), ("fibres", "stiffness", -1, "0 to 0.05")],
+    [("tilt", "slope", 3, "-0.08 to 0.08"), ("skin", "thickness", 9, "0.133333 to 1.66667"), ("fibres", "stiffness", -1, "0 to 0.05")],
 )  # fmt: skip
 def test_a_number_out_of_bounds_is_refused(folder, effect, number, value, bounds):
     config = configure(folder, **{effect: {number: value}})
@@ -94,6 +94,6 @@ def test_a_number_out_of_bounds_is_refused(folder, effect, number, value, bounds
         load_settings(config)
     line = f"{config}: model.effects.{effect}.{number}: found {value}; expected {bounds}, the bounds"
     assert str(caught.value) == line
-    low, high = catalogue()[effect].bounds()[number]
+    low, high = effects_of(folder / "study")[effect].bounds()[number]
     for edge in (low, high):
         load_settings(configure(folder, **{effect: {number: edge}}))

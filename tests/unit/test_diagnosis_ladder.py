@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from conftest import ROOT
 
 from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError, InputError
@@ -231,13 +232,18 @@ def test_effects_are_listed_with_their_numbers(capsys):
     assert main(["effects"]) == 0
     blocks = {text.split(":")[0]: text.splitlines() for text in capsys.readouterr().out.split("\n\n")}
     assert blocks["tilt"][0] == "tilt: tilt of the indenter"
-    assert "    slope: -0.08 to 0.08 1/mm, absent at 0" in blocks["tilt"]
+    assert "    slope: -0.96 to 0.96 of 1 / width, absent at 0" in blocks["tilt"]
     assert "    confirm: A photograph of the indenter's edge, or a spirit level on it." in blocks["tilt"]
     assert "    needs: pictures or measured points, a block of layers in the plane" in blocks["tilt"]
     assert blocks["inclusion_in_space"][0] == "inclusion_in_space: inclusion in space"
-    assert "    thickness: tried at 0.5, 1; fitted from 0.2 to 2.5" in blocks["skin"]
-    assert "    layer: tried at 1, 2, 3; not fitted" in blocks["split_layer"]
+    assert "    thickness: tried at 0.0416667, 0.0833333 of height; fitted from 0.0166667 to 0.208333" in blocks["skin"]
+    assert "    layer: tried at 1, 2, 3, 4, 5, 6; not fitted" in blocks["split_layer"]
     assert "    needs: a prescribed force" in blocks["onset"]
+    # in a study what is a share of it has its unit
+    assert main(["effects", str(ROOT / "studies/phantom")]) == 0
+    blocks = {text.split(":")[0]: text.splitlines() for text in capsys.readouterr().out.split("\n\n")}
+    assert "    slope: -0.08 to 0.08 1/mm, absent at 0" in blocks["tilt"]
+    assert "    thickness: tried at 0.5, 1; fitted from 0.2 to 2.5" in blocks["skin"]
 
 
 def test_effects_of_no_study_are_an_error(tmp_path, capsys):
@@ -249,7 +255,11 @@ def test_effects_of_no_study_are_an_error(tmp_path, capsys):
 
 def test_errors_name_the_file_that_was_given(config, tmp_path):
     mine = tmp_path / "mine.yaml"
-    for numbers, field in (("tilt: {slop: 1}", "tilt.slop"), ("tlit: {}", "tlit"), ("tilt: {slope: 1}", "tilt.slope")):
+    for numbers, field in (
+        ("tilt: {slop: 1}", "tilt.slop"),
+        ("tlit: {}", "tlit"),
+        ("fibres: {stiffness: 1}", "fibres.stiffness"),
+    ):
         mine.write_text(with_effects(effects=f"  effects:\n    {numbers}\n").replace("study: study", "study: ."))
         with pytest.raises(FingerfitError) as caught:
             load_settings(mine)

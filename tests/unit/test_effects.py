@@ -14,21 +14,22 @@ from fingerfit.core.files import write_text
 from fingerfit.core.folders import OURS
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.deck.render import render_deck
+from fingerfit.deck.render import blocks, render_deck
 from fingerfit.forward.predict import since_first_picture
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.catalogue import catalogue, chosen
 from fingerfit.model.formulas import evaluate
 from fingerfit.model.observation import Observation
+from fingerfit.model.scales import bound
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.study import Step
 
-EFFECTS = catalogue()
 MESH = layered_block(12.0, LAYERS, 4, 2, "CPE8H")
 FORCES = [20.0, 40.0]
 MATERIAL = {"alpha": 1.4, "poisson": 0.49}
-UNSEEN_BY_THE_DECK = {name for name, e in EFFECTS.items() if e.acts == "observation"} | {"coarse_mesh"}
+EFFECTS = bound(catalogue(), {"width": 12.0, "height": 12.0, "force": 66.0, "duration": 140.0})
+UNSEEN_BY_THE_DECK = {name for name, e in EFFECTS.items() if not e.simulated}
 OF_A_FINGERTIP = {"friction", "bone_mobility", "inclusion_in_space", "indenter_place"}
 """Effects that no block in the plane has: tests/verification/test_fingertip.py."""
 IN_THE_DECK = sorted(set(EFFECTS) - UNSEEN_BY_THE_DECK - OF_A_FINGERTIP)
@@ -79,7 +80,11 @@ def test_the_catalogue_is_whole():
     assert set(EFFECTS) == {path.stem for path in (OURS / "effects").glob("*.yaml")}
     assert len(EFFECTS) >= 18
     parts = {path.name for path in (OURS / "effects").glob("*.j2")}
-    assert parts == {Path(e.part).name for e in EFFECTS.values() if e.part}
+    named = [*(e.part for e in EFFECTS.values() if e.part), *(p for e in EFFECTS.values() for p in e.fills.values())]
+    assert parts == {Path(part).name for part in named}
+    # each block that an effect fills or replaces is one of the templates
+    used = {block for e in EFFECTS.values() for block in (*e.fills, *e.replaces)}
+    assert used <= set(blocks([OURS]))
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -128,6 +133,9 @@ def test_fields_split_each_layer_into_sets(name):
     effect = EFFECTS[name]
     for place in effect.places():
         values = at_step(effect) | place
+        if place.get("split_layer.layer", 1) > len(LAYERS):  # a layer that this body does not have
+            assert deck(values) == PLAIN
+            continue
         context = deck_context(study(), MESH, "mesh.inp", MU | values, MATERIAL)
         for layer in LAYERS:
             own = layer[0].upper()
@@ -136,6 +144,7 @@ def test_fields_split_each_layer_into_sets(name):
             assert sorted(members) == sorted(int(m) + 1 for m in MESH.element_sets[own])
             assert len({p["name"] for p in pieces}) == len(pieces)
             assert all(p["elements"] for p in pieces)
+    values = at_step(effect)
     written = [m for name, block in sets(deck(values)) for m in block if re.match(r"(TOP|MIDDLE|BOTTOM)_\d+$", name)]
     assert sorted(written) == list(range(1, MESH.element_count + 1))
 

@@ -20,6 +20,7 @@ from fingerfit.deck.reader import read_deck
 from fingerfit.deck.render import render_deck
 from fingerfit.deck.write import format_deck
 from fingerfit.model.catalogue import catalogue
+from fingerfit.model.scales import bound
 from fingerfit.solvers.abaqus import AbaqusSolver
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.calculix import CalculixSolver
@@ -28,7 +29,7 @@ from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 ROOT = Path(__file__).resolve().parents[2]
 TEMPLATES = ROOT / "templates"
-EFFECTS = catalogue(ROOT / "studies/fingertip")
+EFFECTS = bound(catalogue(ROOT / "studies/fingertip"), {"height": 13.1, "width": 32.0, "force": 1.0, "duration": 10.0})
 MU = {"mu_epidermis": 0.138, "mu_subcutaneous": 0.00798}
 
 

@@ -169,7 +169,7 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
         "effect": str(entry.get("effect", "")),
         "title": entry.get("title") or entry.get("effect", ""),
         "texts": {key: entry.get(key) or "" for key in ("words", "look", "confirm", "acts")},
-        "place": place_words(entry.get("place") or {}, model.diagnosis.get("layers") or []),
+        "place": place_words(entry.get("place") or {}, entry.get("told") or {}, model.diagnosis.get("layers") or []),
         "size": [(name, with_unit(value, units.get(name, ""))) for name, value in (entry.get("size") or {}).items()],
         "predicted": entry.get("predicted_fall"),
         "achieved": achieved,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -50,33 +50,23 @@ def with_unit(value: Any, unit: str) -> str:
     return number(value) if unit in ("", "1") else f"{number(value)} {unit}"
 
 
-PLACES = {
-    "across": "at {percent:.0f} % of the width",
-    "along": "at {percent:.0f} % of the height",
-    "thickness": "{value} mm thick",
-    "time": "with a time of {value} s",
-    "x": "at x = {value} mm from where the indenter comes down",
-    "y": "y = {value} mm",
-    "below": "{value} mm below it",
-}
-"""Where an effect was tried, in words."""
-
-
-def place_words(place: dict[str, float], layers: Sequence[str] = ()) -> str:
-    """Where an effect was tried.
+def place_words(place: Mapping[str, float], told: Mapping[str, str], layers: Sequence[str] = ()) -> str:
+    """Where an effect was tried; `told` as in `fingerfit.model.effect.Effect`.
 
     Examples
     --------
-    >>> place_words({"across": 0.85, "along": 0.5}), place_words({"layer": 2}, ["top", "bottom"])
-    ('at 85 % of the width, at 50 % of the height', 'in the layer bottom')
+    >>> place_words({"across": 0.85}, {"across": "at {percent} % of the width"}), place_words({"angle": 45}, {})
+    ('at 85 % of the width', 'angle = 45')
+    >>> place_words({"number": 2}, {"number": "in the layer {layer}"}, ["top", "bottom"])
+    'in the layer bottom'
     """
     found = []
     for name, value in place.items():
-        if name == "layer" and 1 <= value <= len(layers):
-            found.append(f"in the layer {layers[int(value) - 1]}")
-        else:
-            words = PLACES.get(name, name + " = {value}")
-            found.append(words.format(value=number(value), percent=100 * float(value)))
+        words = str(told.get(name, name + " = {value}"))
+        layer = layers[int(value) - 1] if 1 <= value <= len(layers) else number(value)
+        for key, text in {"value": number(value), "percent": f"{100 * float(value):.0f}", "layer": layer}.items():
+            words = words.replace(f"{{{key}}}", text)
+        found.append(words)
     return ", ".join(found)
 
 

@@ -1,0 +1,64 @@
+"""Effects as a study has them: what is a share of its body, its load or its duration becomes a number."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.core.errors import FingerfitError
+from fingerfit.deck.mesh_file import read_mesh
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.effect import Effect
+from fingerfit.model.scales import bound, scales
+from fingerfit.study.reader import load_study, study_path
+from fingerfit.study.study import Study
+
+
+def effects_of(folder: Path) -> dict[str, Effect]:
+    """All effects that are known in a study; with their shares as they are where there is no study to be read.
+
+    Raises
+    ------
+    FingerfitError
+        For effects that cannot be read, and shares of what is not above 0.
+    """
+    known, file = catalogue(folder), study_path(folder)
+    if not any(effect.shares_of for effect in known.values()) or not file.is_file():
+        return known
+    return bound(known, dict(_scales(file, _stamps(file.parent))))
+
+
+@functools.cache
+def _scales(file: Path, stamps: tuple[tuple[str, int], ...]) -> tuple[tuple[str, float], ...]:
+    """What numbers can be shares of; nothing where the study is wrong, which is told where it is read to be used."""
+    try:
+        study = load_study(file)
+        return tuple(scales(study, extent_of(study)).items())
+    except FingerfitError:
+        return ()
+
+
+def _stamps(folder: Path) -> tuple[tuple[str, int], ...]:
+    files = (path for path in sorted(folder.iterdir()) if path.is_file())
+    return tuple((path.name, path.stat().st_mtime_ns) for path in files)
+
+
+def extent_of(study: Study) -> list[float]:
+    """Extent of a study's body along each axis, mm; no mesh is made of a block or a brick.
+
+    Raises
+    ------
+    FingerfitError
+        For a mesh that cannot be read.
+    """
+    body = study.body
+    if body.width is not None:
+        return [body.width, sum(layer.height or 0.0 for layer in body.layers)]
+    if body.brick is not None:
+        return list(body.brick)
+    if body.mesh is None:
+        raise FingerfitError(f"{study.path}: body: no shape")
+    size: list[float] = (np.ptp(read_mesh(body.mesh).body, axis=0) * study.length).tolist()
+    return size

@@ -1,0 +1,215 @@
+"""A study's own effects can do what ours can: each made again under another name, ours taken away, nothing changes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+import yaml
+from conftest import LAYERS, MU, ROOT, phantom
+from test_diagnosis import DESCRIPTION
+
+from fingerfit.anatomy.finger import finger_mesh
+from fingerfit.anatomy.fixtures import add_fixtures
+from fingerfit.anatomy.shape import Anatomy
+from fingerfit.check.check import own_effects
+from fingerfit.core.errors import FingerfitError
+from fingerfit.core.files import write_json
+from fingerfit.core.folders import OURS
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.render import render_deck
+from fingerfit.diagnosis.candidates import candidates, untestable
+from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
+from fingerfit.diagnosis.diagnose import diagnose
+from fingerfit.diagnosis.verdict import by_settings, decide
+from fingerfit.fit.check import check_effects
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.problem import SEARCH, InverseProblem
+from fingerfit.fit.simulate import begin, run_fit, solve_missing
+from fingerfit.mesh.blocks import layered_block
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.scales import bound
+from fingerfit.settings.config import load_settings
+from fingerfit.study.study import Body, Layer, Noise, Step, Study
+from fingerfit.virtual.experiment import read_truth, solve, write_study
+
+OURS_BOUND = bound(catalogue(), {"width": 12.0, "height": 12.0, "force": 66.0, "duration": 140.0})
+NAMES = sorted(OURS_BOUND)
+MATERIAL = {"alpha": 1.4, "poisson": 0.49}
+SMALL = {
+    "mesh": {"element": "CPE8", "across": 5, "per_layer": 3, "grading": 2},
+    "refined": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
+}
+
+
+def own(name):
+    return f"own_{name}"
+
+
+def remake(folder, names=NAMES):
+    """Our effects with all their parts in a study's folder, each under another name."""
+    (folder / "effects").mkdir(parents=True)
+    for name in names:
+        for path in [OURS / f"effects/{name}.yaml", *(OURS / "effects").glob(f"{name}.*j2")]:
+            text = re.sub(rf"\beffects\.{name}\b", f"effects.{own(name)}", path.read_text(encoding="utf-8"))
+            (folder / "effects" / path.name.replace(name, own(name), 1)).write_text(text, encoding="utf-8")
+
+
+def only_remade(folder):
+    """What is known in a study, without ours, in the order that ours have."""
+    known = catalogue(folder)
+    return {own(name): known[own(name)] for name in catalogue()}
+
+
+@pytest.fixture(scope="module")
+def remade(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("remade")
+    remake(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finger():
+    return add_fixtures(finger_mesh(size=4.0, element="C3D4"), (Anatomy().pulp_centre, 0.0))
+
+
+def decks(folder, mesh, study, values, effects, templates, mu):
+    folders = [*([folder] if folder else []), ROOT / "templates"]
+    found = []
+    for template in templates:
+        context = deck_context(study, mesh, "mesh.inp", mu | values, MATERIAL, effects)
+        found.append(render_deck(template, context, folders))
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_its_decks_are_ours_byte_for_byte(name, remade, finger):
+    """In the plane and in space, by force and by displacement, at small and at large sizes."""
+    effect = OURS_BOUND[name]
+    steps = [(0.3, 0.5), (20.0, 40.0)]
+    for control in ("force", "displacement"):
+        if "space" in effect.needs or name in ("friction", "bone_mobility"):
+            mesh, mu = finger, {"mu_epidermis": 0.138, "mu_subcutaneous": 0.00798}
+            templates = ["fingertip.inp.j2", "fingertip_fixed.inp.j2", "fingertip_meshed.inp.j2"]
+            body = Body((Layer("epidermis"), Layer("subcutaneous")))
+            loads = tuple(Step(n, time=5.0 * n, **{control: load}) for n, load in enumerate(steps[0], 1))
+            study = Study(ROOT, "finger", control, loads, None, Noise(), body, "held", "slides")
+        else:
+            mesh, mu, templates = layered_block(12.0, LAYERS, 4, 2, "CPE8H"), MU, ["block.inp.j2"]
+            study = phantom(control, list(steps[control == "force"]))
+            study = replace(study, steps=tuple(replace(step, time=10.0 * step.number) for step in study.steps))
+        for size in (0.0, 1.0, 3.0):
+            numbers = {p.name: min(p.null + size * p.step, p.upper) for p in effect.parameters}
+            place = {key.split(".")[1]: value for key, value in effect.places()[-1].items()}
+            ours, theirs = (
+                {f"{prefix}.{key}": value for key, value in (numbers | place).items()} for prefix in (name, own(name))
+            )
+            wanted = decks(None, mesh, study, ours, None, templates, mu)
+            assert decks(remade, mesh, study, theirs, only_remade(remade), templates, mu) == wanted
+            plain = decks(None, mesh, study, {}, None, templates, mu)
+            needless = not effect.simulated or (effect.control and effect.control != control)
+            # a layer that is not there, bones that nobody holds and the like leave a deck as it is, but not all of them
+            assert (wanted != plain) == (size > 0) or needless or (size and "layer" in place)
+
+
+@pytest.fixture(scope="module")
+def slipping(tmp_path_factory):
+    """A small body whose base slips, fitted with a model that holds it."""
+    folder = tmp_path_factory.mktemp("slips")
+    hidden = {**DESCRIPTION, "effects": {"base_slip": {"compliance": 45}}}
+    write_json(folder / "experiment.yaml", hidden)
+    truth = read_truth(folder / "experiment.yaml")
+    write_study(truth, solve(truth, folder / "body", 1), folder / "study")
+    remake(folder / "study")
+    mu = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
+    model = {"material": DESCRIPTION["material"], **SMALL, "parameters": {"mu_top": mu, "mu_bottom": mu}}
+    stages = [{"name": "grid", "kind": "grid", "points": 3}]
+    stages += [{"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2}]
+    fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
+    settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting})
+    problem, everything = begin(settings, folder / "model")
+    return problem, run_fit(problem, 1)[0], everything
+
+
+def knowing(problem, chosen):
+    """The same fit in a world that knows some of the effects only."""
+    other = InverseProblem(problem.settings, problem.data, problem.mesh_files, problem.sims)
+    other.__dict__["effects"] = {name: problem.effects[name] for name in chosen}
+    return other
+
+
+def test_the_diagnosis_treats_them_alike(slipping):
+    """Same candidates, untested ones, simulations, falls, map and cure: none of it depends on a name."""
+    problem, last, everything = slipping
+    worlds = [knowing(problem, NAMES), knowing(problem, map(own, NAMES))]
+    found = [candidates(world, finest(world, last).values)[0] for world in worlds]
+    asked = [anchor_of(problem, last), *(a for candidate in found[0] for a in candidate.asked)]
+    solve_missing(problem, asked, 1)
+    assert solve_missing(problem, [a for candidate in found[1] for a in candidate.asked], 1) == 0
+    rankings = []
+    for world, tested in zip(worlds, found, strict=True):
+        comparison = Comparison(world, last, everything)
+        rankings.append((comparison, rank_candidates(comparison, comparison.score_test, tested)))
+    (ours, first), (theirs, second) = rankings
+    assert [own(one.candidate.effect.name) for one in first] == [one.candidate.effect.name for one in second]
+    assert [one.finding.fall for one in first] == [one.finding.fall for one in second]
+    names = {one.candidate.effect.name for one in first}
+    assert {"base_slip", "indenter_slip", "coarse_mesh", "split_layer", "inclusion", "relaxation"} <= names
+    assert (stiffness_map(ours, first) == stiffness_map(theirs, second)).all()
+    assert len(stiffness_map(theirs, second)) == 30
+    titles = [list(untestable(world)) for world in worlds]
+    assert titles[0] == titles[1]
+    coarse = [
+        [replace(one, finding=replace(one.finding, fall=1e9)) for one in ranking if one.candidate.effect.signal]
+        for ranking in (first, second)
+    ]
+    for (comparison, _), ranking in zip(rankings, coarse, strict=True):
+        test = comparison.score_test
+        verdict = replace(decide(test, ranking, {}, 1), kind="unexplained")
+        assert by_settings(verdict, test, ranking, 1).sentence.startswith("the mesh is too coarse: ")
+
+
+def test_the_whole_diagnosis_is_the_same(slipping):
+    """With all refits and partners: the same verdict under its own name, and not one simulation more."""
+    problem, last, everything = slipping
+    few = ("base_slip", "indenter_slip", "tilt")
+    wanted = diagnose(knowing(problem, few), last, everything)
+    found = diagnose(knowing(problem, map(own, few)), last, everything)
+    assert (wanted.verdict.kind, wanted.verdict.effects) == ("missing", ("base_slip",))
+    assert wanted.run > found.run == 0
+    assert found.verdict == replace(wanted.verdict, effects=tuple(map(own, wanted.verdict.effects)))
+    assert {own(name): refit.misfit for name, refit in wanted.refits.items()} == {
+        name: refit.misfit for name, refit in found.refits.items()
+    }
+
+
+def test_two_that_replace_the_same_are_not_put_together(slipping):
+    problem, last, _ = slipping
+    data = problem.settings.model_dump(mode="json")
+    data["model"]["effects"] = {"own_base_slip": {"compliance": 5.0}}
+    both = InverseProblem(load_settings(data), problem.data, problem.mesh_files, problem.sims)
+    values = {**finest(problem, last).values, "own_base_slip.compliance": 5.0}
+    assert "base_slip" not in {c.effect.name for c in candidates(both, values)[0]}
+    lacking = untestable(both)[both.effects["base_slip"].title]
+    assert "a model without own_base_slip" in str(lacking)
+    data["model"]["effects"]["base_slip"] = {"compliance": 5.0}
+    with pytest.raises(FingerfitError, match="base_slip, which replaces base of the deck, as own_base_slip does"):
+        check_effects(load_settings(data), problem.study, problem.meshes[SEARCH])
+
+
+def test_a_misspelt_block_is_told(slipping, tmp_path):
+    problem, *_ = slipping
+    study = tmp_path / "study"
+    remake(study, ["base_slip"])
+    for name in ("study.yaml", "steps.csv", "pictures"):
+        (study / name).symlink_to(problem.study.path.parent / name)
+    (study / "effects/own_base_slip.base.inp.j2").rename(study / "effects/own_base_slip.bsae.inp.j2")
+    file = study / "effects/own_base_slip.yaml"
+    file.write_text(yaml.safe_dump({**yaml.safe_load(file.read_text()), "replaces": ["bsse"]}))
+    settings = load_settings({**problem.settings.model_dump(mode="json"), "study": str(study)})
+    with pytest.raises(FingerfitError) as caught:
+        own_effects(settings, problem.study, problem.meshes[SEARCH])
+    first, second = str(caught.value).splitlines()
+    assert first.startswith(f"{file}: replaces: found block bsse; expected a block of the deck: base, ")
+    assert second.startswith(f"{study}/effects/own_base_slip.bsae.inp.j2: file: found block bsae; expected a block")

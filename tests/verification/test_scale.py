@@ -1,0 +1,186 @@
+"""Nothing knows how large bodies are: one five times as large, and one in other units, get the same answers."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from test_diagnosis import DESCRIPTION
+
+from fingerfit.core.files import write_json
+from fingerfit.diagnosis.candidates import candidates
+from fingerfit.diagnosis.comparison import Comparison, anchor_of, best_places, rank_candidates, stiffness_map
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.simulate import begin, run_fit, solve_missing
+from fingerfit.imaging.pictures import read_picture, write_picture
+from fingerfit.settings.config import load_settings
+from fingerfit.virtual.experiment import read_truth, solve, write_study
+
+MESHES = {
+    "mesh": {"element": "CPE8", "across": 5, "per_layer": 3, "grading": 2},
+    "refined": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
+}
+LARGER, SLOWER = 5.0, 3.0
+"""Factors on lengths and on times; stresses stay, so that forces grow with the square of lengths."""
+FORCE = LARGER**2
+LENGTHS = {"onset.offset": LARGER, "misregistration.x": LARGER, "misregistration.y": LARGER, "tilt.slope": 1 / LARGER}
+SIZES = {
+    **LENGTHS, "base_slip.compliance": LARGER, "indenter_slip.compliance": LARGER,
+    "preload.force": FORCE, "force_offset.offset": FORCE,
+}  # fmt: skip
+"""Factors on numbers of effects; those that are not here have none."""
+PLACES = {"skin.thickness": LARGER, "relaxation.time": SLOWER}
+
+
+SINGLE = 2.0**-24
+"""Rounding of the pixels' spacing, which NIfTI-1 keeps in single precision."""
+APART = 3e-5
+"""How far that moves the residual, in standard deviations of its noise: ten times what was measured, 3e-6 at most."""
+
+
+def described(folder, length, force, time, picture, units=None):
+    """A study whose lengths, forces and times are multiplied, and those of its pictures by another factor."""
+
+    def times(factor, values):
+        return {key: value * factor if isinstance(value, (int, float)) else value for key, value in values.items()}
+
+    def scale(source):
+        study = yaml.safe_load((source / "study.yaml").read_text(encoding="utf-8"))
+        body, noise = times(length, study["body"]), study["noise"]
+        body["layers"] = [times(length, layer) for layer in body["layers"]]
+        body["origin"] = [length * x for x in body["origin"]]
+        study["noise"] = {**noise, "force": noise["force"] * force, "displacement": noise["displacement"] * length}
+        study |= {"body": body, "units": units or study["units"]}
+        (folder / "pictures").mkdir(parents=True)
+        (folder / "study.yaml").write_text(yaml.safe_dump(study))
+        with (source / "steps.csv").open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        by = {"displacement": length, "force": force, "time": time}
+        for row in rows:
+            row |= {key: repr(float(row[key]) * factor) for key, factor in by.items()}
+        with (folder / "steps.csv").open("w", newline="") as file:
+            writer = csv.DictWriter(file, rows[0].keys())
+            writer.writeheader()
+            writer.writerows(rows)
+        for path in (source / "pictures").iterdir():
+            one = read_picture(path)
+            larger = replace(one, spacing=picture * one.spacing, origin=picture * one.origin)
+            write_picture(folder / "pictures" / path.name, larger)
+        return folder
+
+    return scale
+
+
+def examined(study, folder):
+    """The study fitted, and all candidates tested: the problem, the last round, the candidates, comparison, ranking."""
+    mu = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
+    model = {"material": DESCRIPTION["material"], **MESHES, "parameters": {"mu_top": mu, "mu_bottom": mu}}
+    stages = [{"name": "grid", "kind": "grid", "points": 3}]
+    stages += [{"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2}]
+    fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
+    problem, everything = begin(load_settings({"study": str(study), "model": model, "fit": fitting}), folder)
+    last, run = run_fit(problem, 1)
+    found = candidates(problem, finest(problem, last).values)[0]
+    asked = [anchor_of(problem, last), *(a for candidate in found for a in candidate.asked)]
+    run += solve_missing(problem, asked, 1)
+    comparison = Comparison(problem, last, everything)
+    return problem, last, found, comparison, rank_candidates(comparison, comparison.score_test, found), run
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory):
+    """A study of a body of 12 mm with an inclusion."""
+    folder = tmp_path_factory.mktemp("small")
+    write_json(folder / "experiment.yaml", DESCRIPTION)
+    truth = read_truth(folder / "experiment.yaml")
+    write_study(truth, solve(truth, folder / "body", 1), folder / "study")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def small(source):
+    return examined(source / "study", source / "model")
+
+
+@pytest.fixture(scope="module")
+def large(source):
+    study = described(source / "large", LARGER, FORCE, SLOWER, LARGER)(source / "study")
+    return examined(study, source / "large-model")
+
+
+def factor(keyword, row, column):
+    """By how much a number of a deck of the larger body is larger."""
+    return {
+        ("CLOAD", 2): FORCE, ("SOLID SECTION", 0): LARGER, ("VISCOELASTIC", 2): SLOWER,
+        ("SPRING", 0): LARGER if row == 1 else 1.0,  # area over compliance; the line above is the direction
+        **{("VISCO", n): SLOWER for n in range(4)},
+    }.get((keyword, column), 1.0)  # fmt: skip
+
+
+def numbers(deck):
+    """Numbers of a deck by keyword, row beneath it, and column; its words."""
+    keyword, row, found, words = "", 0, {}, []
+    for n, line in enumerate(deck.splitlines()):
+        if line.startswith("*"):
+            keyword, row = line.split(",")[0].strip("*"), 0
+            words.append(keyword if keyword == "INCLUDE" else line)
+            continue
+        for column, text in enumerate(line.split(",")):
+            try:
+                found[n, keyword, row, column] = float(text)
+            except ValueError:
+                words.append(text)
+        row += 1
+    return found, words
+
+
+def test_decks_are_the_same_up_to_scale(small, large):
+    names = set()
+    for one, other in zip(small[2], large[2], strict=True):
+        assert other.effect.name == one.effect.name
+        assert other.place == pytest.approx(
+            {key: PLACES.get(key, 1.0) * value for key, value in one.place.items()}, rel=1e-5
+        )
+        for first, second in zip(one.asked, other.asked, strict=True):
+            # both at one guess: the fits need not end at one point to the last digit
+            values = {**finest(small[0], small[1]).values, **{k: v for k, v in second.values.items() if "." in k}}
+            (a, text), (b, words) = numbers(first.deck), numbers(large[0].ask(values).deck)
+            assert words == text
+            assert a.keys() == b.keys()
+            # shares have six digits
+            wrong = [key for key in a if b[key] != pytest.approx(factor(*key[1:]) * a[key], rel=1e-5, abs=1e-300)]
+            assert wrong == [], one.effect.name
+            names.add(one.effect.name)
+    assert len(names) > 12
+
+
+def test_the_same_constants_falls_and_sizes(small, large):
+    first, second = (finest(*one[:2]).values for one in (small, large))
+    # slopes of the score vanish there: pixels that are 6e-8 off move it by as little
+    assert second == pytest.approx(first, rel=10 * SINGLE)
+    assert large[3].score_test.freedom == small[3].score_test.freedom
+    names = [one.candidate.effect.name for one in best_places(small[4])]
+    assert [one.candidate.effect.name for one in best_places(large[4])] == names
+    assert large[3].score_test.misfit == pytest.approx(small[3].score_test.misfit, rel=1e-6)
+    for one, other in zip(small[4], large[4], strict=True):
+        effect, fall, signal = one.candidate.effect, one.finding.fall, max(one.finding.signal, 1e-300)
+        assert other.finding.fall == pytest.approx(fall, rel=0, abs=2 * np.sqrt(fall) * APART + APART**2), effect.name
+        scales = np.array([SIZES.get(effect.key(p.name), 1.0) for p in effect.parameters])
+        spread = APART * np.abs(one.finding.size).max() + APART / np.sqrt(signal)
+        assert other.finding.size / scales == pytest.approx(one.finding.size, rel=0, abs=spread), effect.name
+    maps = [stiffness_map(one[3], one[4]) for one in (small, large)]
+    assert len(maps[0]) == 30
+    assert maps[1][:, :2] == pytest.approx(LARGER * maps[0][:, :2], rel=1e-12)
+    assert maps[1][:, 3] == pytest.approx(maps[0][:, 3], rel=0, abs=APART)
+
+
+def test_in_other_units_nothing_is_new(source, small):
+    """Micrometres, millinewtons and milliseconds: the same simulations, to the last digit of their decks."""
+    units = {"length": "um", "force": "mN", "time": "ms"}
+    study = described(source / "micrometres", 1e3, 1e3, 1e3, 1.0, units)(source / "study")
+    *_, ranking, run = examined(study, source / "model")
+    assert run == 0
+    assert [one.finding.fall for one in ranking] == pytest.approx([one.finding.fall for one in small[4]], rel=1e-9)
