@@ -273,9 +273,10 @@ def morph(args: argparse.Namespace) -> None:
 
 
 def docs(args: argparse.Namespace) -> None:
-    """Write the schemas of config.yaml and study.yaml, and the tables of their keys and those of experiment.yaml."""
+    """Write the schemas of config.yaml and study.yaml, and the tables of the keys of all files that people write."""
     from fingerfit.core.errors import InputError
     from fingerfit.core.files import write_json, write_text
+    from fingerfit.model import keys as effect_keys
     from fingerfit.settings import config
     from fingerfit.study import keys as study_keys
     from fingerfit.virtual import keys as truth_keys
@@ -285,8 +286,8 @@ def docs(args: argparse.Namespace) -> None:
     for name, source in (("config", config), ("study", study_keys)):
         write_json(args.folder / f"workflow/schemas/{name}.schema.json", source.schema())
     write_text(args.folder / "docs/config.md", config.describe())
-    write_text(args.folder / "docs/study-keys.md", study_keys.describe())
-    write_text(args.folder / "docs/experiment-keys.md", truth_keys.describe())
+    for name, described in (("study", study_keys), ("effect", effect_keys), ("experiment", truth_keys)):
+        write_text(args.folder / f"docs/{name}-keys.md", described.describe())
 
 
 def ecoflex(args: argparse.Namespace) -> None:

@@ -98,19 +98,18 @@ def described(
     problems: list[FingerfitError] = []
     wrong = set(without)
     try:
+        given = kind.model_validate(data)
         if not wrong:
-            return kind.model_validate(data), problems
-        kind.model_validate(data)
+            return given, problems
     except ValidationError as error:
         found = [details for details in error.errors() if not details["loc"] or details["loc"][0] not in without]
         found.sort(key=lambda details: details["type"] != "extra_forbidden")  # they may explain what is missing
         problems = [_explain(where, details, kind) for details in found]
         wrong |= {str(details["loc"][0]) for details in found if details["loc"]}
-    fields: dict[str, Any] = {n: (field.annotation, field) for n, field in kind.model_fields.items() if n not in wrong}
-    right = {key: value for key, value in data.items() if key in fields} if isinstance(data, dict) else {}
-    if not isinstance(data, dict):
-        fields = {}
-    return create_model("Partly", __config__=kind.model_config, **fields).model_validate(right), problems
+    known = kind.model_fields.items() if isinstance(data, dict) else ()
+    right: dict[str, Any] = {name: (field.annotation, field) for name, field in known if name not in wrong}
+    partly = create_model("Partly", __config__=kind.model_config, **right)
+    return partly.model_validate({key: data[key] for key in right if key in data}), problems
 
 
 def _explain(where: Path | str, details: Any, root: type[BaseModel]) -> FingerfitError:

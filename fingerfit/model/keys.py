@@ -1,4 +1,4 @@
-"""Keys of the file of an effect, ``effects/{name}.yaml``, and what they must be for each other."""
+"""Keys of ``effects/{name}.yaml``: the source of docs/effect-keys.md; and what they must be for each other."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
-from fingerfit.core.described import Line, Strict, described, one_of, wanted
+from fingerfit.core.described import HEAD, Line, Strict, described, one_of, rows, wanted
 from fingerfit.core.errors import InputError, Problems
 from fingerfit.core.keys import read_yaml, unknown_key
 from fingerfit.model.effect import ACTS, NEEDS, Effect, EffectParameter
@@ -101,6 +101,19 @@ class EffectKeys(Strict):
     control: Annotated[str, one_of(("force", "displacement")), wanted("force or displacement")] | None = Field(
         default=None, description="force or displacement, where it makes sense for one of them only."
     )
+
+
+def describe() -> str:
+    """Markdown table of all keys, for docs/effect-keys.md."""
+    lines = [
+        "# Keys of effects/{name}.yaml",
+        "",
+        "Made by `fingerfit docs`; do not edit.",
+        "",
+        *HEAD,
+        *rows(EffectKeys),
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def read_effect(path: Path) -> Effect:
