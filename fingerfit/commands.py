@@ -77,10 +77,13 @@ def prepare(args: argparse.Namespace) -> None:
 
 def _checked(path: Path) -> Settings:
     """Settings with all checks: from config.yaml, or the JSON that the workflow wrote of it."""
-    from fingerfit.core.files import read_json
+    from fingerfit.core.files import read_record
+    from fingerfit.settings.choices import KNOWN
     from fingerfit.settings.config import load_settings
 
-    return load_settings(read_json(path), path) if path.suffix == ".json" else load_settings(path)
+    if path.suffix != ".json":
+        return load_settings(path)
+    return load_settings({key: value for key, value in read_record(path).items() if key != KNOWN}, path)
 
 
 def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseProblem:
@@ -271,14 +274,18 @@ def morph(args: argparse.Namespace) -> None:
 
 
 def docs(args: argparse.Namespace) -> None:
-    """Write the schema of config.yaml, and the tables of its keys and those of experiment.yaml."""
+    """Write the schemas of config.yaml and study.yaml, and the tables of the keys of all files that people write."""
     from fingerfit.core.errors import InputError
     from fingerfit.core.files import write_json, write_text
-    from fingerfit.settings.config import describe, schema
+    from fingerfit.model import keys as effect_keys
+    from fingerfit.settings import config
+    from fingerfit.study import keys as study_keys
     from fingerfit.virtual import keys as truth_keys
 
     if not (args.folder / "workflow/schemas").is_dir():
         raise InputError(args.folder, "folder", "no workflow/schemas", "the folder of the project")
-    write_json(args.folder / "workflow/schemas/config.schema.json", schema())
-    write_text(args.folder / "docs/config.md", describe())
-    write_text(args.folder / "docs/experiment-keys.md", truth_keys.describe())
+    for name, source in (("config", config), ("study", study_keys)):
+        write_json(args.folder / f"workflow/schemas/{name}.schema.json", source.schema())
+    write_text(args.folder / "docs/config.md", config.describe())
+    for name, described in (("study", study_keys), ("effect", effect_keys), ("experiment", truth_keys)):
+        write_text(args.folder / f"docs/{name}-keys.md", described.describe())

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from pydantic import create_model
 
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
+from fingerfit.core.described import Strict, described
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.files import write_text
-from fingerfit.core.keys import Keys, read_yaml
+from fingerfit.core.keys import read_yaml
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.mesh.tetrahedra import quality
@@ -26,15 +29,12 @@ def read_anatomy(path: Path) -> Anatomy:
     Problems, InputError
         For keys that are not known, what is no number, and bones that do not fit.
     """
-    problems: list[FingerfitError] = []
-    keys = Keys(path, read_yaml(path), "", problems)
-    known = [field.name for field in fields(Anatomy)]
-    keys.known(*known)
-    values = {name: keys.number(name) for name in keys.data if name in known}
+    numbers: dict[str, Any] = {field.name: (float, field.default) for field in fields(Anatomy)}
+    given, problems = described(create_model("Numbers", __base__=Strict, **numbers), read_yaml(path), path)
     if problems:
         raise Problems(problems)
     try:
-        return Anatomy(**{name: value for name, value in values.items() if value is not None})
+        return Anatomy(**given.model_dump())
     except InputError as error:
         raise FingerfitError(f"{path}: {error}") from error
 

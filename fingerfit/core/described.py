@@ -1,13 +1,14 @@
-"""Files that are described by pydantic models: strict, every mistake one line, and the table of their keys."""
+"""Files that people write, described by pydantic models: one line for each mistake, and a table of their keys."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, WrapValidator, create_model
 from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
 
 from fingerfit.core.errors import FingerfitError, InputError
 from fingerfit.core.keys import unknown_key
@@ -22,9 +23,8 @@ _KINDS = {
     "float_type": "a number",
     "float_parsing": "a number",
     "string_type": "a text",
-    "none_required": "no such key: it follows from others",
 }
-"""Kinds of values in the words of `fingerfit.core.keys`."""
+"""Kinds of values in plain words."""
 
 
 class Described(BaseModel):
@@ -33,38 +33,114 @@ class Described(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def problems_of(error: ValidationError, where: Path | str, root: type[BaseModel]) -> list[FingerfitError]:
-    """One line for each mistake.
+class Strict(Described):
+    """No texts and no true or false for numbers."""
+
+    model_config = ConfigDict(strict=True)
+
+
+def wanted(words: str) -> Any:
+    """What is expected, in these words, of a value that a validator or type beside this does not take."""
+
+    def check(value: Any, inner: Any) -> Any:
+        try:
+            return inner(value)
+        except ValidationError as error:
+            raise PydanticCustomError("wanted", "{words}", {"words": words}) from error
+
+    return WrapValidator(check)
+
+
+def one_of(names: Collection[str]) -> Any:
+    """A validator of one of several texts."""
+
+    def check(value: Any) -> Any:
+        if not isinstance(value, str) or value not in names:
+            raise PydanticCustomError("one_of", "{words}", {"words": "one of " + ", ".join(names)})
+        return value
+
+    return BeforeValidator(check)
+
+
+def _line(value: Any) -> Any:
+    if not isinstance(value, str) or not value.strip() or not value.isprintable():
+        raise PydanticCustomError("line", "a text of one line")
+    return value
+
+
+Line = Annotated[str, BeforeValidator(_line)]
+"""A text of one line that is not empty."""
+Positive = Annotated[float, Field(gt=0)]
+
+
+def described(
+    kind: type[BaseModel], data: Any, where: Path | str, without: Collection[str] = ()
+) -> tuple[Any, list[FingerfitError]]:
+    """What was read, as a model describes it.
 
     Parameters
     ----------
-    error : ValidationError
+    kind : type
+        Model of the whole file.
+    data : object
+        What was read.
     where : Path or str
         The file.
-    root : type
-        Model of the whole file.
+    without : collection of str
+        Keys at the top that are wrong, as is known already.
+
+    Returns
+    -------
+    model, list of FingerfitError
+        One line for each mistake. Where there is one, the model has only those keys at the top in which there is none:
+        they can be compared with each other nevertheless.
     """
-    return [_explain(where, details, root) for details in error.errors()]
+    problems: list[FingerfitError] = []
+    wrong = set(without)
+    try:
+        given = kind.model_validate(data)
+        if not wrong:
+            return given, problems
+    except ValidationError as error:
+        found = [details for details in error.errors() if not details["loc"] or details["loc"][0] not in without]
+        found.sort(key=lambda details: details["type"] != "extra_forbidden")  # they may explain what is missing
+        problems = [_explain(where, details, kind) for details in found]
+        wrong |= {str(details["loc"][0]) for details in found if details["loc"]}
+    known = kind.model_fields.items() if isinstance(data, dict) else ()
+    right: dict[str, Any] = {name: (field.annotation, field) for name, field in known if name not in wrong}
+    partly = create_model("Partly", __config__=kind.model_config, **right)
+    return partly.model_validate({key: data[key] for key in right if key in data}), problems
 
 
 def _explain(where: Path | str, details: Any, root: type[BaseModel]) -> FingerfitError:
     kind, loc = details["type"], details["loc"]
     field = ".".join(str(key) for key in loc if key != "[key]") or "file"
-    if kind == "extra_forbidden":
+    if kind in ("extra_forbidden", "invalid_key"):
         *parents, key = loc
-        return unknown_key(where, "".join(f"{p}." for p in parents), str(key), list(_fields(_model_at(root, parents))))
+        fields = _fields(_model_at(root, parents))
+        names = [name for name, field in fields.items() if field.annotation is not type(None)]
+        return unknown_key(where, "".join(f"{p}." for p in parents), str(key), names)
+    beside = _fields(_model_at(root, loc[:-1])) if loc else {}
+    about = beside[str(loc[-1])].description if loc and str(loc[-1]) in beside else None
     if kind == "missing":
-        described = _fields(_model_at(root, loc[:-1])).get(str(loc[-1]))
-        return InputError(
-            where, field, "nothing", "a value: " + ((described and described.description) or "it is needed")
-        )
+        return InputError(where, field, "nothing", f"a value: {about or 'it is needed'}")
     if kind == "string_pattern_mismatch":
         signs = ". / _ + -" if "/" in details["ctx"]["pattern"] else "_ -"
         return InputError(where, field, repr(details["input"]), f"letters, digits and {signs} only, no spaces")
-    found = "nothing" if details["input"] is None else details["input"]
+    found = details.get("ctx", {}).get("found") or _shown(details["input"])
     if kind == "too_short":
-        return InputError(where, field, found, f"{details['ctx']['min_length']} or more of them")
+        words = f"{details['ctx']['min_length']} or more of them"
+        return InputError(where, field, found, f"{words}: {about}" if about else words)
+    if kind == "none_required" and about:
+        return InputError(where, field, found, f"no such key: {about[0].lower()}{about[1:].rstrip('.')}")
     return InputError(where, field, found, _KINDS.get(kind) or details["msg"].replace("Input should be ", ""))
+
+
+def _shown(value: Any) -> Any:
+    """What was found, for a line: of a text that is none to read, how Python writes it."""
+    if value is None or value == "":
+        return "nothing" if value is None else "an empty text"
+    return value if not isinstance(value, str) or (value.isprintable() and value.strip()) else repr(value)
 
 
 def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
@@ -95,6 +171,7 @@ def rows(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
         text = str(field.annotation)
         suffix = ".*" if "dict" in text and inner else "[]" if "list" in text and inner else ""
         default = "needed" if field.is_required() else f"`{field.get_default(call_default_factory=True)}`"
+        default = "no such key" if field.annotation is type(None) else default
         yield f"| `{prefix}{name}{suffix}` | {default} | {field.description} |"
         for kind in inner:
             yield from rows(kind, f"{prefix}{name}{suffix}.")

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from fingerfit.core.errors import InputError
-
 UNITS: dict[str, dict[str, float]] = {
     "length": {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3},
     "force": {"mN": 1e-3, "N": 1.0, "kN": 1e3, "gf": 9.80665e-3, "kgf": 9.80665},
@@ -14,14 +10,3 @@ UNITS: dict[str, dict[str, float]] = {
 
 LENGTHS = (1e-6, 1e6)
 """mm that a length of a body or picture has: from a nanometre, where bodies are atoms, to a kilometre."""
-
-
-def factor(kind: str, unit: str, where: Path, field: str) -> float:
-    """Size of a unit; InputError for one that is not known.
-
-    >>> factor("length", "cm", Path("study.yaml"), "units.length")
-    10.0
-    """
-    if unit not in UNITS[kind]:
-        raise InputError(where, field, unit, "one of " + ", ".join(UNITS[kind]))
-    return UNITS[kind][unit]

@@ -16,8 +16,7 @@ from fingerfit.fit.rounds import Asked
 from fingerfit.fit.simulate import solve_missing
 from fingerfit.fit.slopes import STEP, difference, neighbours
 from fingerfit.mesh.mesh import Mesh
-from fingerfit.study.reader import with_gain
-from fingerfit.study.study import Study
+from fingerfit.study.study import Study, with_gain
 
 HALF = "half"
 """The search mesh with an indenter over one half of the upper side."""

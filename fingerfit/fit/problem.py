@@ -23,12 +23,10 @@ from fingerfit.forward.score import Prediction, score
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.model.observation import Observation
-from fingerfit.settings.bound import effects_of
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
-from fingerfit.study.reader import load_study, with_gain
-from fingerfit.study.study import Study
+from fingerfit.study.study import Study, with_gain
 
 if TYPE_CHECKING:
     from fingerfit.settings.config import Settings
@@ -66,7 +64,7 @@ class InverseProblem:
     @cached_property
     def study(self) -> Study:
         """The study."""
-        return load_study(Path(self.settings.study))
+        return self.settings.read_study()
 
     @cached_property
     def solver(self) -> dict[str, Any]:
@@ -142,7 +140,7 @@ class InverseProblem:
     @cached_property
     def effects(self) -> dict[str, Effect]:
         """All effects that are known in this study."""
-        return effects_of(Path(self.settings.study))
+        return self.settings.known_effects()
 
     def seen(self, values: Mapping[str, float]) -> Observation | None:
         """Effects on the observation that a guess has."""

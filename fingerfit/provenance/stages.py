@@ -18,6 +18,7 @@ from fingerfit.provenance.inputs import page_files, study_files, template_files
 from fingerfit.provenance.results import model_folder, refuse, study_folder
 from fingerfit.provenance.sources import reached
 from fingerfit.settings.bound import effects_of
+from fingerfit.settings.choices import KNOWN, known
 from fingerfit.settings.config import CONFIG, Settings
 from fingerfit.settings.extend import extended
 from fingerfit.solvers.registry import get_solver
@@ -185,9 +186,9 @@ def has_refined(settings: Settings) -> bool:
     return settings.finer(load_study(Path(settings.study)))
 
 
-def write_settings(settings: Settings, path: Path) -> str:
-    """Write the settings where they differ from what is there, and return the path."""
-    text = kept_json(path, settings.model_dump(mode="json"))
+def write_settings(settings: Settings, path: Path, with_study: bool = False) -> str:
+    """Write the settings, and what a fit reads of the study, where they differ from what is there; return the path."""
+    text = kept_json(path, settings.model_dump(mode="json") | ({KNOWN: known(settings)} if with_study else {}))
     if not path.exists() or path.read_bytes() != text.encode():
         write_text(path, text)
     return str(path)

@@ -1,6 +1,7 @@
 """What follows from settings, and settings that were checked before, read again without the checks.
 
-`propose` runs in every round: importing what checks config.yaml, and checking it, would take a third of its time.
+`propose` runs in every round: importing what checks config.yaml, study.yaml and effects, and checking them, would take
+a third of its time.
 """
 
 from __future__ import annotations
@@ -11,14 +12,16 @@ from typing import Any
 
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import read_json
+from fingerfit.core.plain import from_plain, to_plain
 from fingerfit.model.catalogue import chosen, wrong_numbers
-from fingerfit.model.effect import Effect
+from fingerfit.model.effect import Effect, EffectParameter
 from fingerfit.model.parameters import Parameter
 from fingerfit.search import Plan, Stage
-from fingerfit.settings.bound import effects_of
-from fingerfit.study.study import Study
+from fingerfit.study.study import Body, Chain, Layer, Noise, Step, Study
 
 CONFIG = "config.yaml"
+KNOWN = "known"
+"""Key of what the workflow read of the study beside the settings of a model."""
 MATERIAL = ("mu", "alpha", "poisson")
 """Constants of a material; ``mu_top`` is that of one layer."""
 WIDE = 100.0
@@ -51,6 +54,18 @@ class Model:
 
 class Choices:
     """What follows from settings."""
+
+    def read_study(self: Any) -> Study:
+        """The study."""
+        from fingerfit.study.reader import load_study
+
+        return load_study(Path(self.study))
+
+    def known_effects(self: Any) -> dict[str, Effect]:
+        """All effects that are known in the study, by name."""
+        from fingerfit.settings.bound import effects_of
+
+        return effects_of(Path(self.study))
 
     def parameters(self: Any) -> tuple[Parameter, ...]:
         """Parameters in the order of the file, then those of the effects."""
@@ -86,7 +101,7 @@ class Choices:
         """
         if not self.model.effects:
             return ()
-        every = effects_of(Path(self.study))
+        every = self.known_effects()
         if not every.keys() >= self.model.effects.keys() and not Path(self.study).is_dir():
             raise InputError(where, "study", self.study, "the folder of a study")
         found = chosen(list(self.model.effects), every, where)
@@ -125,14 +140,25 @@ class _ReadModel(SimpleNamespace, Model):
 
 
 class _Read(SimpleNamespace, Choices):
-    pass
+    known: Any = None
+
+    def read_study(self: Any) -> Study:
+        return self.known["study"] if self.known else super().read_study()  # type: ignore[no-any-return]
+
+    def known_effects(self: Any) -> dict[str, Effect]:
+        return self.known["effects"] if self.known else super().known_effects()  # type: ignore[no-any-return]
+
+
+def known(settings: Choices) -> dict[str, Any]:
+    """What a fit reads of a study beside its measurements, as JSON has it."""
+    return {"study": to_plain(settings.read_study()), "effects": to_plain(settings.known_effects())}
 
 
 def read_checked(path: Path) -> Any:
     """Settings from the JSON that `fingerfit.provenance.stages.write_settings` wrote of checked ones.
 
     They have all keys and methods of `fingerfit.settings.config.Settings` that a fit uses, not those of
-    pydantic's models.
+    pydantic's models. Study and effects are what the workflow read when it began, where it wrote that, too.
 
     Raises
     ------
@@ -145,6 +171,8 @@ def read_checked(path: Path) -> Any:
         meshes = {name: SimpleNamespace(**model[name]) if model[name] else None for name in ("mesh", "refined")}
         parameters = {name: SimpleNamespace(**entry) for name, entry in model["parameters"].items()}
         stages = [SimpleNamespace(**stage) for stage in fit["stages"]]
+        if KNOWN in data:
+            data[KNOWN] = from_plain(data[KNOWN], Study, Step, Body, Layer, Noise, Chain, Effect, EffectParameter)
         read = _Read(
             **{
                 **data,

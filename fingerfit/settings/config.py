@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, field_validator
 from pydantic_core import PydanticCustomError
 
-from fingerfit.core.described import HEAD, Described, models_in, problems_of, rows
+from fingerfit.core.described import HEAD, Described, described, models_in, rows
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.keys import read_yaml, unknown_key
 from fingerfit.model.parameters import round_value
@@ -231,15 +231,12 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
     """
     if isinstance(source, Path):
         where, source = source, read_yaml(source)
-    try:
-        settings = Settings.model_validate(source)
-    except ValidationError as error:
-        raise Problems(problems_of(error, where, Settings)) from error
-    problems = _cross_check(settings, where)
+    settings, problems = described(Settings, source, where)
+    problems = problems or _cross_check(settings, where)
     if problems:
         raise Problems(problems)
     settings.effects(where)
-    return settings
+    return settings  # type: ignore[no-any-return]
 
 
 def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:

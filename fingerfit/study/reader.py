@@ -5,22 +5,28 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
+from fingerfit.core.described import described
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.files import DOCUMENT, read_text
-from fingerfit.core.keys import Keys, read_yaml
-from fingerfit.core.units import LENGTHS, factor
-from fingerfit.study.study import ESTIMATED, Body, Chain, Layer, Noise, Step, Study, wrong_name
+from fingerfit.core.keys import read_yaml
+from fingerfit.core.units import LENGTHS, UNITS
+from fingerfit.study.keys import (
+    KINDS,
+    NUMBER,
+    BlockKeys,
+    BlockStudy,
+    BrickKeys,
+    MeshKeys,
+    NoiseKeys,
+    PictureKeys,
+)
+from fingerfit.study.study import UNKNOWN, Body, Chain, Layer, Noise, Step, Study, wrong_name
 
-KEYS = ("title", "units", "control", "steps", "pictures", "noise", "body", "boundary")
 COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
-
-
-UNKNOWN = "unknown"
-"""A thickness that is not known."""
 
 
 def study_path(path: Path) -> Path:
@@ -42,209 +48,153 @@ def load_study(path: Path) -> Study:
         With one line for everything that is wrong.
     """
     file = study_path(path)
-    problems: list[FingerfitError] = []
-    keys = Keys(file, read_yaml(file), "", problems)
+    data = read_yaml(file)
+    known = set(BlockStudy.model_fields)
+    if isinstance(data, dict) and not known & set(data):
+        expected = "some of " + ", ".join(BlockStudy.model_fields)
+        raise Problems([InputError(file, "file", "none of the keys of a study", expected)])
+    body = data.get("body") if isinstance(data, dict) else None
+    shapes = [key for key in KINDS if isinstance(body, dict) and key in body]
+    kind, several = KINDS[shapes[0] if shapes else "width"], len(shapes) > 1
+    given, problems = described(kind, data, file, ["body"] if several else [])
+    if several:
+        problems.append(InputError(file, "body", " and ".join(shapes), "one of width (with layers), brick, mesh"))
+    sizes = _sizes(given)
+    steps = _steps(file.parent / given.steps, sizes, problems) if hasattr(given, "steps") else ()
+    problems += _look_further(given, sizes, file)
     if problems:
         raise Problems(problems)
-    if not set(keys.data) & set(KEYS):
-        raise Problems([InputError(file, "file", "none of the keys of a study", "some of " + ", ".join(KEYS))])
-    keys.known(*KEYS)
-    sizes = _units(keys)
-    control = keys.choice("control", ("force", "displacement"))
-    boundary = keys.mapping("boundary")
-    boundary.known("base", "indenter")
-    base, base_nodes = _side(boundary, "base", ("held", "slides"), "BOTTOM")
-    indenter, indenter_nodes = _side(boundary, "indenter", ("glued", "slides"), "TOP")
-    pictures = keys.mapping("pictures", {})
-    pictures.known("before", "noise", "trim", "resize", "gaussian", "scale")
-    before = pictures.text("before", None)
-    study = Study(
-        path=file,
-        title=keys.text("title", file.parent.name) or "",
-        control=control,
-        steps=_steps(keys, sizes, problems),
-        before=file.parent / before if before else None,
-        noise=_noise(keys.mapping("noise", {}), pictures, sizes),
-        body=_body(keys.mapping("body"), sizes, file),
-        base=base,
-        indenter=indenter,
-        length=sizes["length"],
-        base_nodes=base_nodes,
-        indenter_nodes=indenter_nodes,
-        chain=_chain(pictures, sizes["length"]),
-        table=file.parent / str(keys.data.get("steps")),
-    )
-    if not problems:
-        _cross_check(study, problems)
+    study = _study(given, steps, sizes, file)
+    _cross_check(study, problems)
     if problems:
         raise Problems(problems)
     return study
 
 
-def _units(keys: Keys) -> dict[str, float]:
-    units = keys.mapping("units")
-    units.known("length", "force", "time")
-    sizes = {}
-    for kind in ("length", "force", "time"):
-        name = units.text(kind)
-        try:
-            sizes[kind] = factor(kind, name, keys.where, f"units.{kind}") if name else 1.0
-        except InputError as error:
-            keys.problems.append(error)
-            sizes[kind] = 1.0
-    return sizes
+def _sizes(given: Any) -> dict[str, float]:
+    """Sizes of the units; 1 where they are not known."""
+    units = getattr(given, "units", None)
+    return {kind: UNITS[kind][getattr(units, kind)] if units else 1.0 for kind in UNITS}
 
 
-def _side(boundary: Keys, key: str, kinds: tuple[str, ...], nodes: str) -> tuple[str, str]:
-    """Kind of a boundary and its node set: ``base: held``, or ``base: {nodes: SET, kind: held}``."""
-    if not isinstance(boundary.data.get(key), dict):
-        return boundary.choice(key, kinds), nodes
-    side = boundary.mapping(key)
-    side.known("nodes", "kind")
-    return side.choice("kind", kinds), (side.text("nodes") or nodes).upper()
+def _study(given: Any, steps: tuple[Step, ...], sizes: Mapping[str, float], file: Path) -> Study:
+    pictures, length = given.pictures or PictureKeys(), sizes["length"]
+    (base, base_nodes), (indenter, indenter_nodes) = (
+        (side, own) if isinstance(side, str) else (side.kind, side.nodes.upper())
+        for side, own in ((given.boundary.base, "BOTTOM"), (given.boundary.indenter, "TOP"))
+    )
+    return Study(
+        path=file,
+        title=given.title or file.parent.name,
+        control=given.control,
+        steps=steps,
+        before=file.parent / pictures.before if pictures.before else None,
+        noise=_noise(given.noise or NoiseKeys(), pictures, sizes, file.parent),
+        body=_body(given.body, length, file.parent),
+        base=base,
+        indenter=indenter,
+        length=length,
+        base_nodes=base_nodes,
+        indenter_nodes=indenter_nodes,
+        chain=_chain(pictures, length),
+        table=file.parent / given.steps,
+    )
 
 
-def _noise(noise: Keys, pictures: Keys, sizes: Mapping[str, float]) -> Noise:
-    noise.known("force", "displacement", "points", "force_gain", "frame")
-    again = pictures.data.get("noise")
+def _noise(noise: NoiseKeys, pictures: PictureKeys, sizes: Mapping[str, float], folder: Path) -> Noise:
+    def spread(value: float | str | None, size: float) -> float | str | None:
+        return value if value is None or isinstance(value, str) else value * size
 
-    def spread(keys: Keys, name: str, size: float) -> float | str | None:
-        if keys.data.get(name) in (None, ESTIMATED):
-            return keys.data.get(name)
-        value = keys.number(name, above=0.0)
-        return None if value is None else value * size
-
+    again, length = pictures.noise, sizes["length"]
     return Noise(
-        spread(noise, "force", sizes["force"]),
-        spread(noise, "displacement", sizes["length"]),
-        spread(noise, "points", sizes["length"]),
-        _repeats(pictures, again) if isinstance(again, list) else spread(pictures, "noise", 1.0),
-        (noise.number("force_gain", above=0.0) or 0.0) if "force_gain" in noise.data else 0.0,
-        (noise.number("frame", above=0.0) or 0.0) * sizes["length"] if "frame" in noise.data else 0.0,
+        spread(noise.force, sizes["force"]),
+        spread(noise.displacement, length),
+        spread(noise.points, length),
+        tuple(folder / name for name in again) if isinstance(again, list) else again,
+        noise.force_gain or 0.0,
+        (noise.frame or 0.0) * length,
     )
 
 
-def _repeats(pictures: Keys, names: list[object]) -> tuple[Path, ...]:
-    """Further pictures before compression."""
-    folder, found = pictures.where.parent, []
-    for number, name in enumerate(names):
-        if isinstance(name, str) and name.isprintable() and name.strip() and (folder / name).exists():
-            found.append(folder / name)
-        else:
-            pictures.wrong(f"noise.{number}", name, "a further picture before compression, a file that exists")
-    if not names:
-        pictures.wrong("noise", "an empty list", "a number, estimated, or further pictures before compression")
-    return tuple(found)
-
-
-def _chain(pictures: Keys, length: float) -> Chain:
-    """Preparation of the pictures; YAML reads ``off`` as false."""
-    data, off = pictures.data, ("off", False)
-    trim, resize, gaussian = data.get("trim", "body"), data.get("resize", "off"), data.get("gaussian")
-    box = _box(trim, length)
-    if trim in off:
-        trim = "off"
-    elif trim != "body" and box is None:
-        pictures.wrong("trim", trim, "body, off, or [[x, y, z], [x, y, z]]: lower and upper corner of a box")
-    if resize in off:
-        resize = None
-    elif not (
-        isinstance(resize, list) and len(resize) in (2, 3) and all(type(n) is int and 2 <= n <= 4096 for n in resize)
-    ):
-        pictures.wrong("resize", resize, "off, or pixels along each axis: 2 or 3 whole numbers from 2 to 4096")
-        resize = None
-    if gaussian in off and gaussian is not None and type(gaussian) is not int:
-        gaussian = 0.0
-    elif gaussian is not None and not (type(gaussian) in (int, float) and 0 <= gaussian <= 20):
-        pictures.wrong("gaussian", gaussian, "off, or a standard deviation in pixels from 0 to 20")
-        gaussian = None
-    scale = data.get("scale", "range")
-    if scale != "range" and scale not in off:
-        pictures.wrong("scale", scale, "range or off")
+def _chain(pictures: PictureKeys, length: float) -> Chain:
+    trim, resize, gaussian = pictures.trim, pictures.resize, pictures.gaussian
     return Chain(
-        box or trim, tuple(resize) if resize else None, None if gaussian is None else float(gaussian), scale == "range"
+        trim if isinstance(trim, str) else (_scaled(trim[0], length), _scaled(trim[1], length)),
+        None if isinstance(resize, str) else tuple(resize),
+        0.0 if isinstance(gaussian, str) else gaussian,
+        pictures.scale == "range",
     )
 
 
-def _box(value: object, length: float) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-    """Corners of a box in mm; None when it is none."""
-    if not (isinstance(value, list) and len(value) == 2 and all(isinstance(corner, list) for corner in value)):
-        return None
-    low, high = value
-    numbers = all(type(x) in (int, float) and abs(x) * length <= LENGTHS[1] for x in [*low, *high])
-    if not numbers or len(low) != len(high) or len(low) not in (2, 3):
-        return None
-    if any(a >= b for a, b in zip(low, high, strict=True)):
-        return None
-    return tuple(x * length for x in low), tuple(x * length for x in high)
+def _scaled(numbers: Iterable[float], size: float) -> tuple[float, ...]:
+    return tuple(number * size for number in numbers)
 
 
-def _body(body: Keys, sizes: Mapping[str, float], file: Path) -> Body:
-    body.known("layers", "width", "thickness", "origin", "brick", "mesh", "refined")
-    size, layers, names = sizes["length"], list[Layer](), set[str]()
-    mesh, brick, solid = body.text("mesh", None), body.numbers("brick", 3, None), body.data.get("brick") is not None
-    for number, entry in enumerate(body.items("layers")):
-        layer = Keys(body.where, entry, f"body.layers.{number}.", body.problems)
-        layer.known("name", "height", "elements")
-        name = layer.text("name") or f"layer{number}"
-        if expected := wrong_name(name, names):
-            layer.wrong("name", name, expected)
-        names.add(name)
-        height = None
-        if solid and len(body.data["layers"]) == 1:
-            height = layer.number("height", None, above=0.0)
-        elif mesh is None:
-            height = _length(layer, "height", size)
-        layers.append(Layer(name, height * size if height else None, layer.text("elements", name.upper())))
-    if body.data.get("layers") == []:
-        body.wrong("layers", "none", "at least one layer")
-    if (mesh is not None) + (brick is not None) + ("width" in body.data) > 1:
-        found = " and ".join(key for key in ("width", "brick", "mesh") if key in body.data)
-        body.problems.append(InputError(file, "body", found, "one of width (with layers), brick, mesh"))
-    heights = [layer.height for layer in layers if layer.height is not None]
-    if brick is not None and len(heights) == len(layers) and not math.isclose(sum(heights), brick[2] * size):
-        body.wrong("layers", f"heights of {sum(heights) / size:g} in all", f"{brick[2]:g}, the height of the brick")
-    if brick is not None and not all(LENGTHS[0] <= side * size <= LENGTHS[1] for side in brick):
-        body.wrong("brick", list(brick), f"3 lengths of {LENGTHS[0]:g} to {LENGTHS[1]:g} mm")
-        brick = None
-    width = _length(body, "width", size) if mesh is None and not solid else None
-    origin = body.numbers("origin", 2, (0.0, 0.0)) or (0.0, 0.0)
-    thickness: float | None = 1.0
-    thick, refined = body.data.get("thickness") != UNKNOWN, body.text("refined", None)
-    if refined and mesh is None:
-        body.wrong("refined", refined, "no such key: it is for a body with a mesh")
-    if not thick and mesh is not None:
-        thickness = 1.0 / size  # 1 mm
-    elif mesh is not None:  # which says later whether it is plane
-        thickness = _length(body, "thickness", size) if "thickness" in body.data else 0.0
-    elif not solid:
-        thickness = _length(body, "thickness", size)
+def _body(body: Any, size: float, folder: Path) -> Body:
+    meshed = isinstance(body, MeshKeys)
+    layers = tuple(
+        Layer(
+            layer.name,
+            layer.height * size if layer.height and not meshed else None,
+            layer.elements or layer.name.upper(),
+        )
+        for layer in body.layers
+    )
+    if isinstance(body, BrickKeys):
+        length, width, height = _scaled(body.brick, size)
+        return Body(layers, brick=(length, width, height))
+    if isinstance(body, BlockKeys):
+        x, y = _scaled(body.origin or (0.0, 0.0), size)
+        return Body(layers, body.width * size, (x, y), body.thickness * size)
+    thick = body.thickness != UNKNOWN
     return Body(
-        tuple(layers),
-        width * size if width else None,
-        (origin[0] * size, origin[1] * size),
-        (thickness or 0.0) * size,
-        (brick[0] * size, brick[1] * size, brick[2] * size) if brick else None,
-        file.parent / mesh if mesh else None,
-        file.parent / refined if refined else None,
-        thick,
+        layers,
+        thickness=(body.thickness or 0.0) * size if thick else 1.0,
+        mesh=folder / body.mesh,
+        refined=folder / body.refined if body.refined else None,
+        thick=thick,
     )
 
 
-def _length(keys: Keys, key: str, size: float) -> float | None:
-    """A length that a body can have, in the study's unit of `size` mm."""
-    value = keys.number(key, above=0.0)
-    if value is not None and not LENGTHS[0] <= value * size <= LENGTHS[1]:
-        keys.wrong(key, value, f"a length of {LENGTHS[0]:g} to {LENGTHS[1]:g} mm")
-        return None
-    return value
+def _look_further(given: Any, sizes: Mapping[str, float], file: Path) -> Iterator[InputError]:
+    """Values that are right by themselves, but not with others, with their unit or with files."""
+    length, pictures = sizes["length"], getattr(given, "pictures", None)
+    if hasattr(given, "body"):
+        yield from _body_problems(given.body, length if hasattr(given, "units") else None, file)
+    if pictures and isinstance(pictures.noise, list):
+        for number, name in enumerate(pictures.noise):
+            if not (file.parent / name).exists():
+                expected = "a further picture before compression, a file that exists"
+                yield InputError(file, f"pictures.noise.{number}", name, expected)
+    corners = pictures.trim if pictures and isinstance(pictures.trim, list) else []
+    if any(abs(x) * length > LENGTHS[1] for corner in corners for x in corner):
+        yield InputError(file, "pictures.trim", corners, f"corners of at most {LENGTHS[1]:g} mm")
 
 
-def _steps(keys: Keys, sizes: Mapping[str, float], problems: list[FingerfitError]) -> tuple[Step, ...]:
-    name = keys.text("steps")
-    if not name:
-        return ()
-    file = keys.where.parent / name
+def _body_problems(body: Any, size: float | None, file: Path) -> Iterator[InputError]:
+    for number, layer in enumerate(body.layers):
+        if expected := wrong_name(layer.name, (above.name for above in body.layers[:number])):
+            yield InputError(file, f"body.layers.{number}.name", layer.name, expected)
+    lengths = {name: getattr(body, name, None) for name in ("width", "thickness")}
+    heights = [None if isinstance(body, MeshKeys) else layer.height for layer in body.layers]
+    lengths |= {f"layers.{number}.height": height for number, height in enumerate(heights)}
+    lengths |= {f"brick.{number}": side for number, side in enumerate(getattr(body, "brick", ()))}
+    for name, value in lengths.items():
+        if size and isinstance(value, float) and not LENGTHS[0] <= value * size <= LENGTHS[1]:
+            yield InputError(file, f"body.{name}", value, f"a length of {LENGTHS[0]:g} to {LENGTHS[1]:g} mm")
+    if not isinstance(body, BrickKeys):
+        return
+    known = [height for height in heights if height]
+    if len(heights) > 1:
+        for number, height in enumerate(heights):
+            if height is None:
+                yield InputError(file, f"body.layers.{number}.height", "nothing", NUMBER)
+    if len(known) == len(heights) and not math.isclose(sum(known), body.brick[2]):
+        expected = f"{body.brick[2]:g}, the height of the brick"
+        yield InputError(file, "body.layers", f"heights of {sum(known):g} in all", expected)
+
+
+def _steps(file: Path, sizes: Mapping[str, float], problems: list[FingerfitError]) -> tuple[Step, ...]:
     try:
         text = read_text(file, "steps", DOCUMENT, "a readable CSV table")
         rows = [row for row in csv.reader(io.StringIO(text, newline="")) if any(cell.strip() for cell in row)]
@@ -372,9 +322,3 @@ def _check_sets(study: Study, problems: list[FingerfitError]) -> None:
         if name in sets[:number]:
             field, expected = f"body.layers.{number}.elements", "an element set that no other layer has"
             problems.append(InputError(file, field, name, expected))
-
-
-def with_gain(study: Study, gain: float) -> Study:
-    """The study with the prescribed quantity multiplied."""
-    name = study.control
-    return replace(study, steps=tuple(replace(step, **{name: getattr(step, name) * gain}) for step in study.steps))

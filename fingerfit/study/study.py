@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 ESTIMATED = "estimated"
+UNKNOWN = "unknown"
+"""A thickness that is not known."""
 
 
 @dataclass(frozen=True)
@@ -181,3 +183,9 @@ class Study:
     def thickness(self) -> float:
         """Out of plane, mm."""
         return self.body.thickness
+
+
+def with_gain(study: Study, gain: float) -> Study:
+    """The study with the prescribed quantity multiplied."""
+    name = study.control
+    return replace(study, steps=tuple(replace(step, **{name: getattr(step, name) * gain}) for step in study.steps))

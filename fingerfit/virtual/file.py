@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError, create_model
 
-from fingerfit.core.described import problems_of
+from fingerfit.core.described import described
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.folders import template_folders
 from fingerfit.core.keys import read_yaml, unknown_key
@@ -31,7 +30,6 @@ from fingerfit.virtual.keys import (
     MeshedExperiment,
     PictureDescription,
     PlaneExperiment,
-    Strict,
 )
 from fingerfit.virtual.truth import Truth
 
@@ -56,26 +54,11 @@ def read_truth(path: Path) -> Truth:
     if len(shapes) > 1:  # which other keys there are depends on it
         raise Problems([InputError(path, "body", " and ".join(shapes), "one of width (with layers), brick, mesh")])
     kind = kinds[shapes[0] if shapes else "width"]
-    problems: list[FingerfitError] = []
-    try:
-        given: Any = kind.model_validate(data)
-    except ValidationError as error:
-        problems += problems_of(error, path, kind)
-        given = _right_ones(kind, data, {str(details["loc"][0]) for details in error.errors() if details["loc"]})
+    given, problems = described(kind, data, path)
     problems += _cross_check(given, path)
     if problems:
         raise Problems(problems)
     return _truth(given, data, path)
-
-
-def _right_ones(kind: type[Experiment], data: Any, wrong: set[str]) -> Any:
-    """The description without the keys that are wrong: the others are checked against each other nevertheless."""
-    right = {name: (field.annotation, field) for name, field in kind.model_fields.items() if name not in wrong}
-    if not isinstance(data, dict):
-        return None
-    fields: dict[str, Any] = right
-    partly = create_model("Partly", __base__=Strict, **fields)
-    return partly.model_validate({key: value for key, value in data.items() if key in right})
 
 
 def _truth(given: Any, data: dict[str, Any], path: Path) -> Truth:

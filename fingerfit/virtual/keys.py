@@ -5,21 +5,15 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from fingerfit.core.described import HEAD, Described, rows
+from fingerfit.core.described import HEAD, Line, Positive, Strict, rows
 from fingerfit.settings.config import GRADING, MeshSettings
 from fingerfit.virtual.truth import BRIGHTEST, SHAPES
 
 PIXELS = 2**15 - 1
 """Most pixels along an axis: the files of the pictures, NIfTI-1, count them in 16 bits."""
-
-
-def _line(text: str) -> str:
-    if not text.strip() or not text.isprintable():
-        raise PydanticCustomError("line", "a text of one line")
-    return text
 
 
 def _three(values: list[Any]) -> list[Any]:
@@ -40,18 +34,10 @@ def _distinct(values: list[int]) -> list[int]:
     return values
 
 
-Line = Annotated[str, AfterValidator(_line)]
-Positive = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Pixels = Annotated[int, Field(ge=2, le=PIXELS)]
 Place = Annotated[list[float], AfterValidator(_three)]
 Lengths = Annotated[list[Positive], AfterValidator(_three)]
-
-
-class Strict(Described):
-    """No texts and no true or false for numbers."""
-
-    model_config = ConfigDict(strict=True)
 
 
 class LayerDescription(Strict):
@@ -265,7 +251,7 @@ class MeshedExperiment(Experiment):
     """experiment.yaml of a body with a mesh of its own."""
 
     body: MeshedDescription = Field(description="The body as it really is.")
-    mesh: None = Field(default=None, description="No such key: the body brings its mesh.")
+    mesh: None = Field(default=None, description="The body brings its mesh.")
     picture: VolumeDescription = Field(description="Volumes that are taken.")
     study: WrittenMeshed = Field(
         description="What goes into study.yaml, without the truth: body, boundary, control, pictures."

@@ -142,7 +142,7 @@ CASES = {
     "a volume that is lost": (lambda p: (p / "study/step_2.mha").unlink(), "row 3, picture: found step_2.mha; expected a file that exists"),
     "a slice for a volume": (all_of_them(shape=(1, 14, 16)), "before.mha: picture: found 2 dimensions; expected 3, as the mesh"),
     "sizes of a plane": (edit("study/study.yaml", lambda d: d["pictures"].update(resize=[16, 14])), "pictures.resize: found 2 numbers; expected 3, as the pictures"),
-    "no repeat picture": (repeats(), "pictures.noise: found an empty list; expected a number, estimated, or further pictures"),
+    "no repeat picture": (repeats(), "pictures.noise: found []; expected a number above 0, estimated, or a list of further pictures"),
     "a lost repeat picture": (repeats("again.mha"), "pictures.noise.0: found again.mha; expected a further picture before compression, a file that exists"),
     "a repeat picture of another place": (other_repeat, "again.mha: geometry: found 15x14x12 pixels; expected that of before.mha"),
     "a lost slice": (as_series(np.delete(EVEN, 5)), "before: slices: found 1.6 mm between 1.2.3.4_4.dcm and 1.2.3.4_5.dcm; expected 0.8 mm, as between the others"),

@@ -490,10 +490,10 @@ def lines(own, text):
     ("old", "new", "wanted"),
     [
         ("acts: boundary", "acts: bondary", "acts: found bondary; expected one of material, structure, boundary, loading, numerics, observation"),
-        ("acts: boundary\n", "", "acts: found nothing; expected a text"),
+        ("acts: boundary\n", "", "acts: found nothing; expected a value: Where it acts: one of material, structure"),
         ("look:", "loks:", "loks: found an unknown key; expected look (did you mean that?)"),
         ("absent: 0", "absent: none", "parameters.rate.absent: found none; expected a number"),
-        ("step: 5", "step: 0", "parameters.rate.step: found 0.0; expected"),
+        ("step: 5", "step: 0", "parameters.rate.step: found 0; expected a number from absent that stays within"),
         ("step: 5", "step: 500", "parameters.rate.step: found 500"),
         ("step: 5", "stepp: 5", "parameters.rate.stepp: found an unknown key; expected step (did you mean that?)"),
         ("[1, 2]", "[]", "scan.axis: found []; expected a list of finite numbers"),

@@ -84,12 +84,17 @@ def test_files_are_short():
 
 
 def test_generated_files_are_up_to_date():
-    from fingerfit.settings.config import describe, schema
+    from fingerfit.model import keys as effect_keys
+    from fingerfit.settings import config
+    from fingerfit.study import keys as study_keys
     from fingerfit.virtual import keys as truth_keys
 
-    assert json.loads((ROOT / "workflow/schemas/config.schema.json").read_text(encoding="utf-8")) == schema()
-    assert (ROOT / "docs/config.md").read_text(encoding="utf-8") == describe()
-    assert (ROOT / "docs/experiment-keys.md").read_text(encoding="utf-8") == truth_keys.describe()
+    for name, source in (("config", config), ("study", study_keys)):
+        text = (ROOT / f"workflow/schemas/{name}.schema.json").read_text(encoding="utf-8")
+        assert json.loads(text) == source.schema()
+    tables = {"config": config, "study-keys": study_keys, "effect-keys": effect_keys, "experiment-keys": truth_keys}
+    for name, source in tables.items():
+        assert (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") == source.describe()
 
 
 def test_the_lock_file_names_no_registry():

@@ -47,7 +47,7 @@ try:
     STUDY_FILES = stages.study_files(Path(SETTINGS.study))
     FIGURE_NAMES = stages.figures(SETTINGS)
     CONTENTS.save()
-    SETTINGS_FILE = stages.write_settings(SETTINGS, results.model_folder(SETTINGS) / "settings.json")
+    SETTINGS_FILE = stages.write_settings(SETTINGS, results.model_folder(SETTINGS) / "settings.json", True)
 except FingerfitError as error:
     raise WorkflowError(str(error))
 except OSError as error:

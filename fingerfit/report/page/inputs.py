@@ -14,6 +14,7 @@ from fingerfit.core.errors import FingerfitError, StateError
 from fingerfit.core.files import digest, free_memory, read_bytes, read_json, read_npz
 from fingerfit.diagnosis.residual import RESPONSE
 from fingerfit.provenance.inputs import study_files
+from fingerfit.settings.choices import KNOWN
 
 LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
 SETTINGS, ESTIMATE = "settings.json", "estimate.json"
@@ -339,7 +340,8 @@ def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
     stiffness = arrays.get("stiffness", _empty(0, 4))
     file = folder.parent / "sims" / str(_json(folder / ESTIMATE).get("sim")) / "solver.json"
     solver = read_json(file, kept=False) if file.exists() else {}
-    return Model(name, rung, compare, diagnosis, patterns, stiffness, _json(folder / SETTINGS), solver)
+    settings = {key: value for key, value in _json(folder / SETTINGS).items() if key != KNOWN}
+    return Model(name, rung, compare, diagnosis, patterns, stiffness, settings, solver)
 
 
 def _json(path: Path) -> Any:
