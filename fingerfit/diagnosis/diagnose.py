@@ -28,6 +28,7 @@ from fingerfit.diagnosis.verdict import (
     by_settings,
     decide,
     doubted,
+    ended_well,
     explains,
     generalising,
     half_explained,
@@ -107,12 +108,13 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
     for _ in range(BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits)
-        verdict = doubted(decide(score_test, ranking, refits, tests, held_out=held_out), fitted)
-        half = half_explained(score_test, ranking, generalising(score_test, refits, held_out), tests)
+        ended = ended_well(score_test, refits, fitted)
+        verdict = doubted(decide(score_test, ranking, ended, tests, held_out=held_out), fitted)
+        half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
         if half is not None and half.candidate.effect.name not in halves:
             halves.add(half.candidate.effect.name)
             partner, more = _partner(problem, last, half, everything, score_test.misfit, threads)
-            verdict, run = decide(score_test, ranking, refits, tests, partner, held_out), run + more
+            verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
     titles = {one.candidate.effect.name: one.candidate.effect.title for one in ranking}

@@ -270,6 +270,16 @@ def decide(
     return Verdict("missing", (best,), text, limit)
 
 
+def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float) -> dict[str, Refit]:
+    """Refits that are no worse than the model on the steps that both have fitted, where its error was `fitted`.
+
+    A model with an effect more has that model in it: one that ends worse has missed its minimum, whatever misfit its own
+    covariance says.
+    """
+    worse = WORSE if score_test.freedom > FEW else WORSE_OF_FEW
+    return {name: refit for name, refit in refits.items() if not refit.fitted > fitted + worse}
+
+
 def generalising(score_test: ScoreTest, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:
     """Refits that are no worse than the model on the steps that no fit has seen, whose error with it was `held_out`."""
     return {name: refit for name, refit in refits.items() if _generalises(score_test, refit, held_out)}

@@ -21,6 +21,7 @@ from fingerfit.diagnosis.verdict import (
     confusions,
     decide,
     doubted,
+    ended_well,
     explains,
     half_explained,
     threshold,
@@ -468,3 +469,13 @@ def test_without_held_out_steps_the_fitted_ones_tell():
         refits = {"tilt": Refit(60.0, 99, fitted, None, {"mu_top": 0.1})}
         verdict = traced(Verdict("missing", ("tilt",), "", 12.0), score_test, refits, {"tilt": "t"}, base, 0.02)
         assert verdict.kind == kind
+
+
+@pytest.mark.parametrize(
+    ("count", "fitted", "counts"), [(1000, 2.54, True), (1000, 2.56, False), (20, 2.7, True), (20, 2.8, False)]
+)
+def test_a_refit_that_ends_worse_on_what_it_fitted_has_missed_its_minimum(count, fitted, counts):
+    """Its misfit may have fallen all the same: its own covariance forgives a worse model more."""
+    score_test = SimpleNamespace(misfit=9.0 * count, freedom=count)
+    refits = {"relaxation": Refit(0.8 * count, count - 1, fitted, 1.0, {})}
+    assert ended_well(score_test, refits, 2.53) == (refits if counts else {})
