@@ -273,8 +273,8 @@ def decide(
 def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float) -> dict[str, Refit]:
     """Refits that are no worse than the model on the steps that both have fitted, where its error was `fitted`.
 
-    A model with an effect more has that model in it: one that ends worse has missed its minimum, whatever misfit its own
-    covariance says.
+    A model with an effect more has that model in it: one that ends worse has missed its minimum, whatever its own
+    covariance says of its misfit.
     """
     worse = WORSE if score_test.freedom > FEW else WORSE_OF_FEW
     return {name: refit for name, refit in refits.items() if not refit.fitted > fitted + worse}
