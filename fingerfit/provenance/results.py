@@ -168,6 +168,10 @@ def _damaged(settings: Settings, contents: Contents) -> Iterator[tuple[Path, ...
         for path in sorted(study.glob(pattern))
     ]
     yield from ((path,) for path in files if not contents.intact(path))
+    for path in sorted(model.glob("rounds/*.json")):
+        whole = contents.intact(path)
+        if whole and not contents.remember(f"number {path}", contents.of([path]), partial(_is_numbered, path)):
+            yield (path,)  # another round's copy
     table, estimate = model / "table.txt", model / "estimate.json"
     both = table.exists() and estimate.exists() and contents.intact(estimate)
     if both and not contents.remember(
@@ -181,6 +185,11 @@ def _damaged(settings: Settings, contents: Contents) -> Iterator[tuple[Path, ...
         solver = deck.with_name("solver.json")
         if not contents.remember(f"deck {deck}", contents.of([deck, solver]), partial(_is_named, deck, solver)):
             yield deck, solver  # the name is that of both
+
+
+def _is_numbered(path: Path) -> bool:
+    """Whether a round is the one that its file is named after."""
+    return str(read_json(path).get("number")) == path.stem
 
 
 def _tells(table: Path, estimate: Path) -> bool:
