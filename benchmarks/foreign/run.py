@@ -89,6 +89,7 @@ def main() -> None:
     parser.add_argument("--goal", choices=("diagnose", "discover"), default="discover")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="names, or patterns such as 'nothing-*'")
     parser.add_argument("--cores", type=int, default=2)
+    parser.add_argument("--quiet", action="store_true", help="tell times only, not what was found")
     parser.add_argument("--limit", type=float, default=3600.0, help="seconds that a case may take")
     args = parser.parse_args()
     done = set()
@@ -103,7 +104,8 @@ def main() -> None:
         with args.out.open("a", encoding="utf-8") as out:
             out.write(json.dumps(row) + "\n")
         last = row["rungs"][-1] if row["rungs"] else {"model": "-", "sentence": row.get("message", "nothing")}
-        print(f"{name}: {row['seconds']} s; {last['model']}: {last['sentence']}", flush=True)
+        said = "" if args.quiet else f"; {last['model']}: {last['sentence']}"
+        print(f"{name}: {row['seconds']} s{said}", flush=True)
 
 
 if __name__ == "__main__":

@@ -54,17 +54,17 @@ class Ruler:
             slice(None),
             *[slice(n // 30, -(n // 30) or None, max(1, n // 30)) for n in self.null.places.shape[1:]],
         )
-        base = self._curve(self.null)
-        slopes = []
+        others = []
         for layer in range(len(setting["mu"]) - 1):
             stiffer = list(setting["mu"])
             stiffer[layer] *= math.exp(STEP)
-            other = self._curve(solve({**setting, "mu": stiffer}))
-            slopes.append(tuple((b - a) / STEP for a, b in zip(base, other, strict=True)))
-        depth = np.concatenate([[0.0], self.null.depth])
-        self.depth = self.null.depth
-        self.force = CubicSpline(depth, base[0])
-        self.moves = CubicSpline(depth, base[1])
+            others.append(solve({**setting, "mu": stiffer}))
+        steps = min(solved.reached for solved in (self.null, *others))
+        base, *curves = (self._curve(solved, steps) for solved in (self.null, *others))
+        self.depth = self.null.depth[:steps]
+        depth = np.concatenate([[0.0], self.depth])
+        self.force, self.moves = (CubicSpline(depth, values) for values in base)
+        slopes = [tuple((b - a) / STEP for a, b in zip(base, curve, strict=True)) for curve in curves]
         self.slopes = [(CubicSpline(depth, f), CubicSpline(depth, u)) for f, u in slopes]
         noise = setting["noise"]
         self.sigma = {
@@ -77,14 +77,10 @@ class Ruler:
         if setting["seen"] == "pictures":
             self._look(np.random.default_rng(seed))
 
-    def _curve(self, solved: Solved) -> tuple[np.ndarray, np.ndarray]:
-        """Force and displacements of the samples, from 0 on; steps that one of the worlds lacks are left out."""
-        moved = solved.moved - solved.before
-        kept = len(self.null.depth)
-        if solved.reached < kept:
-            raise RuntimeError("a body with other moduli does not come as far")
-        near = moved[(slice(0, kept), *self.near)]
-        return np.concatenate([[0.0], solved.force[:kept]]), np.concatenate([0 * near[:1], near])
+    def _curve(self, solved: Solved, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Force and displacements of the samples at the first steps, with the 0 before."""
+        moved = (solved.moved - solved.before)[(slice(0, steps), *self.near)]
+        return np.concatenate([[0.0], solved.force[:steps]]), np.concatenate([0 * moved[:1], moved])
 
     def _look(self, rng: np.random.Generator) -> None:
         """Brightness and its slopes at the samples."""
