@@ -9,10 +9,10 @@ import itertools
 import math
 import random
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from rules import PAIRS, RULES, SIZES, SPACE, SPACE_FORMS, VARIATIONS, Rule
+from rules import PAIRS, RULES, SIZES, SPACE, SPACE_FORMS, SPACE_NUMBERS, VARIATIONS, Rule
 
 HALVES = {"study": 3, "exam": 1789}
 """Seeds of the two halves: *study* is for looking at, *exam* is made and run once."""
@@ -121,6 +121,7 @@ def _in_space(half: str, seed: int) -> list[Case]:
         family = "nothing"
         if kind != "nothing":
             rule = next(rule for rule in RULES if rule.kind == kind)
+            rule = replace(rule, numbers={**rule.numbers, **SPACE_NUMBERS.get(kind, {})})
             hidden = (draw(rule, rng.choice(SPACE_FORMS[kind]), rng.choice((1.5, 4.0)), rng),)
             family = rule.families[0]
         found.append(Case(name, half, _number(rng), family, hidden, setting_in_space(rng)))
@@ -191,7 +192,8 @@ def setting(rng: random.Random, wanted: Mapping[str, tuple[Any, ...]]) -> dict[s
 
 def setting_in_space(rng: random.Random) -> dict[str, Any]:
     """A brick of two layers in volumes of about 48 x 48 x 40."""
-    given = setting(rng, {"layers": (2,), "width": (12.0,), "alpha": (2.0,), "steps": (4,), "rows": (8,)})
+    wanted = {"layers": (2,), "width": (12.0,), "alpha": (2.0,), "poisson": (0.48,), "steps": (4,), "rows": (9,)}
+    given = setting(rng, {**wanted, "compress": (0.08, 0.11)})
     height = sum(given["heights"])
     given["picture"].update(pixel=round(1.5 * height / 40, 3), grain=round(rng.uniform(2.5, 3.5), 2), contrast=0.25)
     return {**given, "dimension": 3, "breadth": 12.0, "fitted": [2, 4], "control": "force"}

@@ -35,7 +35,7 @@ from pictures import body_size
 from sizing import Ruler, amount_for
 from world import World
 
-COARSEST = {2: 10, 3: 4}
+COARSEST = {2: 10, 3: 5}
 """Rows of the mesh on which sizes are looked for, at least; else half of those of the data."""
 
 

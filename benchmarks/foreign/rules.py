@@ -142,6 +142,8 @@ SPACE_FORMS = {
     "base slip": ("springs", "left"),
     "shift": ("constant",),
 }
+SPACE_NUMBERS = {"inclusion": {"radius": (2.2, 3.0), "aspect": (0.8, 1.25)}}
+"""Bounds that are others in space: a voxel is half a millimetre."""
 
 VARIATIONS: dict[str, dict[str, tuple[Any, ...]]] = {
     "plain": {},
