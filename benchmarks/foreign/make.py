@@ -189,7 +189,7 @@ def _one(case: Case, out: Path, again: bool) -> bool:
     sealed.parent.mkdir(parents=True, exist_ok=True)
     try:
         truth = make(case, out / case.name)
-    except NoEquilibriumError as error:
+    except Exception as error:  # one case that fails leaves the others their turn; it is told, and counts as not made
         truth = {**case.as_dict(), "failed": f"{type(error).__name__}: {error}"}
     sealed.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
     said = (

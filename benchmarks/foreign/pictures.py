@@ -7,9 +7,10 @@ it, inside and outside of the body. Brightness is a share of full scale until th
 from __future__ import annotations
 
 import gzip
+import itertools
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -90,35 +91,44 @@ class Camera:
         self.origin = middle - self.pixel * (np.array(self.shape) - 1) / 2
         """Centre of the first pixel, mm."""
 
-    def fine(self) -> list[np.ndarray]:
-        """Places of all points of all pixels along each axis, mm."""
-        within = WITHIN[len(self.shape)]
-        inner = (np.arange(within) + 0.5) / within - 0.5
-        return [
-            o + self.pixel * (np.arange(n)[:, None] + inner).ravel()
-            for o, n in zip(self.origin, self.shape, strict=True)
-        ]
+    def points(self) -> Iterator[list[np.ndarray]]:
+        """One point of each pixel after the other, as places along each axis, mm.
+
+        The points of a pixel stand askew: along each axis no two are at the same place, so that an edge along the
+        other axes moves by a ninth (in space an eighth) of a pixel, not by a third (a half).
+        """
+        axes = len(self.shape)
+        within = WITHIN[axes]
+        for index in itertools.product(range(within), repeat=axes):
+            offsets = []
+            for axis in range(axes):
+                others = [i for other, i in enumerate(index) if other != axis]
+                rank = sum(i * within**power for power, i in enumerate(others))
+                offsets.append((index[axis] + (rank + 0.5) / within ** (axes - 1)) / within - 0.5)
+            yield [
+                origin + self.pixel * (np.arange(count) + offset)
+                for origin, count, offset in zip(self.origin, self.shape, offsets, strict=True)
+            ]
 
     def clean(self, texture: Texture, solved: Solved, step: int, seen: Observation) -> np.ndarray:
         """The picture before compression (step 0) or at a step, without noise."""
         moved = solved.before if step == 0 else solved.moved[step - 1]
         share = step / solved.asked
         places = seen.moved(share, list(solved.places + moved))
-        axes = self.fine()
-        points = np.meshgrid(*axes, indexing="ij")
-        inside = _inside(places, axes)
         nodes = np.stack([p.ravel() for p in places], axis=-1)
         find = LinearNDInterpolator(nodes, np.stack([p.ravel() for p in solved.nominal], axis=-1))
-        nominal = find(np.stack([p[inside] for p in points], axis=-1))
-        known = np.isfinite(nominal[:, 0])
-        values = np.full(points[0].shape, BACKGROUND)
-        found = np.full(len(nominal), BACKGROUND)
-        found[known] = texture.at(list(nominal[known].T))
-        values[inside] = found
-        values = seen.light(share, points, values)
-        within = WITHIN[len(self.shape)]
-        blocks = [n for count in self.shape for n in (count, within)]
-        return values.reshape(blocks).mean(axis=tuple(range(1, 2 * len(self.shape), 2)))
+        total = np.zeros(self.shape)
+        for axes in self.points():
+            inside = _inside(places, axes)
+            points = np.meshgrid(*axes, indexing="ij")
+            nominal = find(np.stack([p[inside] for p in points], axis=-1))
+            known = np.isfinite(nominal[:, 0])
+            found = np.full(len(nominal), BACKGROUND)
+            found[known] = texture.at(list(nominal[known].T))
+            values = np.full(self.shape, BACKGROUND)
+            values[inside] = found
+            total += seen.light(share, points, values)
+        return total / WITHIN[len(self.shape)] ** len(self.shape)
 
 
 def _inside(places: list[np.ndarray], axes: list[np.ndarray]) -> np.ndarray:

@@ -77,13 +77,13 @@ def picture_of_a_known_motion() -> float:
     solved.moved[0] = known
     texture, camera = Texture(PHANTOM, np.random.default_rng(1)), Camera(PHANTOM, np.random.default_rng(2))
     seen = camera.clean(texture, solved, 1, Observation((12.0, 12.0)))
-    fine = np.meshgrid(*camera.fine(), indexing="ij")
-    up = fine[1] / 0.9
-    across = (fine[0] - 0.02 * up) / 1.05
-    within = (across > 0.3) & (across < 11.7) & (up > 0.3) & (up < 11.7)
-    exact = np.where(within, texture.at([across, up]), np.nan)
-    n = 3
-    mean = exact.reshape(camera.shape[0], n, camera.shape[1], n).mean(axis=(1, 3))
+    mean = np.zeros(camera.shape)
+    for axes in camera.points():
+        x, y = np.meshgrid(*axes, indexing="ij")
+        up = y / 0.9
+        across = (x - 0.02 * up) / 1.05
+        within = (across > 0.3) & (across < 11.7) & (up > 0.3) & (up < 11.7)
+        mean += np.where(within, texture.at([across, up]), np.nan) / 9
     return float(np.nanmax(np.abs(seen - mean)))
 
 
