@@ -121,7 +121,8 @@ def read_picture(path: Path) -> Picture:
         raise InputError(path, "picture", f"{image.GetNumberOfComponentsPerPixel()} channels", "one channel")
     if "complex" in image.GetPixelIDTypeAsString():
         raise InputError(path, "picture", "complex intensities", "real ones: the magnitude, for example")
-    values = sitk.GetArrayFromImage(image).astype(float)
+    with np.errstate(invalid="ignore"):  # NaN, which is refused below
+        values = sitk.GetArrayFromImage(image).astype(float)
     dim = image.GetDimension()
     spacing, origin = np.array(image.GetSpacing()), np.array(image.GetOrigin())
     direction = np.array(image.GetDirection()).reshape(dim, dim)

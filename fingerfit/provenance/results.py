@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import IO
 
 from fingerfit.core.contents import Contents
 from fingerfit.core.errors import FingerfitError, InputError, StateError
@@ -18,6 +20,8 @@ from fingerfit.settings.config import CONFIG, Settings
 MARK = ".fingerfit.json"
 """What is known of the contents of files; it also tells that a folder is one of results."""
 OWNER = "study.json"
+LOCK = ".lock"
+"""Locked by the run that works on the results of a model."""
 SHARED = ("sims", "meshes")
 """Folders beside those of the models."""
 DIAGNOSED = ("compare.npz", "diagnosis.npz", "diagnosis.json", "rung.json")
@@ -102,6 +106,28 @@ def claim(settings: Settings) -> Contents:
     if not file.exists():
         keep_json(file, {"study": _identity(settings)})
     return Contents(mark)
+
+
+def hold(settings: Settings) -> IO[str]:
+    """Keep other runs off the results of a model, as long as what is returned is open: to the end of the process at most.
+
+    Snakemake locks a folder by files that it looks for first and writes then: two runs that start together do not see
+    each other's.
+
+    Raises
+    ------
+    StateError
+        When another run works on them.
+    """
+    path = model_folder(settings) / LOCK
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle = path.open("w", encoding="utf-8")
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:  # of a file system without locks: go on
+        if isinstance(error, BlockingIOError):
+            raise StateError(f"{path.parent}: another run is working here: wait for its end") from error
+    return handle
 
 
 def mend(settings: Settings, contents: Contents, remove: bool) -> list[str]:

@@ -121,7 +121,7 @@ LAYER = {"layer": [1.0, 2.0]}
         ({"scan": {"layer": [float("nan")]}}, "scan.layer: found [nan]; expected a list of finite numbers"),
         ({"scan": {"a{b": [1]}}, "scan.a{b: found a{b; expected a name of its own"),
         ({"scan": {"a.b": [1]}}, "scan.a.b: found a.b; expected a name of its own"),
-        ({"scan": {"size": [1]}}, "scan.size: found size; expected a name of its own"),
+        ({"scan": {"size": [1]}}, "scan.size: found size; expected a name that no other number of the effect has"),
         ({"parameters": {"si ze": EFFECT["parameters"]["size"]}}, "parameters.si ze: found si ze; expected a name"),
     ],
 )

@@ -72,10 +72,16 @@ class Workspace:
         """Begin a run, in a group of processes of its own."""
         environment = {**os.environ, "PYTHONPATH": str(self.project), **self.environment}
         said = self.path.parent / f"said-{time.monotonic_ns()}"
+
+        def become() -> None:
+            signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored by what a shell runs in the background
+            if limit is not None:
+                limit()
+
         with said.open("wb") as sink:
             process = subprocess.Popen(
                 list(command) or self.command(*targets), cwd=self.path, stdout=sink, stderr=sink, env=environment,
-                stdin=subprocess.DEVNULL, start_new_session=True, preexec_fn=limit,
+                stdin=subprocess.DEVNULL, start_new_session=True, preexec_fn=become,
             )  # fmt: skip
         return Running(process, said)
 

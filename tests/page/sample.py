@@ -5,6 +5,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from seeds import generator
 
 from fingerfit.core.files import keep_json, write_npz
+from fingerfit.model.catalogue import catalogue
+
+KNOWN = catalogue()
 
 WIDTH = HEIGHT = 12.0
 LAYERS = ("top", "middle", "bottom")
@@ -90,7 +93,7 @@ def candidate(effect, title, share, refit, size, unit, shows=None, **more):
         "look": "a difference between left and right that grows with the indentation", "confirm": "put a level on the indenter",
         "acts": "displacement", "place": {}, "size": {effect: size}, "units": {effect: unit},
         "predicted_fall": 5200.0 * share, "share_of_excess": share, "visible": 0.9, "refit": refit, "shows": shows,
-        "imitated": False, **more,
+        "imitated": False, "told": dict(KNOWN[effect].told) if effect in KNOWN else {}, **more,
     }  # fmt: skip
 
 

@@ -24,11 +24,12 @@ def cube(n):
 
 
 def rounding(matrix, solution):
-    """Residual by rounding: eps of the largest sum of terms, a thousand times as much for pivots of 0.001 of their column.
+    """Residual by rounding: eps of the largest sum of terms, and a factor for pivots of 0.001 of their column.
 
-    Found, of 40 right sides: 0.20 of it with a standard deviation of 0.09 where the matrix is not symmetric, else 0.001.
+    The factor is five standard deviations above the mean: of 40 right sides, 380 with a standard deviation of 160 where the
+    matrix is not symmetric and the order that of METIS; 0.7 where it is symmetric.
     """
-    return 1000 * np.finfo(float).eps * float((abs(matrix) @ np.abs(solution)).max())
+    return 1180 * np.finfo(float).eps * float((abs(matrix) @ np.abs(solution)).max())
 
 
 def test_nested_dissection_is_an_order_with_less_fill():

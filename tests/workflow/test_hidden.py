@@ -175,7 +175,7 @@ def test_both_rungs_are_on_the_ladder(place):
     assert set(shown) <= set(data["panels"])
     rows = re.findall(r"<tr><td>.*?</tr>", re.search(r'<table class="rungs">.*?</table>', page, re.S)[0], re.S)
     for row, entry in zip(rows, rungs, strict=True):
-        told = [float(x) for x in re.findall(r'data-label="Error, [a-z ]+">([\d.]+) ×', row)]
+        told = [float(x) for x in re.findall(r'data-label="Error, [a-z ]+">([\d.]+)&nbsp;×', row)]
         # three digits
         assert told == pytest.approx([entry["error"]["fitted"], entry["error"]["held_out"]], rel=5e-3)
         assert f"{entry['simulations']['run']} run" in row

@@ -37,6 +37,9 @@ try:
     stages.check_model(SETTINGS, CONFIG)
     CONTENTS = results.claim(SETTINGS)
     SETTINGS = stages.warm(SETTINGS, CONFIG)
+    # another run may be at work; `discover` calls runs of its own
+    if workflow.is_main_process and REMOVES and not DISCOVERS:
+        HELD = results.hold(SETTINGS)
     # a job of a cluster reads this while others write
     DAMAGED = results.mend(SETTINGS, CONTENTS, REMOVES) if workflow.is_main_process else []
     if workflow.is_main_process:
