@@ -109,7 +109,7 @@ def claim(settings: Settings) -> Contents:
 
 
 def hold(settings: Settings) -> IO[str]:
-    """Keep other runs off the results of a model, as long as what is returned is open: at most to the end of the process.
+    """Keep other runs off the results of a model while what is returned is open: at most to the end of the process.
 
     Snakemake locks a folder by files that it looks for first and writes then: two runs that start together do not see
     each other's.
