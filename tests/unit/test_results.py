@@ -130,7 +130,8 @@ def folder(place):
         if name.endswith(".npz"):
             write_npz(folder / name, {"a": np.arange(20.0), "word": np.array("some")})
         elif name.endswith(".json"):
-            keep_json(folder / name, {"a": [1.5, None], "b": {"word": "some"}})
+            number = {"number": int(Path(name).stem)} if "rounds" in name else {}
+            keep_json(folder / name, {"a": [1.5, None], "b": {"word": "some"}, **number})
         else:
             keep_text(folder / name, "*NODE\n1, 0, 0\n")
     write_npz(folder / SIM / "solution.npz", {"a": np.arange(20.0)})
