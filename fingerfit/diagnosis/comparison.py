@@ -343,6 +343,18 @@ def alike(score_test: ScoreTest, a: Ranked, b: Ranked) -> float:
     return likeness(score_test.signature(a.columns), score_test.signature(b.columns))
 
 
+def confusions(score_test: ScoreTest, ranking: Sequence[Ranked], count: int = 6) -> list[dict[str, float | str]]:
+    """Pairs of the first few effects that are alike on these data."""
+    found: list[dict[str, float | str]] = []
+    first = [one for one in ranking[:count] if one.finding.visible > 1e-4]
+    for n, a in enumerate(first):
+        for b in first[n + 1 :]:
+            value = alike(score_test, a, b)
+            if value > 0.5:
+                found.append({"a": a.candidate.effect.name, "b": b.candidate.effect.name, "likeness": value})
+    return sorted(found, key=lambda entry: -float(entry["likeness"]))
+
+
 def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, Any]]:
     """Ranking as data: what each candidate would explain, at which place and of which size."""
     excess = max(score_test.misfit - score_test.freedom, 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -118,7 +119,8 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
         if verdict.kind != "unexplained":
             break
     titles = {one.candidate.effect.name: one.candidate.effect.title for one in ranking}
-    own = {name: minimum(problem, last).values[name] for name in problem.settings.model.parameters}
+    estimate = minimum(problem, last).values
+    own = {name: estimate[name] for name in problem.settings.model.parameters}
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
     verdict = traced(verdict, score_test, refits, titles, base, problem.settings.fit.tolerance)
     measurements: list[tuple[str, float]] = []
@@ -146,6 +148,11 @@ class _Tested:
     run: int
     lacking: dict[str, InputError]
 
+    @cached_property
+    def weighed(self) -> Weighed:
+        """What the model leaves, for comparisons with all its refits."""
+        return Weighed.of(self.comparison)
+
 
 def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: int) -> _Tested:
     found, lacking = candidates(problem, finest(problem, last).values)
@@ -159,7 +166,7 @@ def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: i
     if problem.meshes[SEARCH].dim == 3:
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
     else:
-        ranking, more = refit_all(comparison, last, ranking, threads)
+        ranking, more = refit_all(comparison, ranking, threads)
     run += more
     return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking)
 
@@ -309,7 +316,7 @@ def _refit(
     start = ended.problem.settings.model.effects[one.candidate.effect.name]
     before = problem.settings.starts()
     constants = {name: value for name, value in ended.problem.settings.starts().items() if name in before}
-    models = {"before": Weighed.of(found.comparison), "after": Weighed.of(ended.comparison)}
+    models = {"before": found.weighed, "after": Weighed.of(ended.comparison)}
     both = misfits(models, "before")
     refit = Refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
@@ -356,7 +363,7 @@ def _ended(
 def _fitted(
     problem: InverseProblem, last: Round, one: Ranked, everything: Data, threads: int, share: float
 ) -> tuple[_Ended, int]:
-    wider = widened(problem, last, one, share)
+    wider = widened(problem, minimum(problem, last).values, one, share)
     try:
         end, run = run_fit(wider, threads)
         run += solve_missing(wider, [anchor_of(wider, end)], threads)
@@ -369,7 +376,7 @@ def _fitted(
 def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> InverseProblem:
     """Fit of the model with an effect that was named, on the way of its refit: none of its simulations is new."""
     one = next(one for one in found.ranking if one.candidate.effect.name == name)
-    return widened(problem, last, one, found.refits[name].share)
+    return widened(problem, minimum(problem, last).values, one, found.refits[name].share)
 
 
 def _root_mean_square(values: np.ndarray) -> float:

@@ -11,15 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis.comparison import Comparison, Ranked, Refitted
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.intervals import bound_of
-from fingerfit.fit.minimum import minimum
 from fingerfit.fit.problem import InverseProblem
-from fingerfit.fit.rounds import Asked, Round
+from fingerfit.fit.rounds import Asked
 from fingerfit.fit.simulate import solve_missing
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
 from fingerfit.imaging.registration import FARTHEST
@@ -52,8 +53,6 @@ class FirstPass:
     """
 
     def __init__(self, comparison: Comparison, threads: int = 1) -> None:
-        from scipy.linalg import cholesky
-
         self.comparison, self.threads, residual = comparison, threads, comparison.residual
         anchor = comparison.read(comparison.anchor)
         if anchor is None:
@@ -63,9 +62,9 @@ class FirstPass:
         self.rows = residual.kept & _followed(comparison)
         self._left, self._anchor = whole, anchor
         inside = self.rows[residual.kept]
-        nuisance = comparison.nuisance()[inside]
-        covariance = comparison.covariance[np.ix_(inside, inside)] + nuisance @ nuisance.T
-        self._root = cholesky(covariance, lower=True)
+        covariance, nuisance = comparison.covariance[np.ix_(inside, inside)], comparison.nuisance()[inside]
+        # of a model without numbers of its own: they are fitted here, not projected away
+        self._weights = ScoreTest(residual.vector[inside], covariance, np.zeros((self.count, 0)), nuisance)
 
     @property
     def count(self) -> int:
@@ -90,12 +89,11 @@ class FirstPass:
         from scipy.optimize import least_squares
 
         path = _Path(self, problem, start)
-        first = path.residual(np.zeros(len(path.parameters)))
-        if not np.isfinite(first).all():
+        begin = np.zeros(len(path.parameters))
+        if not np.isfinite(path.residual(begin)).all():
             raise StateError("the start of a refit has no solution")
-        low, high = path.bounds()
         found = least_squares(
-            path.residual, np.zeros(len(low)), path.slopes, (low, high),
+            path.residual, begin, path.slopes, path.bounds,
             x_scale=MOVE, ftol=FALL, xtol=1e-4, gtol=None, max_nfev=MOVES,
         )  # fmt: skip
         values = path.values(found.x)
@@ -104,19 +102,14 @@ class FirstPass:
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Values, or columns of them, in units of their noise; those that are fitted only."""
-        from scipy.linalg import solve_triangular
-
-        found: np.ndarray = solve_triangular(self._root, columns[self.rows], lower=True, check_finite=False)
-        return found
+        return self._weights.whiten(columns[self.rows])
 
     def left(self, read: np.ndarray) -> np.ndarray:
         """What a model leaves whose solution is `read` so, in units of the noise."""
         return self.whiten(self._left - (read - self._anchor))
 
 
-def refit_all(
-    comparison: Comparison, last: Round, ranking: Sequence[Ranked], threads: int = 1
-) -> tuple[list[Ranked], int]:
+def refit_all(comparison: Comparison, ranking: Sequence[Ranked], threads: int = 1) -> tuple[list[Ranked], int]:
     """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
 
     Not seen are what mesh and load steps do, which no fit can cure, and what changes the brightness alone.
@@ -137,9 +130,9 @@ def refit_all(
         if effect.acts == NUMERICS or set(effect.observes) == {"intensity"}:
             found.append(one)
             continue
-        wider = widened(problem, last, _just_present(one))
+        wider = widened(problem, base.values, _just_present(one))
         try:
-            there = first.refit(wider, {**wider.settings.starts(), **base.values})
+            there = first.refit(wider, wider.settings.starts())
         except StateError:
             continue  # bodies without a solution explain nothing
         finally:
@@ -159,17 +152,16 @@ def _just_present(one: Ranked) -> Ranked:
     return replace(one, finding=replace(one.finding, size=np.array(steps)))
 
 
-def widened(problem: InverseProblem, last: Round, one: Ranked, share: float = 1.0) -> InverseProblem:
+def widened(problem: InverseProblem, values: Mapping[str, float], one: Ranked, share: float = 1.0) -> InverseProblem:
     """The problem of the model with a candidate more, that starts where its refit of the first pass ended.
 
     Where there is none, or with a share of the size, at that of the predicted size, with the constants of the model
-    without it. The numbers have few digits: `fingerfit add` writes them, and the model that is made so asks for the
-    same simulations.
+    without it, `values`. The numbers have few digits: `fingerfit add` writes them, and the model that is made so asks
+    for the same simulations.
     """
     effect = one.candidate.effect
     size = {p.name: _few(p.null + share * (one.size[p.name] - p.null)) for p in effect.parameters}
     place = {name: _few(value) for name, value in one.place.items()}
-    values = minimum(problem, last).values
     if one.refitted and share == 1.0:
         values = {name: _few(one.refitted.values[name]) for name in values}
     settings = extended(problem.settings, effect, place, size, values)
@@ -187,18 +179,18 @@ class _Path:
         self.owner, self.problem, self.start, self.run = owner, problem, dict(start), 0
         self.parameters: tuple[Parameter, ...] = problem.settings.parameters()
         comparison = owner.comparison
-        self._base = {**{p.name: null_of(problem, p.name) for p in self.parameters}, **comparison.base.values}
-        observed = {
-            e.key(p.name): (e, p.name)
-            for e in problem.settings.effects()
-            if e.acts == OBSERVATION
-            for p in e.parameters
-        }
+        effects = problem.settings.effects()
+        absent = {name: value for effect in effects for name, value in effect.null().items()}
+        self._base = {**absent, **comparison.base.values}
+        around = {**problem.settings.fixed(), **self.start, **self._base}
         self._observed = {
-            name: comparison.observed(effect, {**problem.settings.fixed(), **self._base}, short)
-            for name, (effect, short) in observed.items()
+            effect.key(p.name): comparison.observed(effect, around, p.name)
+            for effect in effects
+            if effect.acts == OBSERVATION
+            for p in effect.parameters
         }
 
+    @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the distances; a start on a bound lies a little inside."""
         at = coordinates(self.parameters, self.start)
@@ -219,17 +211,17 @@ class _Path:
 
     def slopes(self, delta: np.ndarray) -> np.ndarray:
         """Derivatives of that, shape (values, parameters); 0 where neither side has a solution."""
-        _, high = self.bounds()
-        asked, columns = [delta], np.zeros((self.owner.count, len(delta)))
+        columns, steps = np.zeros((self.owner.count, len(delta))), dict[int, float]()
         for n, p in enumerate(self.parameters):
             if p.name in self._observed:
                 columns[:, n] = -self.owner.whiten(self._observed[p.name]) * p.scale
             else:
-                asked.append(delta + np.eye(len(delta))[n] * (STEP if delta[n] + STEP <= high[n] else -STEP))
-        here, *sides = self._residuals([self.values(each) for each in asked])
-        for each, there in zip(asked[1:], sides, strict=True):
-            n = int(np.argmax(np.abs(each - delta)))
-            slope = difference(there, None, lambda: here, float(each[n] - delta[n]))
+                steps[n] = STEP if delta[n] + STEP <= self.bounds[1][n] else -STEP
+        unit = np.eye(len(delta))
+        beside = [self.values(delta + step * unit[n]) for n, step in steps.items()]
+        here, *sides = self._residuals([self.values(delta), *beside])
+        for (n, step), there in zip(steps.items(), sides, strict=True):
+            slope = difference(there, None, lambda: here, step)
             columns[:, n] = 0.0 if slope is None else slope
         return columns
 
@@ -245,11 +237,6 @@ class _Path:
         for name, column in self._observed.items():
             read = read + column * (asked.values[name] - self._base[name])
         return self.owner.left(read)
-
-
-def null_of(problem: InverseProblem, name: str) -> float:
-    """The absent value of an effect's number; 0 of a constant."""
-    return {e.key(p.name): p.null for e in problem.settings.effects() for p in e.parameters}.get(name, 0.0)
 
 
 def _followed(comparison: Comparison) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from fingerfit.diagnosis.comparison import Ranked, alike
+from fingerfit.diagnosis.comparison import Ranked
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.applicable import cure_of
@@ -28,7 +28,8 @@ FEW = 50
 LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
 WORSE, WORSE_OF_FEW = 0.02, 0.2
-"""Rise of the error on held-out steps, in noise floors, from which a refit does not count; of few values."""
+"""Rise of the error on held-out or on fitted steps, in noise floors, from which a refit does not count; of few
+values."""
 MATTERS = 0.05
 """Fall of the error, in noise floors, by which an effect matters that moves no constant."""
 TRIED = 3
@@ -276,8 +277,8 @@ def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float
     A model with an effect more has that model in it: one that ends worse has missed its minimum, whatever its own
     covariance says of its misfit.
     """
-    worse = WORSE if score_test.freedom > FEW else WORSE_OF_FEW
-    return {name: refit for name, refit in refits.items() if not refit.fitted > fitted + worse}
+    limit = fitted + _worse(score_test)
+    return {name: refit for name, refit in refits.items() if not refit.fitted > limit}
 
 
 def generalising(score_test: ScoreTest, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:
@@ -286,8 +287,11 @@ def generalising(score_test: ScoreTest, refits: Mapping[str, Refit], held_out: f
 
 
 def _generalises(score_test: ScoreTest, refit: Refit, held_out: float | None) -> bool:
-    worse = WORSE if score_test.freedom > FEW else WORSE_OF_FEW
-    return held_out is None or refit.held_out is None or refit.held_out <= held_out + worse
+    return held_out is None or refit.held_out is None or refit.held_out <= held_out + _worse(score_test)
+
+
+def _worse(score_test: ScoreTest) -> float:
+    return WORSE if score_test.freedom > FEW else WORSE_OF_FEW
 
 
 def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> Verdict:
@@ -386,15 +390,3 @@ def _rival(one: Refit, best: Refit) -> bool:
 
 def _title(one: Ranked) -> str:
     return one.candidate.effect.title
-
-
-def confusions(score_test: ScoreTest, ranking: Sequence[Ranked], count: int = 6) -> list[dict[str, float | str]]:
-    """Pairs of the first few effects that are alike on these data."""
-    found: list[dict[str, float | str]] = []
-    first = [one for one in ranking[:count] if one.finding.visible > 1e-4]
-    for n, a in enumerate(first):
-        for b in first[n + 1 :]:
-            value = alike(score_test, a, b)
-            if value > 0.5:
-                found.append({"a": a.candidate.effect.name, "b": b.candidate.effect.name, "likeness": value})
-    return sorted(found, key=lambda entry: -float(entry["likeness"]))

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.files import digest, keep_json, read_json, write_npz
-from fingerfit.diagnosis.comparison import Comparison, Ranked, summary
+from fingerfit.diagnosis.comparison import Comparison, Ranked, confusions, summary
 from fingerfit.diagnosis.diagnose import Diagnosis, are_fitted, errors, fitted_steps
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
-from fingerfit.diagnosis.verdict import confusions, unseen
+from fingerfit.diagnosis.verdict import unseen
 from fingerfit.fit.intervals import bound_of
 from fingerfit.imaging.sections import border_triangles, parts_of
 from fingerfit.imaging.warp import Probe

@@ -10,7 +10,7 @@ from scipy.stats import binom, chi2, norm
 from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
-from fingerfit.diagnosis.comparison import Ranked, alike, summary
+from fingerfit.diagnosis.comparison import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     LEVEL,
@@ -18,7 +18,6 @@ from fingerfit.diagnosis.verdict import (
     Refit,
     Verdict,
     by_settings,
-    confusions,
     decide,
     doubted,
     ended_well,

@@ -2,68 +2,26 @@
 
 import numpy as np
 import pytest
-from seeds import seed_of
+from small_body import PLACE, compared, fitted, written
 
-from fingerfit.core.files import write_json
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import Comparison, anchor_of, best_places, rank_candidates, stiffness_map
+from fingerfit.diagnosis.comparison import Comparison, best_places, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import designs, half_indenter, separation
 from fingerfit.diagnosis.residual import common_modes
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH
-from fingerfit.fit.simulate import begin, run_fit, solve_missing
-from fingerfit.settings.config import load_settings
-from fingerfit.virtual.experiment import read_truth, solve, write_study
 
-PLACE = (0.32, 0.42)
 NAMES = ("inclusion", "tilt", "misregistration", "gradient")
-DESCRIPTION = {
-    "title": "a stiff lump",
-    "body": {
-        "width": 12,
-        "thickness": 70,
-        "layers": [
-            {"name": "top", "height": 6, "mu": 0.03, "intensity": 0.5},
-            {"name": "bottom", "height": 6, "mu": 0.06, "intensity": 0.9},
-        ],
-    },
-    "material": {"alpha": 1.4, "poisson": 0.49},
-    "mesh": {"element": "CPE8", "across": 12, "per_layer": 6, "grading": 2},
-    "solver": "builtin",
-    "displacement": [0.5, 1.0, 1.5, 2.0],
-    "time": [10, 20, 30, 40],
-    "picture": {
-        "pixels": 96, "side": 19, "texture": 0.15, "correlation": 0.6, "noise": 0.02, "pictured": [1, 2, 3, 4]
-    },
-    "noise": {"force": 0.003, "displacement": 0.01},
-    "seed": seed_of(5),
-    "effects": {"inclusion": {"contrast": 1.0, "across": PLACE[0], "along": PLACE[1]}},
-}  # fmt: skip
-MESHES = {
-    "mesh": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
-    "refined": {"element": "CPE8", "across": 10, "per_layer": 5, "grading": 2},
-}
 
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     """The comparison of the model without the inclusion, and a few tested candidates everywhere."""
     folder = tmp_path_factory.mktemp("lump")
-    write_json(folder / "experiment.yaml", DESCRIPTION)
-    truth = read_truth(folder / "experiment.yaml")
-    write_study(truth, solve(truth, folder / "body", 1), folder / "study")
-    mu = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
-    model = {"material": DESCRIPTION["material"], **MESHES, "parameters": {"mu_top": mu, "mu_bottom": mu}}
-    stages = [{"name": "grid", "kind": "grid", "points": 3}]
-    stages += [{"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2}]
-    fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
-    settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting})
-    problem, everything = begin(settings, folder / "model")
-    last = run_fit(problem, 1)[0]
+    problem, last, _, everything = fitted(written(folder), folder / "model")
     found = [s for s in candidates(problem, finest(problem, last).values)[0] if s.effect.name in NAMES]
-    solve_missing(problem, [anchor_of(problem, last), *(a for s in found for a in s.asked)], 1)
-    comparison = Comparison(problem, last, everything)
+    comparison, _ = compared(problem, last, everything, found)
     return comparison, rank_candidates(comparison, comparison.score_test, found)
 
 

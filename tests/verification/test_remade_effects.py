@@ -8,14 +8,13 @@ from dataclasses import replace
 import pytest
 import yaml
 from conftest import LAYERS, MU, ROOT, phantom
-from test_diagnosis import DESCRIPTION
+from small_body import fitted, written
 
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
 from fingerfit.check.check import own_effects
 from fingerfit.core.errors import FingerfitError
-from fingerfit.core.files import write_json
 from fingerfit.core.folders import OURS
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
@@ -26,13 +25,12 @@ from fingerfit.diagnosis.verdict import by_settings, decide
 from fingerfit.fit.check import check_effects
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH, InverseProblem
-from fingerfit.fit.simulate import begin, run_fit, solve_missing
+from fingerfit.fit.simulate import solve_missing
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.scales import bound
 from fingerfit.settings.config import load_settings
 from fingerfit.study.study import Body, Layer, Noise, Step, Study
-from fingerfit.virtual.experiment import read_truth, solve, write_study
 
 OURS_BOUND = bound(catalogue(), {"width": 12.0, "height": 12.0, "force": 66.0, "duration": 140.0})
 NAMES = sorted(OURS_BOUND)
@@ -117,19 +115,10 @@ def test_its_decks_are_ours_byte_for_byte(name, remade, finger):
 def slipping(tmp_path_factory):
     """A small body whose base slips, fitted with a model that holds it."""
     folder = tmp_path_factory.mktemp("slips")
-    hidden = {**DESCRIPTION, "effects": {"base_slip": {"compliance": 45}}}
-    write_json(folder / "experiment.yaml", hidden)
-    truth = read_truth(folder / "experiment.yaml")
-    write_study(truth, solve(truth, folder / "body", 1), folder / "study")
-    remake(folder / "study")
-    mu = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
-    model = {"material": DESCRIPTION["material"], **SMALL, "parameters": {"mu_top": mu, "mu_bottom": mu}}
-    stages = [{"name": "grid", "kind": "grid", "points": 3}]
-    stages += [{"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2}]
-    fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
-    settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting})
-    problem, everything = begin(settings, folder / "model")
-    return problem, run_fit(problem, 1)[0], everything
+    study = written(folder, effects={"base_slip": {"compliance": 45}})
+    remake(study)
+    problem, last, _, everything = fitted(study, folder / "model", SMALL)
+    return problem, last, everything
 
 
 def knowing(problem, chosen):

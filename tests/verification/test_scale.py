@@ -8,16 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from test_diagnosis import DESCRIPTION
+from small_body import compared, fitted, written
 
-from fingerfit.core.files import write_json
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import Comparison, anchor_of, best_places, rank_candidates, stiffness_map
+from fingerfit.diagnosis.comparison import best_places, rank_candidates, stiffness_map
 from fingerfit.fit.minimum import finest
-from fingerfit.fit.simulate import begin, run_fit, solve_missing
 from fingerfit.imaging.pictures import read_picture, write_picture
-from fingerfit.settings.config import load_settings
-from fingerfit.virtual.experiment import read_truth, solve, write_study
 
 MESHES = {
     "mesh": {"element": "CPE8", "across": 5, "per_layer": 3, "grading": 2},
@@ -76,27 +72,17 @@ def described(folder, length, force, time, picture, units=None):
 
 def examined(study, folder):
     """The study fitted, and all candidates tested: the problem, the last round, the candidates, comparison, ranking."""
-    mu = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
-    model = {"material": DESCRIPTION["material"], **MESHES, "parameters": {"mu_top": mu, "mu_bottom": mu}}
-    stages = [{"name": "grid", "kind": "grid", "points": 3}]
-    stages += [{"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2}]
-    fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
-    problem, everything = begin(load_settings({"study": str(study), "model": model, "fit": fitting}), folder)
-    last, run = run_fit(problem, 1)
+    problem, last, run, everything = fitted(study, folder, MESHES)
     found = candidates(problem, finest(problem, last).values)[0]
-    asked = [anchor_of(problem, last), *(a for candidate in found for a in candidate.asked)]
-    run += solve_missing(problem, asked, 1)
-    comparison = Comparison(problem, last, everything)
-    return problem, last, found, comparison, rank_candidates(comparison, comparison.score_test, found), run
+    comparison, more = compared(problem, last, everything, found)
+    return problem, last, found, comparison, rank_candidates(comparison, comparison.score_test, found), run + more
 
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory):
     """A study of a body of 12 mm with an inclusion."""
     folder = tmp_path_factory.mktemp("small")
-    write_json(folder / "experiment.yaml", DESCRIPTION)
-    truth = read_truth(folder / "experiment.yaml")
-    write_study(truth, solve(truth, folder / "body", 1), folder / "study")
+    written(folder)
     return folder
 
 

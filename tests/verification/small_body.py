@@ -1,0 +1,62 @@
+"""A small body of two layers with something hidden in it, fitted in this process by a model that does not have it."""
+
+from seeds import seed_of
+
+from fingerfit.core.files import write_json
+from fingerfit.diagnosis.comparison import Comparison, anchor_of
+from fingerfit.fit.simulate import begin, run_fit, solve_missing
+from fingerfit.settings.config import load_settings
+from fingerfit.virtual.experiment import read_truth, solve, write_study
+
+PLACE = (0.32, 0.42)
+DESCRIPTION = {
+    "title": "a stiff lump",
+    "body": {
+        "width": 12,
+        "thickness": 70,
+        "layers": [
+            {"name": "top", "height": 6, "mu": 0.03, "intensity": 0.5},
+            {"name": "bottom", "height": 6, "mu": 0.06, "intensity": 0.9},
+        ],
+    },
+    "material": {"alpha": 1.4, "poisson": 0.49},
+    "mesh": {"element": "CPE8", "across": 12, "per_layer": 6, "grading": 2},
+    "solver": "builtin",
+    "displacement": [0.5, 1.0, 1.5, 2.0],
+    "time": [10, 20, 30, 40],
+    "picture": {
+        "pixels": 96, "side": 19, "texture": 0.15, "correlation": 0.6, "noise": 0.02, "pictured": [1, 2, 3, 4]
+    },
+    "noise": {"force": 0.003, "displacement": 0.01},
+    "seed": seed_of(5),
+    "effects": {"inclusion": {"contrast": 1.0, "across": PLACE[0], "along": PLACE[1]}},
+}  # fmt: skip
+MESHES = {
+    "mesh": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
+    "refined": {"element": "CPE8", "across": 10, "per_layer": 5, "grading": 2},
+}
+
+
+def written(folder, **own):
+    """The study of the virtual experiment in a folder, with some of the description its own; returns where it is."""
+    write_json(folder / "experiment.yaml", {**DESCRIPTION, **own})
+    truth = read_truth(folder / "experiment.yaml")
+    write_study(truth, solve(truth, folder / "body", 1), folder / "study")
+    return folder / "study"
+
+
+def fitted(study, folder, meshes=MESHES):
+    """The problem, its last round, how many simulations were run, and the data with all pictures."""
+    mu = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
+    model = {"material": DESCRIPTION["material"], **meshes, "parameters": {"mu_top": mu, "mu_bottom": mu}}
+    stages = [{"name": "grid", "kind": "grid", "points": 3}]
+    stages += [{"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2}]
+    fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
+    problem, everything = begin(load_settings({"study": str(study), "model": model, "fit": fitting}), folder)
+    return problem, *run_fit(problem, 1), everything
+
+
+def compared(problem, last, everything, found):
+    """The comparison of the fitted model, with candidates and what they are compared with solved; and their number."""
+    run = solve_missing(problem, [anchor_of(problem, last), *(asked for one in found for asked in one.asked)], 1)
+    return Comparison(problem, last, everything), run
