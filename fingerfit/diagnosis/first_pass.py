@@ -34,6 +34,8 @@ FALL = 2e-3
 """Share of the misfit by which a move must lower it for another one to follow."""
 MOVES = 12
 """A refit that has not ended after as many moves has not converged."""
+GRID = 5
+"""Decimals of a distance: sums in another order must not ask for other simulations."""
 
 
 class FirstPass:
@@ -202,7 +204,7 @@ class _Path:
 
     def values(self, delta: np.ndarray) -> dict[str, float]:
         """The guess at a distance, shape (parameters,)."""
-        return moved(self.parameters, self.start, delta)
+        return moved(self.parameters, self.start, np.round(delta, GRID))
 
     def residual(self, delta: np.ndarray) -> np.ndarray:
         """What the model leaves there, in units of the noise, shape (values,); infinite without a solution."""
