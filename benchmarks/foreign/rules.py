@@ -85,7 +85,7 @@ RULES = (
     # base
     Rule("base slip", ("base",), "base_slip", ("springs", "limited", "left", "right", "middle", "edges"), 5.0, 2000.0,
          {"share": (0.35, 0.6)}, count=3),
-    Rule("bed", ("base",), None, ("steady", "softer on one side"), 1.0, 60.0),
+    Rule("bed", ("base",), "soft_bed", ("steady", "softer on one side"), 1.0, 60.0),
     # indenter and other boundaries
     Rule("indenter slip", ("indenter",), "indenter_slip", ("springs", "limited", "left", "edges"), 5.0, 300.0,
          {"share": (0.35, 0.6)}),
@@ -100,7 +100,7 @@ RULES = (
     Rule("force offset", ("loading", "observation"), "force_offset", ("constant", "guide"), 0.02, 0.3, {}, BOTH,
          setting=FORCE),
     Rule("onset", ("loading", "observation"), "onset", ("constant", "settling"), 0.01, 0.08, {}, BOTH, setting=FORCE),
-    Rule("soft frame", ("loading", "observation"), None, ("steady", "stiffening"), 0.05, 0.4),
+    Rule("soft frame", ("loading", "observation"), "soft_frame", ("steady", "stiffening"), 0.05, 0.4),
     Rule("bent force", ("loading", "observation"), None, ("square", "root"), 0.05, 0.5, {}, BOTH),
     # state before the first picture
     Rule("preload", ("state", "loading"), "preload", ("pressed",), 0.02, 0.1, setting=FORCE),
@@ -108,16 +108,19 @@ RULES = (
     Rule("stretched before", ("state",), None, ("all", "one layer"), 0.01, 0.15, {"layer": (0.0, 1.0)}, BOTH),
     Rule("drying", ("state", "loading"), None, ("steady", "fading"), 0.005, 0.06),
     # geometry
-    Rule("interface", ("geometry",), None, ("moved", "inclined", "waved"), 0.03, 0.12, {"which": (0.0, 1.0)}, BOTH, 2,
+    Rule("interface", ("geometry",), "interface", ("moved", "inclined", "waved"), 0.03, 0.12, {"which": (0.0, 1.0)},
+         BOTH, 2,
          LAYERED),
     Rule("outline", ("geometry",), None, ("tapered", "bulging", "sheared", "wider"), 0.02, 0.12, {}, BOTH, 2),
     # observation
     Rule("shift", ("observation",), "misregistration", ("constant",), 0.05, 0.6, {"direction": (0.0, 360.0)},
          setting={"seen": ("pictures",)}),
-    Rule("wandering", ("observation",), None, ("growing", "jumping"), 0.05, 0.6, {"direction": (0.0, 360.0)},
+    Rule("wandering", ("observation",), "wandering_pictures", ("growing", "jumping"), 0.05, 0.6,
+         {"direction": (0.0, 360.0)},
          setting={"seen": ("pictures",)}),
-    Rule("turn", ("observation",), None, ("constant", "growing"), 0.5, 4.0, {}, BOTH, setting={"seen": ("pictures",)}),
-    Rule("stretch", ("observation",), None, ("both", "across", "along", "shear"), 0.005, 0.05, {}, BOTH,
+    Rule("turn", ("observation",), "turned_pictures", ("constant", "growing"), 0.5, 4.0, {}, BOTH,
+         setting={"seen": ("pictures",)}),
+    Rule("stretch", ("observation",), "stretched_pictures", ("both", "across", "along", "shear"), 0.005, 0.05, {}, BOTH,
          setting={"seen": ("pictures",)}),
     Rule("lens", ("observation",), None, ("barrel",), 0.01, 0.08, {}, BOTH, setting={"seen": ("pictures",)}),
     Rule("drift", ("observation",), "intensity_drift", ("saturating", "contrast", "jumping"), 0.05, 0.45, {}, BOTH,

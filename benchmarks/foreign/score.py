@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 FAMILY = {
+    "base_probe": "base",
     "base_slip": "base",
     "bias_field": "observation",
     "bone_mobility": "base",
@@ -26,21 +27,33 @@ FAMILY = {
     "inclusion": "structure",
     "inclusion_in_space": "structure",
     "indenter_place": "indenter",
+    "indenter_probe": "indenter",
     "indenter_slip": "indenter",
     "intensity_drift": "observation",
+    "interface": "geometry",
     "load_step": "numerics",
+    "material_probe": "material",
     "misregistration": "observation",
     "misregistration_in_space": "observation",
+    "observation_probe": "observation",
     "onset": "loading",
     "preload": "state",
     "relaxation": "loading",
     "second_term": "material",
     "skin": "structure",
+    "soft_bed": "base",
+    "soft_frame": "loading",
     "split_layer": "structure",
     "stiffening": "material",
+    "stretched_pictures": "observation",
+    "structure_probe": "structure",
     "tilt": "indenter",
+    "turned_pictures": "observation",
+    "wandering_pictures": "observation",
 }
-"""Family of each effect that comes with fingerfit, as long as its files do not name it."""
+"""Family of each effect that comes with fingerfit, as this benchmark sees it."""
+PROBES = {name for name in FAMILY if name.endswith("_probe")}
+"""Effects that stand for a family: *of no known form* is not the name of a member."""
 IN_SPACE = {"misregistration": "misregistration_in_space", "inclusion": "inclusion_in_space"}
 CLOSE = 0.05
 """Share of a constant within which it is right."""
@@ -96,7 +109,9 @@ def member_right(row: dict[str, Any], truth: dict[str, Any]) -> bool:
 def wrong_member(row: dict[str, Any], truth: dict[str, Any]) -> bool:
     """On some rung one effect is named, alone, that is not hidden."""
     right = set().union(*(members(one) for one in truth["hidden"]), set())
-    return any(rung["verdict"] == SURE and rung["named"] and rung["named"][0] not in right for rung in found_in(row))
+    return any(
+        rung["verdict"] == SURE and rung["named"] and rung["named"][0] not in right | PROBES for rung in found_in(row)
+    )
 
 
 def wrong_family(row: dict[str, Any], truth: dict[str, Any]) -> bool:

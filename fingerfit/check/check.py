@@ -279,7 +279,7 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
     place_of(effect, values, mesh)
     seen = Observation.of([effect], values, mesh.body, len(study.steps))
     if seen is not None:
-        seen.shift(1)
+        seen.shift(1, mesh.body[:1])
         seen.intensity(np.zeros(1), 1, *mesh.body[:1].T)
         for name in ("force", "displacement"):
             seen.response(np.zeros(len(study.steps)), name)

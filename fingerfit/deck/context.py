@@ -224,6 +224,10 @@ def _pieces(
             **places(place, low, high),
             **_from_indenter(place, mesh),
             "depth": (top - place[:, -1]) / (top - bottom),
+            "from_top": top - place[:, -1],
+            "from_bottom": place[:, -1] - bottom,
+            "log_above": float(np.log(layers[max(number - 2, 0)]["mu"] / layer["mu"])),
+            "log_below": float(np.log(layers[min(number, len(layers) - 1)]["mu"] / layer["mu"])),
             "number": number,
             "layers": len(layers),
         }

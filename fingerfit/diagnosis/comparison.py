@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
-from fingerfit.diagnosis.residual import Patches, Reader, Residual, common_modes, flat, residual_of
-from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
+from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.residual import Patches, Reader, Residual, common_modes, flat, points_by_patch, residual_of
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.minimum import best_values, finest, left_over
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR
@@ -21,6 +20,7 @@ from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, difference
 from fingerfit.forward.predict import Predictor, positions
 from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.registration import means
 from fingerfit.model.effect import MESH_ERROR, OBSERVATION, Effect
 from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import CONVERGED
@@ -36,55 +36,6 @@ ALIKE = 0.9
 
 Slope = Callable[[str], np.ndarray]
 """From the name of a constant, or ``control``, to the slope of displacements and response."""
-
-
-@dataclass(frozen=True)
-class Refitted:
-    """A model refitted in the first pass.
-
-    Parameters
-    ----------
-    values : dict
-        Constants and numbers of effects at the minimum, in their units.
-    misfit : float
-    converged : bool
-        Whether the minimum was reached.
-    at_bound : tuple of str
-        Numbers that end at a bound.
-    simulations : int
-        How many were not known before.
-    share : float
-        Of the misfit beyond the noise, what it explains.
-    """
-
-    values: Mapping[str, float]
-    misfit: float
-    converged: bool
-    at_bound: tuple[str, ...]
-    simulations: int
-    share: float = 0.0
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """A tested candidate: what it would explain, its columns, and its refit of the first pass where there is one."""
-
-    candidate: Candidate
-    finding: Finding
-    columns: np.ndarray
-    refitted: Refitted | None = None
-
-    @property
-    def size(self) -> dict[str, float]:
-        """Predicted numbers of the effect, by their short names."""
-        parameters = zip(self.candidate.effect.parameters, self.finding.size, strict=True)
-        return {p.name: float(p.null + s) for p, s in parameters}
-
-    @property
-    def place(self) -> dict[str, float]:
-        """Its scanned numbers, by their names in a guess; those that a fit moves, where the refit left them."""
-        found = self.refitted.values if self.refitted else {}
-        return {name: found.get(name, value) for name, value in self.candidate.place.items()}
 
 
 class Comparison:
@@ -265,7 +216,7 @@ class Comparison:
     def observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
         """Slope of an effect on the observation by one of its parameters, of all values, shape (all,)."""
         parameter = next(p for p in effect.parameters if p.name == name)
-        data, dim, points = self.data, self.problem.meshes[SEARCH].dim, self.problem.meshes[SEARCH].body
+        data, points = self.data, self.problem.meshes[SEARCH].body
         now = {**effect.null(), **values}
         further = {**now, effect.key(name): now[effect.key(name)] + parameter.step}
         before, after = (
@@ -278,13 +229,17 @@ class Comparison:
             zip(data.picture_step, self.prediction.pictures, self.residual.fits, strict=True)
         ):
             k = int(step) + 1
-            value[n][:, :dim] = after.shift(k) - before.shift(k)
             at, seen = positions(frame, way.pixel), picture.ravel()[way.pixel]
+            places = np.stack(at, axis=-1)
             change = after.intensity(seen, k, *at) - before.intensity(seen, k, *at)
-            size = np.maximum(np.bincount(way.patch, minlength=value.shape[1]), 1)
-            value[n][:, dim] = np.bincount(way.patch, change, minlength=value.shape[1]) / size
-        for n, step in enumerate(data.entry_step[len(data.picture_step) :], len(data.picture_step)):
-            value[n][:, :dim] = after.shift(int(step) + 1) - before.shift(int(step) + 1)
+            moved = after.shift(k, places) - before.shift(k, places)
+            value[n] = np.nan_to_num(means(np.column_stack([moved, change]), way.patch, value.shape[1]))
+        if len(data.points_step):
+            places, moved = data.points + self.prediction.points, np.zeros_like(data.points_displacement)
+            for step in np.unique(data.points_step):
+                its = data.points_step == step
+                moved[its] = after.shift(int(step) + 1, places[its]) - before.shift(int(step) + 1, places[its])
+            value[len(data.picture_step) :] = np.nan_to_num(points_by_patch(data, moved, self.patches))
         response = self.prediction.response
         name = "displacement" if data.control == "force" else "force"
         changed = after.response(response, name) - before.response(response, name)
@@ -309,16 +264,6 @@ def rank_candidates(comparison: Comparison, score_test: ScoreTest, found: Sequen
     return ranking
 
 
-def best_places(ranking: Sequence[Ranked]) -> list[Ranked]:
-    """The best place of each effect only, by predicted fall."""
-    best: dict[str, Ranked] = {}
-    for one in ranking:
-        name = one.candidate.effect.name
-        if name not in best or one.finding.fall > best[name].finding.fall:
-            best[name] = one
-    return sorted(best.values(), key=lambda one: -one.finding.fall)
-
-
 def stiffness_map(comparison: Comparison, ranking: Sequence[Ranked]) -> np.ndarray:
     """Where stiffer or softer material would reduce the misfit, from the effects that were tried all over the body.
 
@@ -336,36 +281,3 @@ def stiffness_map(comparison: Comparison, ranking: Sequence[Ranked]) -> np.ndarr
             change = float(one.finding.size[0])
             rows.append([*at, change, np.sign(change) * np.sqrt(one.finding.fall)])
     return np.array(rows).reshape(-1, mesh.dim + 2)
-
-
-def alike(score_test: ScoreTest, a: Ranked, b: Ranked) -> float:
-    """How much of one effect's signature the other can imitate."""
-    return likeness(score_test.signature(a.columns), score_test.signature(b.columns))
-
-
-def confusions(score_test: ScoreTest, ranking: Sequence[Ranked], count: int = 6) -> list[dict[str, float | str]]:
-    """Pairs of the first few effects that are alike on these data."""
-    found: list[dict[str, float | str]] = []
-    first = [one for one in ranking[:count] if one.finding.visible > 1e-4]
-    for n, a in enumerate(first):
-        for b in first[n + 1 :]:
-            value = alike(score_test, a, b)
-            if value > 0.5:
-                found.append({"a": a.candidate.effect.name, "b": b.candidate.effect.name, "likeness": value})
-    return sorted(found, key=lambda entry: -float(entry["likeness"]))
-
-
-def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, Any]]:
-    """Ranking as data: what each candidate would explain, at which place and of which size."""
-    excess = max(score_test.misfit - score_test.freedom, 1.0)
-    return [
-        {
-            "effect": one.candidate.effect.name,
-            "place": {key.split(".")[1]: value for key, value in one.place.items()},
-            "size": one.size,
-            "predicted_fall": one.finding.fall,
-            "share_of_excess": min(1.0, one.refitted.share if one.refitted else one.finding.fall / excess),
-            "visible": one.finding.visible,
-        }
-        for one in ranking
-    ]

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from fingerfit.diagnosis.candidates import Candidate
-from fingerfit.diagnosis.comparison import Comparison, Ranked
+from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked

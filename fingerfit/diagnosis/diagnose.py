@@ -10,33 +10,25 @@ import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.diagnosis.candidates import candidates, untestable
-from fingerfit.diagnosis.comparison import (
-    Comparison,
-    Ranked,
-    anchor_of,
-    best_places,
-    rank_candidates,
-    stiffness_map,
-)
+from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import separation
+from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import refit_all, widened
 from fingerfit.diagnosis.likelihood import Weighed, misfits
+from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
+from fingerfit.diagnosis.reservations import by_settings, doubted, of_family, traced, untried
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     SEEN,
     Refit,
     Verdict,
-    by_settings,
     decide,
-    doubted,
     ended_well,
     explains,
     generalising,
     half_explained,
     threshold,
     to_refit,
-    traced,
-    untried,
 )
 from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
@@ -130,7 +122,7 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
         measurements, more = separation(found.comparison, first, second, threads)
         run += more
     stiffness = stiffness_map(found.comparison, found.everywhere)
-    verdict = by_settings(verdict, score_test, ranking, tests)
+    verdict = by_settings(of_family(verdict, score_test, ranking), score_test, ranking, tests)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking))
     untold = found.lacking, untestable(problem)
     return Diagnosis(found.comparison, score_test, ranking, refits, verdict, run, measurements, stiffness, *untold)
@@ -185,12 +177,22 @@ def _refit_best(
 def _refits(
     problem: InverseProblem, last: Round, everything: Data, found: _Tested, threads: int, known: Collection[str] = ()
 ) -> Iterator[tuple[Ranked, Refit, int]]:
-    """The effects that are worth it, each with its refit and how many simulations were not known, one by one."""
+    """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
+
+    Where one explains the data, not those whose odds were far below its own.
+    """
+    enough = -np.inf
+    spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     for ranked in to_refit(found.score_test, found.ranking, found.tests, known):
+        if ranked.odds(spread) < enough:
+            continue
         try:
-            yield ranked, *_refit(problem, last, ranked, everything, found, threads)
+            refit, run = _refit(problem, last, ranked, everything, found, threads)
         except StateError:
             continue  # bodies without a solution explain nothing
+        if explains(refit):
+            enough = max(enough, ENOUGH * ranked.odds(spread))
+        yield ranked, refit, run
 
 
 def _partner(
@@ -322,6 +324,7 @@ def _refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
         score_test.common_misfit, score_test.common_freedom,
         ended.share, start, len(ended.problem.asked), both["before"] - both["after"], constants, models["after"],
+        numbers=len(ended.problem.settings.parameters()) - len(problem.settings.parameters()),
     )  # fmt: skip
     return refit, run
 

@@ -16,7 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.diagnosis.comparison import Comparison, Ranked, Refitted
+from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.ranking import Ranked, Refitted, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.intervals import bound_of
 from fingerfit.fit.problem import InverseProblem
@@ -24,7 +25,7 @@ from fingerfit.fit.rounds import Asked
 from fingerfit.fit.simulate import solve_missing
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
 from fingerfit.imaging.registration import FARTHEST
-from fingerfit.model.effect import NUMERICS, OBSERVATION
+from fingerfit.model.effect import NUMERICS, OBSERVATION, Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.settings.extend import extended
 
@@ -34,6 +35,8 @@ FALL = 2e-3
 """Share of the misfit by which a move must lower it for another one to follow."""
 MOVES = 12
 """A refit that has not ended after as many moves has not converged."""
+LIKELY = 0.5
+"""Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
 GRID = 5
 """Decimals of a distance: sums in another order must not ask for other simulations."""
 
@@ -73,7 +76,7 @@ class FirstPass:
         """Number of values that are fitted."""
         return int(self.rows.sum())
 
-    def refit(self, problem: InverseProblem, start: Mapping[str, float]) -> Refitted:
+    def refit(self, problem: InverseProblem, start: Mapping[str, float], effect: Effect | None = None) -> Refitted:
         """Refit a model from a start that has a solution.
 
         Parameters
@@ -82,6 +85,8 @@ class FirstPass:
             Of the model: that of the comparison, or one with effects more.
         start : mapping
             Its constants and numbers of effects, in their units.
+        effect : Effect, optional
+            The one whose evidence is asked for.
 
         Raises
         ------
@@ -100,7 +105,8 @@ class FirstPass:
         )  # fmt: skip
         values = path.values(found.x)
         bound = tuple(p.name for p in path.parameters if bound_of(p, values[p.name]) is not None)
-        return Refitted(values, float(2.0 * found.cost), found.status > 0, bound, path.run)
+        weighed = _information(path.parameters, values, np.asarray(found.jac), effect)
+        return Refitted(values, float(2.0 * found.cost), found.status > 0, bound, path.run, *weighed)
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Values, or columns of them, in units of their noise; those that are fitted only."""
@@ -111,6 +117,27 @@ class FirstPass:
         return self.whiten(self._left - (read - self._anchor))
 
 
+def _information(
+    parameters: Sequence[Parameter], values: Mapping[str, float], slopes: np.ndarray, effect: Effect | None
+) -> tuple[np.ndarray, float]:
+    """Information on an effect's numbers in units of their likely sizes, and how far these are from absent.
+
+    Sizes of an effect are as likely as half of their scale. Its place may be anywhere between its bounds.
+    """
+    absent = effect.null() if effect else {}
+    places = [effect.key(name) for name in effect.refine] if effect else []
+    likely = np.array(
+        [LIKELY if p.name in absent else (p.upper - p.lower) / p.scale / np.sqrt(12.0) for p in parameters]
+    )
+    own = np.array([p.name in absent or p.name in places for p in parameters], dtype=bool)
+    basis, sizes, _ = np.linalg.svd(slopes[:, ~own], full_matrices=False)
+    basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)]
+    left = slopes[:, own] - basis @ (basis.T @ slopes[:, own])
+    left = left * likely[own]
+    far = [(values[p.name] - absent[p.name]) / p.scale / LIKELY for p in parameters if p.name in absent]
+    return left.T @ left, float(np.square(far).sum())
+
+
 def refit_all(comparison: Comparison, ranking: Sequence[Ranked], threads: int = 1) -> tuple[list[Ranked], int]:
     """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
 
@@ -119,7 +146,7 @@ def refit_all(comparison: Comparison, ranking: Sequence[Ranked], threads: int = 
     Returns
     -------
     list of Ranked
-        The best first, by the fall of the misfit below that of the model without them, its constants refitted as well.
+        The best first, by their odds against the model without them, its constants refitted as well.
     int
         Simulations that were not known before.
     """
@@ -134,7 +161,7 @@ def refit_all(comparison: Comparison, ranking: Sequence[Ranked], threads: int = 
             continue
         wider = widened(problem, base.values, _just_present(one))
         try:
-            there = first.refit(wider, wider.settings.starts())
+            there = first.refit(wider, wider.settings.starts(), effect)
         except StateError:
             continue  # bodies without a solution explain nothing
         finally:
@@ -144,7 +171,8 @@ def refit_all(comparison: Comparison, ranking: Sequence[Ranked], threads: int = 
         size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
         finding = replace(one.finding, fall=fall, size=size)
         found.append(replace(one, finding=finding, refitted=replace(there, share=fall / excess)))
-    return sorted(found, key=lambda one: -one.finding.fall), run
+    spread = spread_of(base.misfit, found, first.count)
+    return sorted(found, key=lambda one: -one.odds(spread)), run
 
 
 def _just_present(one: Ranked) -> Ranked:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from fingerfit.diagnosis.comparison import Ranked
+from fingerfit.diagnosis.families import ENOUGH, nominated
 from fingerfit.diagnosis.likelihood import Weighed
+from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.model.applicable import cure_of
 from fingerfit.model.effect import NUMERICS
 
 LEVEL = 0.01
 """Probability of a false alarm in all tests together."""
 GOOD = 1.25
 """Misfit per degree of freedom up to which a model is adequate, unless chance alone allows more."""
-ENOUGH = 0.75
-"""Share of the excess misfit that an answer must explain."""
 RIVAL = 12.0
 """Difference of misfit below which two refits cannot be told apart: odds of 400 to 1."""
 NEAR = 0.03
@@ -25,13 +23,9 @@ SEEN, SEEN_OF_FEW = 0.02, 0.002
 """Share of its signal that the constants cannot imitate, from which an effect is refitted; of few values, as of forces
 alone, all signals are alike, and refits, which decide, cost little."""
 FEW = 50
-LOUD = 1.5
-"""Error in units of the noise floor beyond which no model is adequate."""
 WORSE, WORSE_OF_FEW = 0.02, 0.2
 """Rise of the error on held-out or on fitted steps, in noise floors, from which a refit does not count; of few
 values."""
-MATTERS = 0.05
-"""Fall of the error, in noise floors, by which an effect matters that moves no constant."""
 TRIED = 3
 """Effects that are refitted at once."""
 
@@ -65,6 +59,8 @@ class Refit:
         What it leaves.
     compared : float, optional
         Misfit by the likelihood that all refits of a model have in common.
+    numbers : int
+        How many numbers of the effect were fitted.
     """
 
     misfit: float
@@ -81,11 +77,15 @@ class Refit:
     constants: Mapping[str, float] = field(default_factory=dict)
     weighed: Weighed | None = field(default=None, repr=False, compare=False)
     compared: float | None = None
+    numbers: int = 0
 
     @property
     def level(self) -> float:
-        """The misfit by which refits are compared with each other."""
-        return self.misfit if self.compared is None else self.compared
+        """The misfit by which refits are compared with each other, and what its numbers are worth (Schwarz 1978)."""
+        from numpy import log
+
+        misfit = self.misfit if self.compared is None else self.compared
+        return misfit + self.numbers * float(log(max(self.freedom, 1)))
 
 
 @dataclass(frozen=True)
@@ -102,21 +102,22 @@ class Verdict:
         For a person.
     threshold : float
         Fall of the misfit that an effect of one parameter needs.
+    family : str
+        One of `FAMILIES`; empty where nothing is named.
     """
 
     kind: str
     effects: tuple[str, ...]
     sentence: str
     threshold: float
+    family: str = ""
 
 
 def threshold(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, columns: int = 1) -> float:
     """Fall of the misfit beyond chance, for effects of as many parameters."""
     from scipy.special import chdtri
 
-    best = max((one.finding.fall for one in ranking), default=0.0)
-    spread = max(1.0, (score_test.misfit - best) / max(score_test.freedom, 1))
-    return float(chdtri(columns, LEVEL / max(tests, 1))) * spread
+    return float(chdtri(columns, LEVEL / max(tests, 1))) * spread_of(score_test.misfit, ranking, score_test.freedom)
 
 
 def to_refit(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, known: Collection[str] = ()) -> list[Ranked]:
@@ -127,7 +128,7 @@ def to_refit(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, known
     """
     found = [
         one
-        for one in ranking
+        for one in nominated(score_test, ranking)
         if one.candidate.effect.acts != NUMERICS
         and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         and one.finding.visible > _seen(score_test)
@@ -143,7 +144,7 @@ def _seen(score_test: ScoreTest) -> float:
 
 def unseen(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[Ranked]:
     """Effects that may be there without a trace: the model's own constants imitate them."""
-    found = [one for one in ranking if one.candidate.effect.acts != NUMERICS]
+    found = [one for one in ranking if one.candidate.effect.acts != NUMERICS and not one.candidate.effect.probe]
     return [one for one in found if one.finding.visible <= _seen(score_test) and one.finding.signal > 0]
 
 
@@ -292,92 +293,6 @@ def _generalises(score_test: ScoreTest, refit: Refit, held_out: float | None) ->
 
 def _worse(score_test: ScoreTest) -> float:
     return WORSE if score_test.freedom > FEW else WORSE_OF_FEW
-
-
-def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> Verdict:
-    """The verdict, and where no effect explains the misfit but mesh or load steps would: that they do, and the cure.
-
-    They are never refitted, so that the prediction must do.
-    """
-    excess = max(score_test.misfit - score_test.freedom, 1.0)
-    for one in ranking if verdict.kind == "unexplained" else ():
-        effect, fall = one.candidate.effect, one.finding.fall
-        beyond = fall > threshold(score_test, ranking, tests, one.columns.shape[1])
-        if effect.acts == NUMERICS and beyond and fall >= ENOUGH * excess:
-            wrong, cure = cure_of(effect)
-            share = f"that explains {100 * min(fall / excess, 1.0):.0f} % of the misfit beyond the noise"
-            return replace(verdict, sentence=f"{wrong}: {share}; take {cure}")
-    return verdict
-
-
-def traced(
-    verdict: Verdict,
-    score_test: ScoreTest,
-    refits: Mapping[str, Refit],
-    titles: Mapping[str, str],
-    base: Refit,
-    tolerance: float,
-) -> Verdict:
-    """The verdict, but *adequate* where the model explains the data and no effect that it names matters: a trace.
-
-    With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance,
-    or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`.
-
-    Parameters
-    ----------
-    verdict : Verdict
-    score_test : ScoreTest
-        Of the model without the effects.
-    refits : mapping
-        By name of the effect.
-    titles : mapping
-        Of the effects, by name.
-    base : Refit
-        The model without the effects: its constants and errors.
-    tolerance : float
-        Share of a constant.
-    """
-    if verdict.kind not in ("missing", "indistinguishable") or not explains(score_test):
-        return verdict
-    if any(_matters(refits[name], base, tolerance) for name in verdict.effects):
-        return verdict
-    names = " or ".join(titles[name] for name in verdict.effects)
-    text = (
-        "the model explains the measurements to within their noise; beyond chance, but a trace that moves no constant"
-    )
-    return Verdict("adequate", (), f"{text} by more than {100 * tolerance:g} %: {names}", verdict.threshold)
-
-
-def _matters(refit: Refit, base: Refit, tolerance: float) -> bool:
-    changes = [abs(refit.values[name] - value) > tolerance * abs(value) for name, value in base.values.items()]
-    known = base.held_out is not None and refit.held_out is not None
-    before, after = (base.held_out, refit.held_out) if known else (base.fitted, refit.fitted)
-    return any(changes) or float(before or 0.0) - float(after or 0.0) > MATTERS
-
-
-def doubted(verdict: Verdict, error: float) -> Verdict:
-    """The verdict, but no *adequate* where the pictures still differ by much more than their noise.
-
-    Few and coarse patches can have no misfit while every pixel shows that the model is wrong.
-
-    Parameters
-    ----------
-    verdict : Verdict
-    error : float
-        Of the fitted measurements in units of the noise floor.
-    """
-    if verdict.kind != "adequate" or not error > LOUD:
-        return verdict
-    text = f"unexplained: the residual is {error:.2g} times the noise level, but no known effect explains it"
-    return Verdict("unexplained", (), text, verdict.threshold)
-
-
-def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:
-    """The verdict, and in its sentence the effects that were not tried since the solver lacks what they need."""
-    if not titles:
-        return verdict
-    sentence = f"{verdict.sentence}; not tried, since solver {solver} lacks what they need: {', '.join(titles)}"
-    return replace(verdict, sentence=sentence)
 
 
 def _rival(one: Refit, best: Refit) -> bool:

@@ -87,8 +87,8 @@ class Predictor:
         points = np.empty_like(data.points_displacement)
         for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
-            shift = 0.0 if seen is None else seen.shift(int(step) + 1)
-            points[chosen] = self._probe.read(outcome.displacement[step])[chosen] + shift
+            moved = self._probe.read(outcome.displacement[step])[chosen]
+            points[chosen] = moved if seen is None else moved + seen.shift(int(step) + 1, data.points[chosen] + moved)
         measured = -response[: len(data.step), axis]
         if seen is not None:
             measured = seen.response(measured, "displacement" if data.control == "force" else "force")
@@ -96,12 +96,13 @@ class Predictor:
 
     def maps(self, outcome: Outcome, seen: Observation | None = None) -> list[BackwardMap]:
         """Backward maps of the pictures' steps."""
-        # a displaced picture shows the body as if all of it had moved by as much
-        shifts = [0.0 if seen is None else seen.shift(int(step) + 1) for step in self.data.picture_step]
-        return [
-            backward_map(self.mesh, outcome.displacement[step] + shift, self._frame, MARGIN)
-            for step, shift in zip(self.data.picture_step, shifts, strict=True)
-        ]
+        found, points = [], self.mesh.points
+        for step in self.data.picture_step:
+            shown = outcome.displacement[step]
+            if seen is not None:  # a displaced picture shows the body as if it had moved so
+                shown = shown + seen.shift(int(step) + 1, points + shown)
+            found.append(backward_map(self.mesh, shown, self._frame, MARGIN))
+        return found
 
 
 def positions(frame: Picture, pixel: np.ndarray | None = None) -> tuple[np.ndarray, ...]:

@@ -87,8 +87,8 @@ def _read(path: Path, stamp: int) -> Effect:
 
 def as_text(effect: Effect) -> dict[str, Any]:
     """What a report says of an effect."""
-    return {"name": effect.name, "title": effect.title, "words": effect.words, "look": effect.look,
-            "confirm": effect.confirm, "acts": effect.acts, "told": dict(effect.told)}  # fmt: skip
+    shown = ("name", "title", "words", "look", "confirm", "acts", "family", "probe")
+    return {name: getattr(effect, name) for name in shown} | {"told": dict(effect.told)}
 
 
 def as_lines(effect: Effect) -> str:

@@ -16,6 +16,20 @@ OBSERVATION = "observation"
 """Effects on what is measured: they need no new simulation."""
 ACTS = ("material", "structure", "boundary", LOADING, NUMERICS, OBSERVATION)
 """Where an effect acts."""
+FAMILIES = {
+    "material": "the material law",
+    "structure": "stiffness from place to place",
+    "base": "the base",
+    "indenter": "the indenter and other boundaries",
+    LOADING: "loading and time",
+    "state": "the state before the first picture",
+    "geometry": "interfaces and outline",
+    OBSERVATION: "the observation",
+    NUMERICS: "mesh and load steps",
+}
+"""Families of effects, and the words for them. Members of one look alike more often than those of two."""
+FAMILY_OF = {"boundary": "indenter"}
+"""Family of an effect that names none, where it is not called as what it acts on."""
 NEEDS = ("time", "pictures", "displacements", "layers", "plane", "space", "refined")
 """What an effect may need of a study: times of all steps, pictures, pictures or points, a block of layers in
 the plane between a base and an indenter, a body in the plane, a body in space, a finer mesh."""
@@ -107,6 +121,10 @@ class Effect:
         `MESH_ERROR` for an effect that is this signal and changes no deck.
     fault, cure : str
         What is wrong, and what to do, where an effect of mesh and load steps shows.
+    family : str
+        One of `FAMILIES`.
+    probe : bool
+        Whether it stands for its whole family: numbers that can imitate any of its members, known or not.
     """
 
     name: str
@@ -131,6 +149,8 @@ class Effect:
     signal: str = ""
     fault: str = ""
     cure: str = ""
+    family: str = ""
+    probe: bool = False
 
     @property
     def simulated(self) -> bool:

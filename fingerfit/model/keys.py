@@ -14,7 +14,7 @@ from pydantic_core import PydanticCustomError
 from fingerfit.core.described import HEAD, Line, Strict, described, one_of, rows, wanted
 from fingerfit.core.errors import InputError, Problems
 from fingerfit.core.keys import read_yaml, unknown_key
-from fingerfit.model.effect import ACTS, CONSTANTS, MESH_ERROR, NEEDS, Effect, EffectParameter
+from fingerfit.model.effect import ACTS, CONSTANTS, FAMILIES, FAMILY_OF, MESH_ERROR, NEEDS, Effect, EffectParameter
 from fingerfit.model.formulas import FUNCTIONS, evaluate, names_in
 from fingerfit.model.scales import IN_WORDS as SCALES
 
@@ -103,6 +103,13 @@ class EffectKeys(Strict):
 
     title: Line = Field(description="The effect in a few words.")
     acts: Annotated[str, one_of(ACTS)] = Field(description="Where it acts: one of " + ", ".join(ACTS) + ".")
+    family: Annotated[str, one_of(tuple(FAMILIES))] | None = Field(
+        default=None,
+        description="Its family: one of "
+        + ", ".join(FAMILIES)
+        + "; by acts, and indenter for boundary, where it is left out.",
+    )
+    probe: bool = Field(default=False, description="true where it stands for its whole family, known or not.")
     words: Line = Field(description="What it is.")
     look: Line = Field(description="What it looks like in the data.")
     confirm: Line = Field(description="Which experiment would confirm it.")
@@ -184,6 +191,8 @@ def read_effect(path: Path) -> Effect:
         place=tuple(given.place),
         told=given.told or {},
         **{name: getattr(given, name) or "" for name in ("signal", "fault", "cure")},
+        family=given.family or FAMILY_OF.get(given.acts, given.acts),
+        probe=given.probe,
     )
 
 

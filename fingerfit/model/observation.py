@@ -44,10 +44,12 @@ class Observation:
         present = tuple(effect for effect in effects if effect.observes and effect.present(values))
         return cls(present, values, points.min(axis=0), points.max(axis=0), steps) if present else None
 
-    def shift(self, k: int) -> np.ndarray:
-        """How far the picture at the k-th step is displaced, mm, shape (dim,)."""
-        names = [f"shift_{axis}" for axis in "xyz"[: len(self.low)]]
-        return np.array([float(self._apply(name, 0.0, {"k": k, "n": self.steps})) for name in names])
+    def shift(self, k: int, at: np.ndarray) -> np.ndarray:
+        """How far from where they are the picture at the k-th step shows places, mm, shape (..., dim) as theirs."""
+        names = {"k": k, "n": self.steps, **places(at, self.low, self.high)}
+        axes = [f"shift_{axis}" for axis in "xyz"[: len(self.low)]]
+        zero: np.ndarray = np.zeros(at.shape[:-1])
+        return np.stack([np.broadcast_to(self._apply(axis, zero, names), zero.shape) for axis in axes], axis=-1)
 
     def intensity(self, picture: np.ndarray, k: int, *at: np.ndarray) -> np.ndarray:
         """A picture at the k-th step as the scanner shows it; `at`, x, y[, z] in mm, have its shape."""

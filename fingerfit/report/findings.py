@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.files import digest, keep_json, read_json, write_npz
-from fingerfit.diagnosis.comparison import Comparison, Ranked, confusions, summary
+from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.diagnose import Diagnosis, are_fitted, errors, fitted_steps
+from fingerfit.diagnosis.families import families
+from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.diagnosis.verdict import unseen
 from fingerfit.fit.intervals import bound_of
@@ -185,6 +187,11 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
         "verdict": verdict.kind,
         "sentence": verdict.sentence,
         "effects": list(verdict.effects),
+        "family": verdict.family,
+        "families": [
+            {"family": family, "effect": one.candidate.effect.name, "log_odds": odds, "fall": one.finding.fall}
+            for family, (one, odds) in families(found.score_test, found.ranking).items()
+        ],
         "misfit": found.score_test.misfit,
         "freedom": found.score_test.freedom,
         "threshold": verdict.threshold,

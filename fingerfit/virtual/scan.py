@@ -87,11 +87,11 @@ def take_pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation 
     intensity = _intensities(truth, mesh)
     pictures = np.zeros((1 + outcome.steps, *frame.values.shape), frame.values.dtype)
     for k, u in enumerate([np.zeros(mesh.points.shape), *outcome.displacement]):
-        shift = np.zeros(truth.dim) if seen is None or k == 0 else seen.shift(k)
+        shown = u if seen is None or k == 0 else u + seen.shift(k, mesh.points + u)
         flat = pictures[k].reshape(-1)
         for place in places:
             offset = place * frame.spacing
-            way = backward_map(mesh, u + shift, replace(frame, origin=frame.origin + offset))
+            way = backward_map(mesh, shown, replace(frame, origin=frame.origin + offset))
             points = frame.to_points(way.index) + offset
             signal = intensity[way.element]
             for shape in truth.drawn:

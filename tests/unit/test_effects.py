@@ -133,7 +133,7 @@ def test_fields_split_each_layer_into_sets(name):
     effect = EFFECTS[name]
     for place in effect.places():
         values = at_step(effect) | place
-        if place.get("split_layer.layer", 1) > len(LAYERS):  # a layer that this body does not have
+        if place.get("split_layer.layer", 1) > len(LAYERS) or place.get("interface.border", 1) >= len(LAYERS):
             assert deck(values) == PLAIN
             continue
         context = deck_context(study(), MESH, "mesh.inp", MU | values, MATERIAL)
@@ -352,7 +352,7 @@ def test_nothing_observed_is_none():
 def test_misregistration():
     seen = observation(misregistration__x=0.1, misregistration__y=-0.2)
     for k in (1, 4):
-        assert seen.shift(k) == pytest.approx([0.1, -0.2])
+        assert seen.shift(k, MESH.points) == pytest.approx(np.broadcast_to([0.1, -0.2], MESH.points.shape))
     assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.0, 2.0])
 
 
@@ -367,7 +367,35 @@ def test_intensities(rng):
     assert bias.intensity(picture, 2, x, y) == pytest.approx(wanted)
     both = observation(intensity_drift__gain=0.2, bias_field__across=0.1, bias_field__along=-0.3)
     assert both.intensity(picture, 4, x, y) == pytest.approx(1.2 * wanted)
-    assert both.shift(1) == pytest.approx([0.0, 0.0])
+    assert not both.shift(1, MESH.points).any()
+
+
+def test_pictures_that_are_turned_stretched_and_wander():
+    """About the middle of the body; what grows is whole at the last step."""
+    middle = MESH.points.mean(axis=0)
+    low, high = MESH.points.min(axis=0), MESH.points.max(axis=0)
+    assert middle == pytest.approx((low + high) / 2)
+    turned = observation(turned_pictures__angle=0.01).shift(2, MESH.points)
+    assert turned == pytest.approx(0.01 * (MESH.points - middle) @ np.array([[0, 1], [-1, 0]]))
+    stretched = observation(stretched_pictures__across=0.01, stretched_pictures__along=-0.02).shift(2, MESH.points)
+    assert stretched == pytest.approx((MESH.points - middle) * [0.01, -0.02])
+    for k in (1, 4):
+        wandering = observation(wandering_pictures__x=0.4).shift(k, MESH.points)
+        assert wandering == pytest.approx(np.broadcast_to([0.1 * k, 0.0], MESH.points.shape))
+
+
+def test_the_probe_of_the_observation_does_what_its_members_do():
+    alike = {
+        "misregistration": {"x": "aside", "y": "upwards"},
+        "turned_pictures": {"angle": "turn"},
+        "stretched_pictures": {"across": "across", "along": "along"},
+        "wandering_pictures": {"x": "growing_x", "y": "growing_y"},
+    }
+    for name, numbers in alike.items():
+        for own, its in numbers.items():
+            for k in (1, 4):
+                member = observation(**{f"{name}__{own}": 0.01}).shift(k, MESH.points)
+                assert observation(**{f"observation_probe__{its}": 0.01}).shift(k, MESH.points) == pytest.approx(member)
 
 
 def test_positions_count_from_the_body(rng):
@@ -537,7 +565,7 @@ def test_steps_may_lack_times():
 def test_the_documentation_lists_the_catalogue(own):
     text = (ROOT / "docs/diagnosis.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \| (.*) \| (\w+) \|$", text, re.MULTILINE)
-    assert rows == [(e.name, e.title, e.acts) for e in EFFECTS.values()]
+    assert rows == [(e.name, e.title, e.family) for e in EFFECTS.values()]
     # its example can be used as it stands
     write_text(own / "effects/example.yaml", re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0])
     known = catalogue(own)

@@ -10,22 +10,20 @@ from scipy.stats import binom, chi2, norm
 from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
-from fingerfit.diagnosis.comparison import Ranked, alike, confusions, summary
+from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
+from fingerfit.diagnosis.reservations import by_settings, doubted, traced
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     LEVEL,
     TRIED,
     Refit,
     Verdict,
-    by_settings,
     decide,
-    doubted,
     ended_well,
     explains,
     half_explained,
     threshold,
     to_refit,
-    traced,
 )
 from fingerfit.model.catalogue import catalogue
 

@@ -7,8 +7,9 @@ from small_body import compared, fitted, written
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis import first_pass
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import best_places, rank_candidates
+from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.first_pass import FirstPass, refit_all, widened
+from fingerfit.diagnosis.ranking import best_places
 from fingerfit.fit.minimum import finest
 
 SHIFT = 4.0

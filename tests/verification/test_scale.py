@@ -11,7 +11,8 @@ import yaml
 from small_body import compared, fitted, written
 
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import best_places, rank_candidates, stiffness_map
+from fingerfit.diagnosis.comparison import rank_candidates, stiffness_map
+from fingerfit.diagnosis.ranking import best_places
 from fingerfit.fit.minimum import finest
 from fingerfit.imaging.pictures import read_picture, write_picture
 
@@ -22,10 +23,15 @@ MESHES = {
 LARGER, SLOWER = 5.0, 3.0
 """Factors on lengths and on times; stresses stay, so that forces grow with the square of lengths."""
 FORCE = LARGER**2
-LENGTHS = {"onset.offset": LARGER, "misregistration.x": LARGER, "misregistration.y": LARGER, "tilt.slope": 1 / LARGER}
+LENGTHS = {
+    "onset.offset": LARGER, "soft_frame.most": LARGER, "interface.down": LARGER, "tilt.slope": 1 / LARGER,
+    **{f"{name}.{axis}": LARGER for name in ("misregistration", "wandering_pictures") for axis in "xy"},
+    **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
+}  # fmt: skip
 SIZES = {
     **LENGTHS, "base_slip.compliance": LARGER, "indenter_slip.compliance": LARGER,
     "preload.force": FORCE, "force_offset.offset": FORCE,
+    "indenter_probe.slope": 1 / LARGER, "indenter_probe.curve": 1 / LARGER**2,
 }  # fmt: skip
 """Factors on numbers of effects; those that are not here have none."""
 PLACES = {"skin.thickness": LARGER, "relaxation.time": SLOWER}
@@ -152,11 +158,15 @@ def test_the_same_constants_falls_and_sizes(small, large):
     assert [one.candidate.effect.name for one in best_places(large[4])] == names
     assert large[3].score_test.misfit == pytest.approx(small[3].score_test.misfit, rel=1e-6)
     for one, other in zip(small[4], large[4], strict=True):
-        effect, fall, signal = one.candidate.effect, one.finding.fall, max(one.finding.signal, 1e-300)
+        effect, fall = one.candidate.effect, one.finding.fall
         assert other.finding.fall == pytest.approx(fall, rel=0, abs=2 * np.sqrt(fall) * APART + APART**2), effect.name
         scales = np.array([SIZES.get(effect.key(p.name), 1.0) for p in effect.parameters])
-        spread = APART * np.abs(one.finding.size).max() + APART / np.sqrt(signal)
-        assert other.finding.size / scales == pytest.approx(one.finding.size, rel=0, abs=spread), effect.name
+        scale = np.array([p.scale for p in effect.parameters])
+        # what moves the residual moves the size by as much as the weakest pattern of the numbers is seen badly
+        weakest = np.linalg.svd(small[3].score_test.signature(one.columns * scale), compute_uv=False)[-1]
+        wanted, spread = one.finding.size / scale, APART / max(weakest, 1e-12)
+        spread += APART * np.abs(wanted).max()
+        assert other.finding.size / scales / scale == pytest.approx(wanted, rel=0, abs=spread), effect.name
     maps = [stiffness_map(one[3], one[4]) for one in (small, large)]
     assert len(maps[0]) == 30
     assert maps[1][:, :2] == pytest.approx(LARGER * maps[0][:, :2], rel=1e-12)

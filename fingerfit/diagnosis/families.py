@@ -1,0 +1,39 @@
+"""Families of effects: which of their members, or which probe, stands for each of them, and the odds for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fingerfit.diagnosis.ranking import Ranked, spread_of
+from fingerfit.diagnosis.score_tests import ScoreTest
+
+ENOUGH = 0.75
+"""Share of the excess misfit that an answer must explain; of what its family's probe explains, a member."""
+
+
+def nominated(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[Ranked]:
+    """The ranking with either the members of a family or its probe.
+
+    A probe imitates all of its members. One of them is the answer where it does most of what the probe does; else there
+    is something in the family that has no member.
+    """
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
+    probes = {one.candidate.effect.family: one for one in ranking if one.candidate.effect.probe}
+
+    def stands(family: str) -> bool:
+        probe = probes[family]
+        members = [one for one in ranking if one.candidate.effect.family == family and one is not probe]
+        beyond = all(one.finding.fall < ENOUGH * probe.finding.fall for one in members)
+        return beyond and all(one.odds(spread) < probe.odds(spread) for one in members)
+
+    standing = {family: stands(family) for family in probes}
+    return [one for one in ranking if one.candidate.effect.probe == standing.get(one.candidate.effect.family, False)]
+
+
+def families(score_test: ScoreTest, ranking: Sequence[Ranked]) -> dict[str, tuple[Ranked, float]]:
+    """The best of each family, the likeliest first, with the logarithm of its odds against the model without it."""
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
+    found: dict[str, tuple[Ranked, float]] = {}
+    for one in sorted(nominated(score_test, ranking), key=lambda one: -one.odds(spread)):
+        found.setdefault(one.candidate.effect.family, (one, one.odds(spread)))
+    return found

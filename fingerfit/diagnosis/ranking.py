@@ -1,0 +1,133 @@
+"""Candidates in order: what each would explain, the odds for it, and how alike they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
+
+
+@dataclass(frozen=True)
+class Refitted:
+    """A model refitted in the first pass.
+
+    Parameters
+    ----------
+    values : dict
+        Constants and numbers of effects at the minimum, in their units.
+    misfit : float
+    converged : bool
+        Whether the minimum was reached.
+    at_bound : tuple of str
+        Numbers that end at a bound.
+    simulations : int
+        How many were not known before.
+    information : ndarray, shape (numbers, numbers)
+        Of the effect's own numbers once the constants follow them, each in units of its likely size.
+    surprise : float
+        Sum of squares of these numbers in the same units.
+    share : float
+        Of the misfit beyond the noise, what it explains.
+    """
+
+    values: Mapping[str, float]
+    misfit: float
+    converged: bool
+    at_bound: tuple[str, ...]
+    simulations: int
+    information: np.ndarray
+    surprise: float
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A tested candidate: what it would explain, its columns, and its refit of the first pass where there is one."""
+
+    candidate: Candidate
+    finding: Finding
+    columns: np.ndarray
+    refitted: Refitted | None = None
+
+    def odds(self, spread: float) -> float:
+        """Logarithm of the odds for the model with the effect against the one without it (Laplace's approximation).
+
+        Their evidence is the likelihood, integrated over the numbers of the effect with a normal prior of its likely
+        size (MacKay 1992); constants have the same prior in both. Where there is no refit: as BIC has it.
+
+        Parameters
+        ----------
+        spread : float
+            Misfit per value of the best model, at least 1 (`spread_of`): where none explains the data, all weighs less.
+        """
+        fall, (values, numbers) = self.finding.fall / spread, self.columns.shape
+        if self.refitted is None:
+            return 0.5 * (fall - numbers * float(np.log(max(values, 1))))
+        certain = np.eye(len(self.refitted.information)) + self.refitted.information / spread
+        return 0.5 * float(fall - self.refitted.surprise - np.linalg.slogdet(certain)[1])
+
+    @property
+    def size(self) -> dict[str, float]:
+        """Predicted numbers of the effect, by their short names."""
+        parameters = zip(self.candidate.effect.parameters, self.finding.size, strict=True)
+        return {p.name: float(p.null + s) for p, s in parameters}
+
+    @property
+    def place(self) -> dict[str, float]:
+        """Its scanned numbers, by their names in a guess; those that a fit moves, where the refit left them."""
+        found = self.refitted.values if self.refitted else {}
+        return {name: found.get(name, value) for name, value in self.candidate.place.items()}
+
+
+def spread_of(misfit: float, ranking: Sequence[Ranked], values: int) -> float:
+    """Misfit per value of the best model, at least 1; `misfit` is that of the model without any candidate."""
+    best = max((one.finding.fall for one in ranking), default=0.0)
+    return max(1.0, (misfit - best) / max(values, 1))
+
+
+def best_places(ranking: Sequence[Ranked]) -> list[Ranked]:
+    """The best place of each effect only, by predicted fall."""
+    best: dict[str, Ranked] = {}
+    for one in ranking:
+        name = one.candidate.effect.name
+        if name not in best or one.finding.fall > best[name].finding.fall:
+            best[name] = one
+    return sorted(best.values(), key=lambda one: -one.finding.fall)
+
+
+def alike(score_test: ScoreTest, a: Ranked, b: Ranked) -> float:
+    """How much of one effect's signature the other can imitate."""
+    return likeness(score_test.signature(a.columns), score_test.signature(b.columns))
+
+
+def confusions(score_test: ScoreTest, ranking: Sequence[Ranked], count: int = 6) -> list[dict[str, float | str]]:
+    """Pairs of the first few effects that are alike on these data."""
+    found: list[dict[str, float | str]] = []
+    first = [one for one in ranking[:count] if one.finding.visible > 1e-4]
+    for n, a in enumerate(first):
+        for b in first[n + 1 :]:
+            value = alike(score_test, a, b)
+            if value > 0.5:
+                found.append({"a": a.candidate.effect.name, "b": b.candidate.effect.name, "likeness": value})
+    return sorted(found, key=lambda entry: -float(entry["likeness"]))
+
+
+def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, Any]]:
+    """Ranking as data: what each candidate would explain, at which place and of which size."""
+    excess = max(score_test.misfit - score_test.freedom, 1.0)
+    return [
+        {
+            "effect": one.candidate.effect.name,
+            "place": {key.split(".")[1]: value for key, value in one.place.items()},
+            "size": one.size,
+            "predicted_fall": one.finding.fall,
+            "share_of_excess": min(1.0, one.refitted.share if one.refitted else one.finding.fall / excess),
+            "visible": one.finding.visible,
+        }
+        for one in ranking
+    ]

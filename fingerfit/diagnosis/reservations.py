@@ -1,0 +1,122 @@
+"""Reservations about a verdict: what it must not say, and what it has to add."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from fingerfit.diagnosis.families import ENOUGH, families
+from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.verdict import Refit, Verdict, explains, threshold
+from fingerfit.model.applicable import cure_of
+from fingerfit.model.effect import FAMILIES, NUMERICS
+
+LOUD = 1.5
+"""Error in units of the noise floor beyond which no model is adequate."""
+MATTERS = 0.05
+"""Fall of the error, in noise floors, by which an effect matters that moves no constant."""
+SURE = 4.6
+"""Logarithm of the odds from which a family is named where no effect is: 100 to 1."""
+
+
+def of_family(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked]) -> Verdict:
+    """The verdict with the family of what it names; where it names nothing, that which is likeliest behind it."""
+    family = next(
+        (one.candidate.effect.family for one in ranking if one.candidate.effect.name in verdict.effects[:1]), ""
+    )
+    if verdict.kind != "unexplained" or score_test.freedom < 1:
+        return replace(verdict, family=family)
+    for family, (one, odds) in families(score_test, ranking).items():
+        excess = max(score_test.misfit - score_test.freedom, 1.0)
+        share = min(1.0, one.finding.fall / excess)
+        if family != NUMERICS and odds > SURE:
+            text = f"{verdict.sentence}; most of it may lie in {FAMILIES[family]} ({100 * share:.0f} %)"
+            return replace(verdict, family=family, sentence=text)
+    return verdict
+
+
+def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> Verdict:
+    """The verdict, and where no effect explains the misfit but mesh or load steps would: that they do, and the cure.
+
+    They are never refitted, so that the prediction must do.
+    """
+    excess = max(score_test.misfit - score_test.freedom, 1.0)
+    for one in ranking if verdict.kind == "unexplained" else ():
+        effect, fall = one.candidate.effect, one.finding.fall
+        beyond = fall > threshold(score_test, ranking, tests, one.columns.shape[1])
+        if effect.acts == NUMERICS and beyond and fall >= ENOUGH * excess:
+            wrong, cure = cure_of(effect)
+            share = f"that explains {100 * min(fall / excess, 1.0):.0f} % of the misfit beyond the noise"
+            return replace(verdict, sentence=f"{wrong}: {share}; take {cure}")
+    return verdict
+
+
+def traced(
+    verdict: Verdict,
+    score_test: ScoreTest,
+    refits: Mapping[str, Refit],
+    titles: Mapping[str, str],
+    base: Refit,
+    tolerance: float,
+) -> Verdict:
+    """The verdict, but *adequate* where the model explains the data and no effect that it names matters: a trace.
+
+    With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance,
+    or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    score_test : ScoreTest
+        Of the model without the effects.
+    refits : mapping
+        By name of the effect.
+    titles : mapping
+        Of the effects, by name.
+    base : Refit
+        The model without the effects: its constants and errors.
+    tolerance : float
+        Share of a constant.
+    """
+    if verdict.kind not in ("missing", "indistinguishable") or not explains(score_test):
+        return verdict
+    if any(_matters(refits[name], base, tolerance) for name in verdict.effects):
+        return verdict
+    names = " or ".join(titles[name] for name in verdict.effects)
+    text = (
+        "the model explains the measurements to within their noise; beyond chance, but a trace that moves no constant"
+    )
+    return Verdict("adequate", (), f"{text} by more than {100 * tolerance:g} %: {names}", verdict.threshold)
+
+
+def _matters(refit: Refit, base: Refit, tolerance: float) -> bool:
+    changes = [abs(refit.values[name] - value) > tolerance * abs(value) for name, value in base.values.items()]
+    known = base.held_out is not None and refit.held_out is not None
+    before, after = (base.held_out, refit.held_out) if known else (base.fitted, refit.fitted)
+    return any(changes) or float(before or 0.0) - float(after or 0.0) > MATTERS
+
+
+def doubted(verdict: Verdict, error: float) -> Verdict:
+    """The verdict, but no *adequate* where the pictures still differ by much more than their noise.
+
+    Few and coarse patches can have no misfit while every pixel shows that the model is wrong.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    error : float
+        Of the fitted measurements in units of the noise floor.
+    """
+    if verdict.kind != "adequate" or not error > LOUD:
+        return verdict
+    text = f"unexplained: the residual is {error:.2g} times the noise level, but no known effect explains it"
+    return Verdict("unexplained", (), text, verdict.threshold)
+
+
+def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:
+    """The verdict, and in its sentence the effects that were not tried since the solver lacks what they need."""
+    if not titles:
+        return verdict
+    sentence = f"{verdict.sentence}; not tried, since solver {solver} lacks what they need: {', '.join(titles)}"
+    return replace(verdict, sentence=sentence)
