@@ -27,6 +27,7 @@ from fingerfit.diagnosis.verdict import (
     explains,
     generalising,
     half_explained,
+    nearest,
     threshold,
     to_refit,
 )
@@ -101,7 +102,7 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
     for _ in range(BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits)
-        ended = ended_well(score_test, refits, fitted)
+        ended = nearest(ended_well(score_test, refits, fitted))
         verdict = doubted(decide(score_test, ranking, ended, tests, held_out=held_out), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
         if half is not None and half.candidate.effect.name not in halves:
@@ -158,7 +159,7 @@ def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: i
     if problem.meshes[SEARCH].dim == 3:
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
     else:
-        ranking, more = refit_all(comparison, ranking, threads)
+        ranking, more = refit_all(comparison, ranking, threads, explains(score_test))
     run += more
     return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking)
 

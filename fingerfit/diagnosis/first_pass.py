@@ -138,10 +138,21 @@ def _information(
     return left.T @ left, float(np.square(far).sum())
 
 
-def refit_all(comparison: Comparison, ranking: Sequence[Ranked], threads: int = 1) -> tuple[list[Ranked], int]:
+def refit_all(
+    comparison: Comparison, ranking: Sequence[Ranked], threads: int = 1, sloped: bool = False
+) -> tuple[list[Ranked], int]:
     """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
 
     Not seen are what mesh and load steps do, which no fit can cure, and what changes the brightness alone.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    ranking : sequence of Ranked
+        By slopes.
+    threads : int
+    sloped : bool
+        Whether what slopes predict holds, as it does near the truth: then only those are refitted that they speak for.
 
     Returns
     -------
@@ -156,7 +167,8 @@ def refit_all(comparison: Comparison, ranking: Sequence[Ranked], threads: int = 
     found, run = [], base.simulations
     for one in ranking:
         effect = one.candidate.effect
-        if effect.acts == NUMERICS or set(effect.observes) == {"intensity"}:
+        spoken_for = not sloped or one.odds(1.0) > 0.0
+        if effect.acts == NUMERICS or set(effect.observes) == {"intensity"} or not spoken_for:
             found.append(one)
             continue
         wider = widened(problem, base.values, _just_present(one))

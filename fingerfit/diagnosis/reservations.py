@@ -8,14 +8,12 @@ from dataclasses import replace
 from fingerfit.diagnosis.families import ENOUGH, families
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.verdict import Refit, Verdict, explains, threshold
+from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
 from fingerfit.model.applicable import cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS
 
 LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
-MATTERS = 0.05
-"""Fall of the error, in noise floors, by which an effect matters that moves no constant."""
 SURE = 4.6
 """Logarithm of the odds from which a family is named where no effect is: 100 to 1."""
 

@@ -26,6 +26,8 @@ FEW = 50
 WORSE, WORSE_OF_FEW = 0.02, 0.2
 """Rise of the error on held-out or on fitted steps, in noise floors, from which a refit does not count; of few
 values."""
+MATTERS = 0.05
+"""Fall of the error, in noise floors, by which an effect matters that moves no constant."""
 TRIED = 3
 """Effects that are refitted at once."""
 
@@ -280,6 +282,15 @@ def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float
     """
     limit = fitted + _worse(score_test)
     return {name: refit for name, refit in refits.items() if not refit.fitted > limit}
+
+
+def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:
+    """Refits whose error on the steps that all have fitted is no more than `MATTERS` above the least of them.
+
+    The misfit knows patches that could be registered, the error every pixel.
+    """
+    least = min((refit.fitted for refit in refits.values()), default=0.0)
+    return {name: refit for name, refit in refits.items() if not refit.fitted > least + MATTERS}
 
 
 def generalising(score_test: ScoreTest, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:

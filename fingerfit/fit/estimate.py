@@ -112,7 +112,8 @@ def _bound_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list
 
 def _mesh_remarks(problem: InverseProblem, mesh: str) -> list[str]:
     if REFINED in problem.mesh_files and mesh != REFINED:
-        return ["the finer mesh has no solution at the best guess: the estimate is that of the search mesh"]
+        lacks = "the finer mesh has no solution at the best guess, or one in which the body goes through itself"
+        return [f"{lacks}: the estimate is that of the search mesh"]
     return []
 
 

@@ -58,7 +58,7 @@ def minimum(problem: InverseProblem, last: Round) -> Minimum:
 
 def finest(problem: InverseProblem, last: Round) -> Asked:
     """The last simulation on the finest mesh that has a solution, or the best guess of the search."""
-    solved = [asked for asked in last.batch if asked.role == FINAL and not diverged(problem, asked)]
+    solved = [asked for asked in last.batch if asked.role == FINAL and not unusable(problem, asked)]
     return solved[-1] if solved else problem.ask(best_values(last))
 
 
@@ -212,3 +212,11 @@ def best_values(last: Round) -> dict[str, float]:
 def diverged(problem: InverseProblem, asked: Asked) -> bool:
     """Whether a guess has no solution."""
     return Outcome.load(problem.sims / asked.sim / "solution.npz").status != CONVERGED
+
+
+def unusable(problem: InverseProblem, asked: Asked) -> bool:
+    """Whether a guess on the finer mesh has no solution, or one in which the body goes through itself.
+
+    At glued corners a fine mesh lets the free side fold over the edge where a coarse one does not.
+    """
+    return diverged(problem, asked) or (problem.mesh_of(asked) == REFINED and problem.folds(asked))

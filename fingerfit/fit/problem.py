@@ -60,6 +60,7 @@ class InverseProblem:
     sims: Path
     asked: set[str] = field(default_factory=set, repr=False, compare=False)
     _predictions: dict[str, Prediction] = field(default_factory=dict, repr=False, compare=False)
+    _folded: dict[str, bool] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def study(self) -> Study:
@@ -171,8 +172,16 @@ class InverseProblem:
         """The same without the maps; kept."""
         key = _key(asked)
         if key not in self._predictions:
-            self._predictions[key] = self.synthesis(asked).prediction
+            made = self.synthesis(asked)
+            self._predictions[key], self._folded[key] = made.prediction, made.folded
         return self._predictions[key]
+
+    def folds(self, asked: Asked) -> bool:
+        """Whether the body goes through itself in the pictures of a guess that has a solution: no body does."""
+        key = _key(asked)
+        if key not in self._folded:
+            self.prediction(asked)
+        return self._folded[key]
 
     def predict_all(self, batch: Sequence[Asked], processes: int) -> None:
         """Keep the predictions of all guesses that have a solution, made beside each other, and no others.
@@ -186,7 +195,7 @@ class InverseProblem:
         self.seen({})  # what is read here is not read again by each process
         for asked, made in zip(new, side_by_side(self._synthesis, new, processes), strict=True):
             if made is not None:
-                self._predictions[_key(asked)] = made.prediction
+                self._predictions[_key(asked)], self._folded[_key(asked)] = made.prediction, made.folded
 
     def score(self, prediction: Prediction) -> float:
         """Score of a prediction."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fit.minimum import TRUST, Minimum, best_values, diverged, minimum
+from fingerfit.fit.minimum import TRUST, Minimum, best_values, minimum, unusable
 from fingerfit.fit.problem import FINAL, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, coordinates, moved, neighbours
@@ -82,7 +82,7 @@ def refine_round(problem: InverseProblem, last: Round) -> Round:
     if all(asked.role != "+control" for asked in known):
         known += _by_control(problem, best_values(last))
     solutions = sum(a.role == FINAL for a in last.batch)
-    lost = solutions > 1 and diverged(problem, last.batch[-1])
+    lost = solutions > 1 and unusable(problem, last.batch[-1])
     close = NEARER if last.reason == ADDED else CLOSE
     enough = found.move <= close or solutions + 1 >= SOLUTIONS or lost
     return Round(

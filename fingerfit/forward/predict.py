@@ -42,6 +42,11 @@ class Synthesis:
         """Pixels that more than one element claims, over all pictures."""
         return sum(way.overlaps for way in self.maps)
 
+    @property
+    def folded(self) -> bool:
+        """Whether the body has gone through itself in a picture."""
+        return any(way.folded for way in self.maps)
+
 
 class Predictor:
     """Synthesizes pictures and reads the other measured quantities from solutions of one mesh.

@@ -45,6 +45,8 @@ class BackwardMap:
         Elements that are turned inside out somewhere. Tetrahedra that are so between their corners cover nothing.
     overlaps : int
         Pixels inside more than one element; the one whose centre is nearest has them.
+    folded : bool
+        Whether somewhere they lie more than a pixel deep: the body has gone through itself.
     """
 
     pixel: np.ndarray
@@ -53,6 +55,7 @@ class BackwardMap:
     shape: tuple[int, ...]
     inverted: int = 0
     overlaps: int = 0
+    folded: bool = False
 
 
 def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture, margin: float = 0.0) -> BackwardMap:
@@ -127,7 +130,7 @@ def _winners(claims: Claims, shape: tuple[int, ...], inverted: int) -> BackwardM
     owner = np.full(int(np.prod(shape)), -1, dtype=np.int32)
     owner[claims.pixel] = index
     lost = claims.pixel[owner[claims.pixel] != index]
-    overlaps = 0
+    overlaps, folded = 0, False
     if len(lost):
         disputed = np.zeros(len(owner), dtype=bool)
         disputed[lost] = True
@@ -137,10 +140,19 @@ def _winners(claims: Claims, shape: tuple[int, ...], inverted: int) -> BackwardM
         won = np.ones(len(order), dtype=bool)
         won[1:] = pixel[order][1:] != pixel[order][:-1]
         owner[pixel[order][won]] = rival[order[won]]
-        overlaps = int((np.bincount(pixel[depth < _DEEP], minlength=1) > 1).sum())
+        twice = np.bincount(pixel[depth < _DEEP], minlength=len(owner)) > 1
+        overlaps = int(twice.sum())
+        folded = bool(overlaps) and _is_deep(twice.reshape(shape))
     # in the order of the picture: what is read there lies close together
     kept = owner[owner >= 0]
-    return BackwardMap(claims.pixel[kept], claims.source[kept], claims.element[kept], shape, inverted, overlaps)
+    return BackwardMap(claims.pixel[kept], claims.source[kept], claims.element[kept], shape, inverted, overlaps, folded)
+
+
+def _is_deep(twice: np.ndarray) -> bool:
+    """Whether a pixel and all of its neighbours are covered twice."""
+    from scipy.ndimage import binary_erosion
+
+    return bool(binary_erosion(twice).any())
 
 
 def _count_inverted(kind: str, corners: np.ndarray, reference: np.ndarray) -> int:
