@@ -33,8 +33,9 @@ MOVE = 0.7
 """Longest first move, in a logarithm or as a share of a scale: a modulus doubles."""
 FALL = 2e-3
 """Share of the misfit by which a move must lower it for another one to follow."""
-MOVES = 12
-"""A refit that has not ended after as many moves has not converged."""
+MOVES, FIRST_MOVES, FEWEST = 12, 4, 6
+"""A refit that has not ended after as many moves has not converged. After the first few of them only a third of the
+candidates goes on, but so many at least (successive halving: Jamieson and Talwalkar 2016)."""
 LIKELY = 0.5
 """Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
 GRID = 5
@@ -71,12 +72,20 @@ class FirstPass:
         # of a model without numbers of its own: they are fitted here, not projected away
         self._weights = ScoreTest(residual.vector[inside], covariance, np.zeros((self.count, 0)), nuisance)
 
+    @cached_property
+    def known(self) -> dict[str, np.ndarray]:
+        """Slopes of the fitted model, by its parameters, shape (values,) each; those that were taken only."""
+        slopes = {p.name: self.comparison.slope(p.name) for p in self.comparison.problem.settings.parameters()}
+        return {name: -self.whiten(slope) for name, slope in slopes.items() if slope.any()}
+
     @property
     def count(self) -> int:
         """Number of values that are fitted."""
         return int(self.rows.sum())
 
-    def refit(self, problem: InverseProblem, start: Mapping[str, float], effect: Effect | None = None) -> Refitted:
+    def refit(
+        self, problem: InverseProblem, start: Mapping[str, float], effect: Effect | None = None, moves: int = MOVES
+    ) -> Refitted:
         """Refit a model from a start that has a solution.
 
         Parameters
@@ -87,6 +96,8 @@ class FirstPass:
             Its constants and numbers of effects, in their units.
         effect : Effect, optional
             The one whose evidence is asked for.
+        moves : int
+            At most as many.
 
         Raises
         ------
@@ -101,12 +112,12 @@ class FirstPass:
             raise StateError("the start of a refit has no solution")
         found = least_squares(
             path.residual, begin, path.slopes, path.bounds,
-            x_scale=MOVE, ftol=FALL, xtol=1e-4, gtol=None, max_nfev=MOVES,
+            x_scale=MOVE, ftol=FALL, xtol=1e-4, gtol=None, max_nfev=moves,
         )  # fmt: skip
         values = path.values(found.x)
         bound = tuple(p.name for p in path.parameters if bound_of(p, values[p.name]) is not None)
         weighed = _information(path.parameters, values, np.asarray(found.jac), effect)
-        return Refitted(values, float(2.0 * found.cost), found.status > 0, bound, path.run, *weighed)
+        return Refitted(values, float(2.0 * found.cost), found.status > 0, bound, path.run, self.count, *weighed)
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Values, or columns of them, in units of their noise; those that are fitted only."""
@@ -165,26 +176,46 @@ def refit_all(
     base = first.refit(problem, comparison.base.values)
     excess = max(base.misfit - first.count + len(base.values), 1.0)
     found, run = [], base.simulations
+
+    def tried(one: Ranked, wider: InverseProblem, start: Mapping[str, float], moves: int) -> Ranked | None:
+        nonlocal run
+        effect = one.candidate.effect
+        try:
+            there = first.refit(wider, start, effect, moves)
+        except StateError:
+            return None  # bodies without a solution explain nothing
+        finally:
+            problem.asked.update(wider.asked)
+        run += there.simulations
+        there = replace(there, simulations=there.simulations + (one.refitted.simulations if one.refitted else 0))
+        fall = max(0.0, base.misfit - there.misfit)
+        size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
+        finding = replace(one.finding, fall=fall, size=size)
+        return replace(one, finding=finding, refitted=replace(there, share=fall / excess))
+
+    wider = dict[str, InverseProblem]()
     for one in ranking:
         effect = one.candidate.effect
         spoken_for = not sloped or one.odds(1.0) > 0.0
         if effect.acts == NUMERICS or set(effect.observes) == {"intensity"} or not spoken_for:
             found.append(one)
             continue
-        wider = widened(problem, base.values, _just_present(one))
-        try:
-            there = first.refit(wider, wider.settings.starts(), effect)
-        except StateError:
-            continue  # bodies without a solution explain nothing
-        finally:
-            problem.asked.update(wider.asked)
-        run += there.simulations
-        fall = max(0.0, base.misfit - there.misfit)
-        size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
-        finding = replace(one.finding, fall=fall, size=size)
-        found.append(replace(one, finding=finding, refitted=replace(there, share=fall / excess)))
-    spread = spread_of(base.misfit, found, first.count)
-    return sorted(found, key=lambda one: -one.odds(spread)), run
+        its = wider[effect.name] = widened(problem, base.values, _just_present(one))
+        if there := tried(one, its, its.settings.starts(), FIRST_MOVES):
+            found.append(there)
+
+    def by_odds() -> list[Ranked]:
+        spread = spread_of(base.misfit, found, first.count)
+        return sorted(found, key=lambda one: -one.odds(spread))
+
+    found = by_odds()
+    going_on = [n for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(wider) // 3)]
+    for n in going_on:
+        one = found[n]
+        if one.refitted and not one.refitted.converged:
+            its = wider[one.candidate.effect.name]
+            found[n] = tried(one, its, one.refitted.values, MOVES - FIRST_MOVES) or one
+    return by_odds(), run
 
 
 def _just_present(one: Ranked) -> Ranked:
@@ -257,6 +288,8 @@ class _Path:
         for n, p in enumerate(self.parameters):
             if p.name in self._observed:
                 columns[:, n] = -self.owner.whiten(self._observed[p.name]) * p.scale
+            elif not delta.any() and p.name in self.owner.known:
+                columns[:, n] = self.owner.known[p.name]  # the start is close to the fitted model
             else:
                 steps[n] = STEP if delta[n] + STEP <= self.bounds[1][n] else -STEP
         unit = np.eye(len(delta))

@@ -27,6 +27,8 @@ class Refitted:
         Numbers that end at a bound.
     simulations : int
         How many were not known before.
+    count : int
+        Number of values that were fitted.
     information : ndarray, shape (numbers, numbers)
         Of the effect's own numbers once the constants follow them, each in units of its likely size.
     surprise : float
@@ -40,6 +42,7 @@ class Refitted:
     converged: bool
     at_bound: tuple[str, ...]
     simulations: int
+    count: int
     information: np.ndarray
     surprise: float
     share: float = 0.0
@@ -85,7 +88,14 @@ class Ranked:
 
 
 def spread_of(misfit: float, ranking: Sequence[Ranked], values: int) -> float:
-    """Misfit per value of the best model, at least 1; `misfit` is that of the model without any candidate."""
+    """Misfit per value of the best model, at least 1.
+
+    Of the values that the first pass has fitted, where there was one; else from the `misfit` of all `values` by the
+    model without any candidate, and what slopes predict.
+    """
+    refitted = [one.refitted.misfit / max(one.refitted.count, 1) for one in ranking if one.refitted]
+    if refitted:
+        return max(1.0, min(refitted))
     best = max((one.finding.fall for one in ranking), default=0.0)
     return max(1.0, (misfit - best) / max(values, 1))
 

@@ -12,6 +12,7 @@ from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.similarity import joint_histogram, nmi, ssd
 from fingerfit.imaging.warp import Probe, backward_map, sample, spline_coefficients, warp
 from fingerfit.mesh.blocks import brick, layered_block
+from fingerfit.mesh.mesh import Block, Mesh
 
 
 def grid(count, dim=2, size=14.0):
@@ -88,6 +89,20 @@ def test_inverted_and_overlapping_elements_are_reported():
     way = backward_map(mesh, u, grid(60))
     assert way.inverted == 2
     assert way.overlaps > 10
+    assert way.folded
+
+
+def test_an_overlap_that_is_no_deeper_than_a_pixel_is_no_fold():
+    """Two halves of a block, pushed into each other: a pixel more or less of an overlap may be rounding of its border."""
+    left = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 12.0], [0.0, 12.0]])
+    points = np.vstack([left, left + np.array([6.0, 0.0])])
+    split = Mesh(points, (Block("CPE4", np.arange(8).reshape(2, 4)),), {}, {})
+    frame, u = grid(60), np.zeros(points.shape)
+    for pixels, folded in ((1.5, False), (4.5, True)):
+        u[4:, 0] = -pixels * frame.spacing[0]
+        way = backward_map(split, u, frame)
+        assert way.overlaps > 10
+        assert way.folded is folded
 
 
 def test_spline_is_exact_on_cubics():

@@ -51,15 +51,20 @@ def test_the_refit_ends_at_the_minimum_of_what_it_fits(world):
     assert again.misfit == pytest.approx(ranking[0].refitted.misfit, rel=2 * first_pass.FALL)
 
 
-def test_one_that_does_not_end_says_so(world, monkeypatch):
+def test_one_that_does_not_end_says_so(world):
     comparison, ranking, _ = world
-    monkeypatch.setattr(first_pass, "MOVES", 2)
     stiffening = next(one for one in ranking if one.candidate.effect.name == "stiffening")
-    found = FirstPass(comparison).refit(
-        wider := widened(comparison.problem, comparison.base.values, first_pass._just_present(stiffening)),
-        wider.settings.starts(),
-    )
-    assert not found.converged
+    wider = widened(comparison.problem, comparison.base.values, first_pass._just_present(stiffening))
+    assert not FirstPass(comparison).refit(wider, wider.settings.starts(), moves=2).converged
+
+
+def test_near_the_truth_only_those_are_refitted_that_slopes_speak_for(world):
+    comparison, ranking, refitted = world
+    sloped, run = refit_all(comparison, ranking, sloped=True)
+    assert run == 0
+    spoken_for = {one.candidate.effect.name for one in ranking if one.odds(1.0) > 0}
+    assert {one.candidate.effect.name for one in sloped if one.refitted} == spoken_for
+    assert 0 < len(spoken_for) < len(NAMES) == len([one for one in refitted if one.refitted])
 
 
 def test_a_number_at_its_bound_is_said_so(world):

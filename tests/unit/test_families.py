@@ -1,0 +1,111 @@
+"""Which member, or which probe, stands for a family, and the odds for it, from signals that are made for it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_verdict import TESTS, World
+
+from fingerfit.diagnosis.families import ENOUGH, families, nominated
+from fingerfit.diagnosis.ranking import Refitted
+from fingerfit.diagnosis.reservations import of_family
+from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, decide, nearest, to_refit
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.effect import FAMILIES
+
+
+def ranked(share, hidden=30.0, extra=1):
+    """A world with something at the base, which the member explains by a share, and the probe whole with more numbers."""
+    world = World()
+    member = np.sqrt(share) * world.signal(0) + np.sqrt(1 - share) * world.signal(1)
+    probe = np.stack([world.signal(0), *(world.signal(2 + n) for n in range(extra))], axis=1)
+    score_test = world.score_test(hidden * world.signal(0))
+    other = 0.5 * world.signal(0) + np.sqrt(0.75) * world.signal(9)
+    return score_test, world.ranking(score_test, base_slip=member, base_probe=probe, tilt=other)
+
+
+def names(ranking):
+    return [one.candidate.effect.name for one in ranking]
+
+
+def test_every_effect_has_a_family_and_a_family_one_probe_at_most():
+    probes = [effect.family for effect in catalogue().values() if effect.probe]
+    assert {effect.family for effect in catalogue().values()} == set(FAMILIES)
+    assert sorted(set(probes)) == sorted(probes)
+    assert {"material", "structure", "base", "indenter", "observation"} <= set(probes)
+
+
+@pytest.mark.parametrize("share", [ENOUGH + 0.05, 1.0])
+def test_a_member_that_does_most_of_what_the_probe_does_stands_for_it(share):
+    score_test, ranking = ranked(share)
+    assert names(nominated(score_test, ranking)) == ["base_slip", "tilt"]
+
+
+def test_else_the_probe_does():
+    score_test, ranking = ranked(ENOUGH - 0.05)
+    assert names(nominated(score_test, ranking)) == ["base_probe", "tilt"]
+    assert names(to_refit(score_test, ranking, TESTS)) == ["base_probe"]
+
+
+def test_a_probe_that_only_has_more_numbers_does_not():
+    """The member explains a little less, as much as seven idle numbers of the probe are not worth."""
+    score_test, ranking = ranked(ENOUGH - 0.05, hidden=6.0, extra=7)
+    assert names(nominated(score_test, ranking))[0] == "base_slip"
+
+
+def test_families_come_with_their_odds():
+    score_test, ranking = ranked(0.5)
+    found = families(score_test, ranking)
+    assert list(found) == ["base", "indenter"]
+    assert [one.candidate.effect.name for one, _ in found.values()] == ["base_probe", "tilt"]
+    assert found["base"][1] > found["indenter"][1] > 0
+
+
+def test_a_verdict_has_the_family_of_what_it_names():
+    score_test, ranking = ranked(1.0)
+    misfit = score_test.misfit - ranking[0].finding.fall
+    refits = {"base_slip": Refit(misfit, score_test.freedom - 1, 1.0, 1.0, {})}
+    verdict = of_family(decide(score_test, ranking, refits, TESTS), score_test, ranking)
+    assert (verdict.effects, verdict.family) == (("base_slip",), "base")
+    assert verdict == replace(decide(score_test, ranking, refits, TESTS), family="base")
+
+
+def test_what_is_unexplained_has_the_likeliest_family():
+    score_test, ranking = ranked(0.5)
+    verdict = of_family(Verdict("unexplained", (), "unexplained", 1.0), score_test, ranking)
+    assert verdict.family == "base"
+    assert verdict.sentence == "unexplained; most of it may lie in the base (100 %)"
+    noise, ranking = ranked(0.5, hidden=0.0)
+    assert of_family(Verdict("unexplained", (), "unexplained", 1.0), noise, ranking).family == ""
+    assert of_family(Verdict("adequate", (), "adequate", 1.0), score_test, ranking).family == ""
+
+
+def test_odds_are_those_of_the_integrated_likelihood(rng):
+    """Of a linear effect with normal priors the integral is known: r'(1 + S S')^-1 r and the determinant of 1 + S S'.
+
+    Laplace's approximation at the least misfit, not at the most likely size, differs by one over the information, of
+    the part of the fall that it leaves.
+    """
+    world = World()
+    columns = 100.0 * np.linalg.qr(rng.normal(size=(world.size, 2)))[0] @ rng.normal(size=(2, 2))
+    residual = columns @ np.array([0.3, -0.5]) + rng.normal(size=world.size)
+    size = np.linalg.lstsq(columns, residual, rcond=None)[0]
+    fall, information = float(residual @ columns @ size), columns.T @ columns
+    joint = np.eye(world.size) + columns @ columns.T
+    wanted = 0.5 * (residual @ residual - residual @ np.linalg.solve(joint, residual) - np.linalg.slogdet(joint)[1])
+    one = world.ranking(world.score_test(0 * world.signal(0)), tilt=columns)[0]
+    fitted = Refitted({}, 0.0, True, (), 0, 1, information, float(size @ size))
+    one = replace(one, finding=replace(one.finding, fall=fall), refitted=fitted)
+    left = float(size @ size) / np.linalg.eigvalsh(information)[0]
+    assert one.odds(1.0) == pytest.approx(wanted, rel=1e-9, abs=left)
+    # without a refit a hundred numbers that explain nothing are worth less than none
+    assert replace(one, finding=replace(one.finding, fall=0.0), refitted=None).odds(1.0) < 0
+
+
+def test_a_refit_whose_pictures_are_worse_is_no_answer():
+    def refit(error):
+        return Refit(100.0, 300, error, error, {})
+
+    refits = {"tilt": refit(0.96), "onset": refit(0.96 + 0.9 * MATTERS), "relaxation": refit(0.97 + MATTERS)}
+    assert set(nearest(refits)) == {"tilt", "onset"}
+    assert nearest({}) == {}
