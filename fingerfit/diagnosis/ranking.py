@@ -130,6 +130,7 @@ def confusions(score_test: ScoreTest, ranking: Sequence[Ranked], count: int = 6)
 def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, Any]]:
     """Ranking as data: what each candidate would explain, at which place and of which size."""
     excess = max(score_test.misfit - score_test.freedom, 1.0)
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     return [
         {
             "effect": one.candidate.effect.name,
@@ -138,6 +139,12 @@ def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, 
             "predicted_fall": one.finding.fall,
             "share_of_excess": min(1.0, one.refitted.share if one.refitted else one.finding.fall / excess),
             "visible": one.finding.visible,
+            "first_pass": one.refitted
+            and {
+                "converged": one.refitted.converged,
+                "at_bound": [name.partition(".")[2] or name for name in one.refitted.at_bound],
+                "log_odds": one.odds(spread),
+            },
         }
         for one in ranking
     ]

@@ -139,7 +139,11 @@ def diagnosis_of_base():
     ]
     return {
         "model": "base", "verdict": "missing", "sentence": "missing: tilt of the indenter; it explains 94 % of the misfit beyond the noise",
-        "effects": ["tilt"], "misfit": 5710.0, "freedom": 601, "threshold": 672.0, "ranking": ranking,
+        "effects": ["tilt"], "family": "indenter", "families": [
+            {"family": "indenter", "effect": "tilt", "log_odds": 2440.0, "fall": 4890.0},
+            {"family": "structure", "effect": "inclusion", "log_odds": 3.9, "fall": 30.0},
+            {"family": "loading", "effect": "onset", "log_odds": -1.2, "fall": 1.0}],
+        "misfit": 5710.0, "freedom": 601, "threshold": 672.0, "ranking": ranking,
         "confusions": [{"a": "tilt", "b": "gradient", "likeness": 0.91}],
         "measurements": [{"title": "a step with the indenter turned by 180 degrees", "gain": 7.4}, {"title": "two finer pictures", "gain": 1.6}],
         "add": "fingerfit add tilt", "layers": list(LAYERS),

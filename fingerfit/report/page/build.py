@@ -17,6 +17,7 @@ from markupsafe import Markup
 from fingerfit import __version__
 from fingerfit.core.files import keep_text
 from fingerfit.core.folders import OURS
+from fingerfit.model.effect import FAMILIES
 from fingerfit.report.drawing import COLOURS
 from fingerfit.report.page.inputs import Inputs, Model, read_inputs
 from fingerfit.report.page.ladder import constants_figures, ladder_figure, rung_label
@@ -28,6 +29,7 @@ from fingerfit.report.page.words import (
     first_upper,
     headline,
     number,
+    odds,
     place_words,
     titles,
     with_unit,
@@ -143,6 +145,15 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "in_sections": compare is not None and compare.volumes,
         "diagnosis": diagnosis,
         "ranking": ranking,
+        "families": [
+            {
+                "words": FAMILIES[one["family"]],
+                "best": named.get(one["effect"], one["effect"]),
+                "odds": odds(one["log_odds"]),
+            }
+            for one in diagnosis.get("families") or []
+            if one["log_odds"] > 0
+        ],
         "first_effect": next(iter(model.patterns), ""),
         "parts": {effect: part for effect, (part, _) in model.patterns.items()},
         "titles": named,
@@ -179,6 +190,7 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
         "error": (refit or {}).get("error") or {},
         "refit": refit is not None,
         "ends": [f"{name} at its {which} bound" for name, which in ((refit or {}).get("at_bound") or {}).items()],
+        "unended": (entry.get("first_pass") or {}).get("converged") is False,
         "drawn": entry.get("effect") in model.patterns,
     }
 

@@ -50,6 +50,19 @@ def with_unit(value: Any, unit: str) -> str:
     return number(value) if unit in ("", "1") else f"{number(value)} {unit}"
 
 
+def odds(log_odds: float) -> str:
+    """Odds from their natural logarithm, in powers of ten where they are large.
+
+    Examples
+    --------
+    >>> odds(0.7), odds(-4.6), odds(1045.7), odds(0.0)
+    ('2 to 1', '1 to 99', '10^454 to 1', '1 to 1')
+    """
+    power = abs(log_odds) / np.log(10)
+    size = f"10^{power:.0f}" if power >= 4 else f"{np.exp(abs(log_odds)):.0f}"
+    return f"1 to {size}" if log_odds < 0 else f"{size} to 1"
+
+
 def place_words(place: Mapping[str, float], told: Mapping[str, str], layers: Sequence[str] = ()) -> str:
     """Where an effect was tried; `told` as in `fingerfit.model.effect.Effect`.
 
