@@ -95,28 +95,7 @@ def read_picture(path: Path) -> Picture:
     """
     import SimpleITK as sitk
 
-    sitk.ProcessObject.SetGlobalWarningDisplay(False)
-    if not path.exists():
-        raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
-    check_files(path)
-    if not path.is_dir():
-        refuse_meta_header(path)
-    try:
-        files = _series(path) if path.is_dir() else [str(path)]
-        reader = sitk.ImageFileReader()
-        reader.SetFileName(files[0])
-        with contextlib.suppress(RuntimeError):  # a header that ITK cannot read is told better below
-            reader.ReadImageInformation()
-            check_memory(path, reader, len(files))
-        if not path.is_dir():
-            refuse_damaged(path)
-        image = sitk.ReadImage(files if path.is_dir() else files[0])
-    except MemoryError as error:
-        expected = "a picture that fits into the memory"
-        raise LimitError(path, "picture", "more than the memory holds", expected) from error
-    except RuntimeError as error:
-        reason = [line for line in str(error).splitlines() if line.strip()][-1]
-        raise InputError(path, "picture", reason, "a picture that SimpleITK reads") from error
+    image = _read_image(path)
     if image.GetNumberOfComponentsPerPixel() != 1:
         raise InputError(path, "picture", f"{image.GetNumberOfComponentsPerPixel()} channels", "one channel")
     if "complex" in image.GetPixelIDTypeAsString():
@@ -146,6 +125,35 @@ def read_picture(path: Path) -> Picture:
     if dim == 3 and np.linalg.det(direction) < 0:
         raise InputError(path, "direction", "a left-handed direction matrix (determinant -1)", "a right-handed one")
     return Picture(values, spacing, origin, direction)
+
+
+def _read_image(path: Path) -> Any:
+    """What SimpleITK reads of a file or folder that is whole and fits into the memory."""
+    import SimpleITK as sitk
+
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    if not path.exists():
+        raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
+    check_files(path)
+    if not path.is_dir():
+        refuse_meta_header(path)
+    try:
+        files = _series(path) if path.is_dir() else [str(path)]
+        reader = sitk.ImageFileReader()
+        reader.SetFileName(files[0])
+        with contextlib.suppress(RuntimeError):  # a header that ITK cannot read is told better below
+            reader.ReadImageInformation()
+            check_memory(path, reader, len(files))
+        if not path.is_dir():
+            refuse_damaged(path)
+        image = sitk.ReadImage(files if path.is_dir() else files[0])
+    except MemoryError as error:
+        expected = "a picture that fits into the memory"
+        raise LimitError(path, "picture", "more than the memory holds", expected) from error
+    except RuntimeError as error:
+        reason = [line for line in str(error).splitlines() if line.strip()][-1]
+        raise InputError(path, "picture", reason, "a picture that SimpleITK reads") from error
+    return image
 
 
 def _series(path: Path) -> Sequence[str]:
