@@ -11,18 +11,37 @@ from fingerfit.fem.factor import CLOSE, LARGE, inner
 from fingerfit.fem.system import System
 
 TOLERANCE = 1e-8
-"""Largest residual force, relative to the largest internal force."""
+"""Largest residual force, relative to the largest internal force. Far below what is compared: displacements of the
+built-in solver and of CalculiX agree to 2e-7 (docs/solver.md)."""
 _SAME_TANGENT = 1e-6
-"""Error below which the tangent is not made anew."""
+"""Error, relative as `TOLERANCE`, below which the tangent of a large system is not made anew
+(docs/decisions/0006-large-systems.md)."""
 _PATIENCE = ((4, 0.5), (8, 0.1))
-"""Iterations after which at most this share of the first force may be left, for a body in contact."""
+"""Iterations after which at most this share of the first residual force may be left, for a body in contact: else
+contact opens and closes from iteration to iteration, and a shorter increment is cheaper. Tried on fingers
+(docs/decisions/0006-large-systems.md)."""
 _HELD = 3
-"""Iterations at most in which a surface that is pushed keeps its predicted place."""
+"""Iterations at most in which a surface that is pushed keeps its predicted place, so that the nodes that touch are
+found as under a prescribed displacement (docs/decisions/0006-large-systems.md); their number is a choice."""
 _SETTLED = 0.1
-"""Error of the body below which such a surface is let go."""
+"""Error of the body, relative as `TOLERANCE`, below which such a surface is let go; a choice."""
 _SECANTS, _FLAT = 3, 0.3
-"""Secants at most in search of the least energy along a step, and the share of the first slope that ends it."""
+"""Secants at most in search of the least energy along a step, and the share of the first slope that ends it. An
+evaluation costs a tenth of an iteration (docs/decisions/0006-large-systems.md); the share is a choice."""
+_CLEARLY = 0.3
+"""Share of the residual that a step of a body in contact must leave at most: elsewhere any fall is enough. A choice."""
+_ENOUGH = 1e-4
+"""Share of the fall of energy that the slope promises which a step must bring: the condition of Armijo (1966)."""
+_SHORTER = 9
+"""Lengths that are tried of a step, each half of the one before: the shortest is 0.4 % of it. A choice."""
+_UPHILL = 1e-4
+"""Error, relative as `TOLERANCE`, above which a step that points uphill in energy is turned round (docs/solver.md);
+a choice."""
+_ROUGHEST = 1e-2
+"""Residual of a linear system, relative to its right side, above which Newton's method takes more iterations. A
+choice."""
 ITERATIONS = 20
+"""Of an increment, before it counts as one that does not converge; a choice."""
 
 
 @dataclass(frozen=True)
@@ -139,12 +158,12 @@ class Newton:
                     return None, iteration
                 matrix = system.matrix(evaluation)
             # what is solved more exactly than Newton's method converges is of no use
-            close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), 1e-2)
+            close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), _ROUGHEST)
             step = system.solve(matrix, -residual, close, np.flatnonzero(held))
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
-            if inner(step, residual) > 0 and error > 1e-4:
+            if inner(step, residual) > 0 and error > _UPHILL:
                 step = -step
             moved = self._search(q, step, residual, load, held)
             if moved is None:
@@ -195,8 +214,8 @@ class Newton:
         norm, slope = np.abs(residual).max(), inner(step, residual)
         start: float | None = None
         # where contact opens and closes, residuals say little
-        enough = 0.3 if system.slides else 1.0
-        for cut in range(9):
+        enough = _CLEARLY if system.slides else 1.0
+        for cut in range(_SHORTER):
             trial = q + 0.5**cut * step
             u = system.expand(trial, load.given)
             internal = self._forces(u)
@@ -207,7 +226,7 @@ class Newton:
                 return trial
             if start is None:
                 start = self._potential(system.expand(q, load.given), load)
-            if self._potential(u, load) < start + 1e-4 * 0.5**cut * slope:
+            if self._potential(u, load) < start + _ENOUGH * 0.5**cut * slope:
                 slopes = 0.5**cut * slope, inner(trial - q, ahead)
                 return q + self._least(q, trial - q, slopes, load, held) * (trial - q)
         return None

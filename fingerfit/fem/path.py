@@ -12,16 +12,21 @@ from fingerfit.fem.newton import TOLERANCE, Load, Newton, State
 from fingerfit.fem.system import System
 
 _BEND = 0.5
-"""Share of the curvature that a prediction takes on: all of it goes too far where the body gives way suddenly."""
+"""Share of the curvature that a prediction takes on: all of it goes too far where the body gives way suddenly, and took
+more iterations (docs/decisions/0002-numpy-kernels.md)."""
 _ROUGH = 1e-2
-"""Residual that is enough before the end of a step, where contact opens and closes without friction."""
+"""Residual, relative to the largest internal force, that is enough before the end of a step where contact opens and
+closes without friction: the path does not matter there (docs/decisions/0006-large-systems.md)."""
 _HERTZ = 2.0 / 3.0
-"""Power of the force with which a round body goes deeper (Hertz)."""
+"""Power of the force with which a round body goes deeper (Hertz 1882; docs/decisions/0006-large-systems.md)."""
 _TOUCH = (0.125, 0.5)
-"""First increment of a surface that must find the body first: moved, or pushed by a force."""
+"""First increment, as a share of the step, of a surface that must find the body first: moved, or pushed by a force. A
+whole step by force failed after nine iterations each time (docs/decisions/0006-large-systems.md); the eighth is a
+choice."""
 _KEEP = 2
-"""Increments of the same length after one that failed."""
+"""Increments of the same length after one that failed, before the next one is twice as long; a choice."""
 CUTS = 7
+"""How often an increment is halved at most, down to 1/128 of a step (docs/solver.md); a choice."""
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,12 @@ import numpy as np
 from fingerfit.mesh.elements import ELEMENTS, distance, middle, shape
 
 _ITERATIONS = 12
+"""Of Newton's method, which is quadratic near the end; a choice."""
 _FAR = 3.0
-"""Depth beyond which a point is taken to be in another element."""
+"""Depth, 0 in an element's middle and 1 on its border, beyond which a point is taken to be in another element; a
+choice."""
 _CONVERGED = 1e-3
-"""Length of the last move: what is left is of the order of its square."""
+"""Length of the last move in local coordinates: what is left is of the order of its square, 1e-6 of an element."""
 
 _QUADRATIC: dict[int, list[tuple[int, ...]]] = {
     2: [(2, 0), (1, 1), (0, 2)],

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 DEGREE = 5
-"""Of the polynomial that takes up the field of displacement of a step."""
+"""Of the polynomial that takes up the field of displacement of a step; a choice."""
 _LEAST = 0.5
-"""Share of the points that must lie where the body is, as of a mesh in its pictures."""
+"""Share of the points that must lie where the body is, as of a mesh in its pictures: beside it, a unit or an axis is
+wrong. A choice."""
 SURPLUS = 3
-"""Points for each of its coefficients; with fewer points the degree is lower."""
+"""Points for each of its coefficients; with fewer points the degree is lower. A choice."""
 
 
 def unusable(points: np.ndarray, displacement: np.ndarray, body: np.ndarray) -> tuple[str, str] | None:
