@@ -17,6 +17,10 @@ from fingerfit.core.errors import FingerfitError, InputError, LimitError
 from fingerfit.imaging.limits import check_files, check_memory
 from fingerfit.imaging.whole import refuse_damaged, refuse_meta_header
 
+SAME = 0.01
+"""Share of a pixel by which pictures of one study may lie apart, anywhere in them: what registration is sure of
+(`registration.FLOOR`)."""
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -72,16 +76,20 @@ class Picture:
         found = []
         if self.values.shape != other.values.shape:
             found.append("x".join(map(str, self.values.shape[::-1])) + " pixels")
-        for name in ("spacing", "origin", "direction"):
+        slope, pixel = SAME / max(self.values.shape), SAME * self.spacing.min()
+        slacks = {"spacing": slope * self.spacing, "origin": pixel, "direction": slope}
+        for name, slack in slacks.items():
             own, its = getattr(self, name), getattr(other, name)
-            if own.shape != its.shape or not np.allclose(own, its, atol=1e-6):
+            if own.shape != its.shape or not (np.abs(own - its) <= slack).all():
                 found.append(f"{name} {_rounded(own.tolist())}")
         return ", ".join(found)
 
 
 def _rounded(value: Any) -> Any:
-    """Numbers in lists with six decimals; of whatever size, other than by `numpy.round`."""
-    return [_rounded(inner) for inner in value] if isinstance(value, list) else round(value, 6)
+    """Numbers in lists with six decimals, small ones with six digits; of whatever size, other than by `numpy.round`."""
+    if isinstance(value, list):
+        return [_rounded(inner) for inner in value]
+    return round(value, 6) if abs(value) >= 1e-3 else float(f"{value:.6g}")
 
 
 def read_picture(path: Path) -> Picture:
