@@ -19,7 +19,8 @@ from finger import RADIUS, STIFFNESS, write_finger
 from running import ROOT, Run, machine, run_solver
 
 from fingerfit.deck.reader import read_deck
-from fingerfit.fem.newton import Load, Newton, State
+from fingerfit.fem.newton import Load, State
+from fingerfit.fem.path import LoadPath
 from fingerfit.solvers.analysis import model_of
 from fingerfit.solvers.contract import Outcome
 
@@ -127,7 +128,7 @@ def settle(path: Path, outcome: Outcome, count: int) -> float:
                     target[model.dof(node, axis)] = value
                     held[model.dof(node, axis)] |= target is load.given
         system = model.system(held)
-        newton = Newton(system)
+        loading = LoadPath(system)
         start = load.given.copy()
         start[: 3 * count] = moved[:count].ravel()
         start[3 * count : 3 * count + 3] = way
@@ -135,10 +136,10 @@ def settle(path: Path, outcome: Outcome, count: int) -> float:
         evaluation = system.evaluate(start, tangent=False)
         if evaluation is None:
             return float("nan")
-        newton.state, newton.load = State(start[system.free], start, evaluation.internal), load
+        loading.state, loading.load = State(start[system.free], start, evaluation.internal), load
         with np.errstate(all="ignore"):
-            arrived, _ = newton.advance(load)
-        change = (newton.state.u - start)[: 3 * count].reshape(-1, 3)
+            arrived, _ = loading.advance(load)
+        change = (loading.state.u - start)[: 3 * count].reshape(-1, 3)
         largest = max(largest, float(np.linalg.norm(change, axis=1).max()) if arrived else float("nan"))
     return largest
 

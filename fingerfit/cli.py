@@ -20,6 +20,10 @@ def _count(text: str) -> int:
     return int(text)
 
 
+Command = Callable[[str, str], argparse.ArgumentParser]
+"""Adds a command to the command line: name and help, to the parser of its arguments."""
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="fingerfit", description="Material constants from pictures and forces.")
     parser.add_argument("--version", action="version", version=f"fingerfit {__version__}")
@@ -30,6 +34,17 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(run=getattr(commands, name))
         return sub
 
+    _add_studies(command)
+    _add_models(command)
+    _add_deck(subs.add_parser("deck", help="look at a deck", description="Look at a deck."))
+    sub = command("docs", "write the schema of config.yaml, and the tables of its keys and those of experiment.yaml")
+    sub.add_argument("folder", type=Path, nargs="?", default=Path(), help="folder of the project")
+    _add_workflow(command)
+    return parser
+
+
+def _add_studies(command: Command) -> None:
+    """What a user does before a fit: studies and meshes."""
     sub = command("check", "say what was understood of a study, try its first simulation, and list every problem")
     sub.add_argument("study", type=Path, help="folder of the study, or its study.yaml")
     sub.add_argument(
@@ -63,6 +78,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument("--labels", metavar="1=EPIDERMIS,...", help="the volume is a segmentation with these labels")
 
+
+def _add_models(command: Command) -> None:
+    """What a user does with models and effects."""
     for name, text in (("add", "add an effect to the model"), ("drop", "take an effect out of the model")):
         sub = command(name, text)
         sub.add_argument("effect", help="name, as `fingerfit effects` lists them")
@@ -82,7 +100,8 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("effects", "list the known effects")
     sub.add_argument("study", type=Path, nargs="?", help="folder of a study with effects of its own")
 
-    deck = subs.add_parser("deck", help="look at a deck", description="Look at a deck.")
+
+def _add_deck(deck: argparse.ArgumentParser) -> None:
     sub = deck.add_subparsers(title="commands", required=True, metavar="COMMAND").add_parser(
         "show",
         help="write what the built-in solver understood of it",
@@ -92,9 +111,9 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--abaqus", action="store_true", help="its own lines as ABAQUS gets them, included files in place")
     sub.set_defaults(run=commands.show_deck)
 
-    sub = command("docs", "write the schema of config.yaml, and the tables of its keys and those of experiment.yaml")
-    sub.add_argument("folder", type=Path, nargs="?", default=Path(), help="folder of the project")
 
+def _add_workflow(command: Command) -> None:
+    """What the workflow's rules call."""
     sub = command("simulate", "solve one deck (for the workflow)")
     sub.add_argument("deck", type=Path)
     sub.add_argument("--solver", type=Path, required=True)
@@ -133,7 +152,6 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("settings", type=Path, help="settings.json of the model")
     sub.add_argument("--out", type=Path, required=True, help="ladder.json in the folder of the study's results")
     sub.add_argument("--page", type=Path, required=True)
-    return parser
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -78,15 +78,8 @@ def finger_mesh(
     middle = shells[0][triangles].mean(axis=1)
     nailed = np.concatenate([is_nail(anatomy, middle)[triangle] & (kind[: len(skin)] == "EPIDERMIS"), part < 0])
     kind[nailed] = "NAIL"
-    names = [name for name in (*_TISSUES, *_STIFF) if (kind == name).any()]
-    order = np.concatenate([np.flatnonzero(kind == name) for name in names])
-    nodes, kind = nodes[order], kind[order]
-    sets = {name: np.flatnonzero(kind == name) for name in names}
-    sets["SKIN"] = np.flatnonzero(np.isin(kind, ["EPIDERMIS", "DERMIS"]))
-    sets["SOFT"] = np.flatnonzero(np.isin(kind, _TISSUES))
-    sets["BONE"] = np.flatnonzero(np.isin(kind, ["DISTAL", "MIDDLE"]))
-    stiff = element.removesuffix("H")
-    count_soft = len(sets["SOFT"])
+    order, sets = _by_tissue(kind)
+    nodes = nodes[order]
     node_sets = {
         "END": np.flatnonzero(points[:, 0] < 1e-9 * anatomy.length),
         "NAIL": np.unique(nodes[sets["NAIL"]]),
@@ -96,16 +89,33 @@ def finger_mesh(
         "EPIDERMIS_INNER": np.arange(count) + count * counts[0],
     }
     mesh = Mesh(points, (Block("C3D4", nodes),), node_sets, sets)
-    if stiff == "C3D10":
+    if element.startswith("C3D10"):
         mesh = curved(to_quadratic(mesh), triangles, len(shells))
+    return _finished(mesh, element, anatomy)
+
+
+def _by_tissue(kind: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Order of elements in which each tissue is together, the soft ones first, and element sets in this order."""
+    names = [name for name in (*_TISSUES, *_STIFF) if (kind == name).any()]
+    order = np.concatenate([np.flatnonzero(kind == name) for name in names])
+    kind = kind[order]
+    sets = {name: np.flatnonzero(kind == name) for name in names}
+    sets["SKIN"] = np.flatnonzero(np.isin(kind, ["EPIDERMIS", "DERMIS"]))
+    sets["SOFT"] = np.flatnonzero(np.isin(kind, _TISSUES))
+    sets["BONE"] = np.flatnonzero(np.isin(kind, ["DISTAL", "MIDDLE"]))
+    return order, sets
+
+
+def _finished(mesh: Mesh, element: str, anatomy: Anatomy) -> Mesh:
+    """The mesh with its surfaces, and its elements of the types they have in soft and in stiff tissues."""
     outside = outer_faces(mesh)
     centre = mesh.points[faces_on(mesh, outside)[:, :3]].mean(axis=1)
     outside = outside[centre[:, 0] > 1e-9 * anatomy.length]
     surfaces = {"SKIN": outside, "NAIL": outside[np.isin(outside[:, 0], mesh.element_sets["NAIL"])]}
-    all_nodes = mesh.blocks[0].nodes
-    parts = [Block(element, all_nodes[:count_soft]), Block(stiff, all_nodes[count_soft:])]
+    stiff, soft, nodes = element.removesuffix("H"), len(mesh.element_sets["SOFT"]), mesh.blocks[0].nodes
+    parts = [Block(element, nodes[:soft]), Block(stiff, nodes[soft:])]
     if element == stiff:
-        parts = [Block(element, all_nodes)]
+        parts = [Block(element, nodes)]
     return Mesh(mesh.points, tuple(parts), mesh.node_sets, mesh.element_sets, surfaces)
 
 

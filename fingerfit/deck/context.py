@@ -19,6 +19,11 @@ from fingerfit.model.observation import places
 from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
 
+STIFFNESS = 12.5
+"""Pressure at which a contact is the indenter's radius deep, MPa: 5 MPa/mm for a radius of 2.5 mm, as the fingertip was
+fitted with. A stress, and a choice (docs/decisions/0017-blocks-and-shares.md)."""
+ESTABLISHED = 0.12
+"""Way on which solvers that need it find the contact first, as a share of the indenter's radius: 0.3 mm of 2.5 mm."""
 QUANTITIES = ("mu", *CONSTANTS)
 """Constants of a layer; a guess or the fixed constants give each, for all layers or as ``mu_top`` for one."""
 
@@ -81,7 +86,7 @@ def deck_context(
         "top": [int(node) + 1 for node in mesh.node_sets["TOP"]],
         "indenter": indenter + 1,
         "layers": _pieces(layers, mesh, present, values),
-        "values": dict(values),
+        "values": {**_contact(mesh), **values},
         "effects": {name: effect.own(values) for name, effect in effects.items()},
         "parts": [effect.part for effect in present if effect.part],
         "fills": lambda block: [effect.fills[block] for effect in present if block in effect.fills],
@@ -362,6 +367,15 @@ def _only(mesh: Mesh, name: str) -> int:
     if len(nodes) != 1:
         raise InputError("mesh", f"node set {name}", f"{len(nodes)} nodes", "one node")
     return int(nodes[0])
+
+
+def _contact(mesh: Mesh) -> dict[str, float]:
+    """Numbers of a contact that a guess may change, where nodes tell a sphere's radius; six digits as of shares."""
+    touch, centre = (mesh.points[mesh.node_sets.get(name, np.empty(0, int))] for name in ("INDENTER", "INDENTER_TURN"))
+    radius = float(np.linalg.norm(centre - touch)) if len(touch) == len(centre) == 1 else 0.0
+    if radius == 0:
+        return {}
+    return {"contact_stiffness": float(f"{STIFFNESS / radius:.6g}"), "establish": float(f"{ESTABLISHED * radius:.6g}")}
 
 
 def _resting(mesh: Mesh, name: str, at: tuple[float, float], radius: float) -> float:

@@ -18,10 +18,12 @@ from fingerfit.fem.surfaces import RigidSurface
 from fingerfit.fem.system import Contribution
 
 _TOUCHING = 1e-9
-"""Gap, as a share of the body's size, below which a point touches."""
+"""Gap, as a share of the body's size, below which a point touches: more than rounding makes of positions, and far below
+any length of a mesh."""
 
 _GROWTH = 3.0
-"""Force of a point over the largest at the last equilibrium beyond which the tangent leaves its turning out."""
+"""Force of a point over the largest at the last equilibrium beyond which the tangent leaves its turning out: deep
+overclosures made it indefinite (docs/decisions/0006-large-systems.md)."""
 
 
 @dataclass(frozen=True)

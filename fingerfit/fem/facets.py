@@ -12,11 +12,13 @@ import numpy as np
 from fingerfit.mesh.faces import Faces, area_vectors
 
 _NEAREST = 16
-"""Facets that are looked at for each point: those with the nearest centres."""
+"""Facets that are looked at for each point, those with the nearest centres: more than meet at a corner of a
+triangulated surface. A choice."""
 _ALL = 64
-"""Number of facets up to which all are looked at."""
+"""Number of facets up to which all are looked at: for so few no search tree is made. A choice."""
 _EDGE = 1e-3
-"""Distance beyond an outer edge, relative to the facet, up to which a point still touches."""
+"""Distance beyond an outer edge, relative to the facet, up to which a point still touches: so that one that lies on the
+edge does, whatever rounding makes of it. A choice."""
 
 _CUTS = {
     2: ((0, 1),),

@@ -21,14 +21,17 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 LARGE = 3000
-"""Unknowns from which PARDISO or nested dissection pay."""
+"""Unknowns from which PARDISO or nested dissection pay: a job that a workflow starts a thousand times must not load MKL
+(docs/decisions/0006-large-systems.md)."""
 _RESIDUAL = 1e-6
-"""Residual of a solution, relative to the right side, beyond which the matrix counts as singular."""
-
+"""Residual of a solution, relative to the right side, beyond which the matrix counts as singular: far above what
+rounding leaves of a regular one. A choice."""
 _GRADIENTS = 20
-"""Solutions with an old factorisation that a system may take; a new one costs about as much."""
+"""Solutions with an old factorisation that a system may take; a new one costs about as much: 0.35 s against 0.012 s by
+PARDISO for 20 000 unknowns (docs/decisions/0006-large-systems.md)."""
 CLOSE = 1e-6
-"""Residual of conjugate gradients, relative to the right side in the norm of the preconditioner."""
+"""Residual of conjugate gradients, relative to the right side in the norm of the preconditioner, where no other is
+asked for: Newton's method asks for as much as it can use."""
 
 Apply = Callable[[np.ndarray], np.ndarray]
 
@@ -170,6 +173,8 @@ def _holding(apply: Apply, held: np.ndarray, size: int) -> Apply:
 
 
 _SYMMETRIC: dict[str, Any] = {"diag_pivot_thresh": 0.001, "options": {"SymmetricMode": True}}
+"""SuperLU for symmetric matrices: a pivot beside the diagonal only where that is below a thousandth of its column. A
+choice."""
 
 
 def _superlu(matrix: csc_matrix, options: dict[str, Any]) -> Apply | None:

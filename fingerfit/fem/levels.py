@@ -14,7 +14,8 @@ WIDEST = 60
 """Unknowns of a level: products of wider blocks are shared by several threads of BLAS where it has them, and their
 digits then depend on how many there are. By then SuperLU is as quick, and its import no longer counts."""
 _RESIDUAL = 1e-6
-"""Residual of a solution, relative to the right side, beyond which it is given up."""
+"""Residual of a solution, relative to the right side, beyond which it is given up: far above what rounding leaves of a
+regular matrix. A choice, the same as in `factor`."""
 
 
 class Levels:

@@ -1,8 +1,7 @@
-"""Newton's method with a predictor, a line search and step cutting."""
+"""Newton's method with a line search: the equilibrium at one load."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,29 +11,37 @@ from fingerfit.fem.factor import CLOSE, LARGE, inner
 from fingerfit.fem.system import System
 
 TOLERANCE = 1e-8
-"""Largest residual force, relative to the largest internal force."""
+"""Largest residual force, relative to the largest internal force. Far below what is compared: displacements of the
+built-in solver and of CalculiX agree to 2e-7 (docs/solver.md)."""
 _SAME_TANGENT = 1e-6
-"""Error below which the tangent is not made anew."""
-_BEND = 0.5
-"""Share of the curvature that a prediction takes on: all of it goes too far where the body gives way suddenly."""
+"""Error, relative as `TOLERANCE`, below which the tangent of a large system is not made anew
+(docs/decisions/0006-large-systems.md)."""
 _PATIENCE = ((4, 0.5), (8, 0.1))
-"""Iterations after which at most this share of the first force may be left, for a body in contact."""
-_ROUGH = 1e-2
-"""Residual that is enough before the end of a step, where contact opens and closes without friction."""
+"""Iterations after which at most this share of the first residual force may be left, for a body in contact: else
+contact opens and closes from iteration to iteration, and a shorter increment is cheaper. Tried on fingers
+(docs/decisions/0006-large-systems.md)."""
 _HELD = 3
-"""Iterations at most in which a surface that is pushed keeps its predicted place."""
+"""Iterations at most in which a surface that is pushed keeps its predicted place, so that the nodes that touch are
+found as under a prescribed displacement (docs/decisions/0006-large-systems.md); their number is a choice."""
 _SETTLED = 0.1
-"""Error of the body below which such a surface is let go."""
-_HERTZ = 2.0 / 3.0
-"""Power of the force with which a round body goes deeper (Hertz)."""
-_TOUCH = (0.125, 0.5)
-"""First increment of a surface that must find the body first: moved, or pushed by a force."""
+"""Error of the body, relative as `TOLERANCE`, below which such a surface is let go; a choice."""
 _SECANTS, _FLAT = 3, 0.3
-"""Secants at most in search of the least energy along a step, and the share of the first slope that ends it."""
-_KEEP = 2
-"""Increments of the same length after one that failed."""
+"""Secants at most in search of the least energy along a step, and the share of the first slope that ends it. An
+evaluation costs a tenth of an iteration (docs/decisions/0006-large-systems.md); the share is a choice."""
+_CLEARLY = 0.3
+"""Share of the residual that a step of a body in contact must leave at most: elsewhere any fall is enough. A choice."""
+_ENOUGH = 1e-4
+"""Share of the fall of energy that the slope promises which a step must bring: the condition of Armijo (1966)."""
+_SHORTER = 9
+"""Lengths that are tried of a step, each half of the one before: the shortest is 0.4 % of it. A choice."""
+_UPHILL = 1e-4
+"""Error, relative as `TOLERANCE`, above which a step that points uphill in energy is turned round (docs/solver.md);
+a choice."""
+_ROUGHEST = 1e-2
+"""Residual of a linear system, relative to its right side, above which Newton's method takes more iterations. A
+choice."""
 ITERATIONS = 20
-CUTS = 7
+"""Of an increment, before it counts as one that does not converge; a choice."""
 
 
 @dataclass(frozen=True)
@@ -72,37 +79,8 @@ class Load:
         return Load(self.given + share * (other.given - self.given), self.force + share * (other.force - self.force))
 
 
-@dataclass(frozen=True)
-class Increments:
-    """How a step is gone through.
-
-    Parameters
-    ----------
-    first, largest : float
-        First and largest increment as shares of the step.
-    fixed : bool
-        Whether all have the length of the first; a step that does not converge then is not cut.
-    period : float
-        Length of the step, s.
-    viscous : bool
-        Whether time passes for materials that relax; else they answer as to a fast load.
-    relaxed : bool
-        Whether they answer as to an infinitely slow load.
-    stops : tuple of float
-        Shares of the step at which an increment ends.
-    """
-
-    first: float = 1.0
-    largest: float = 1.0
-    fixed: bool = False
-    period: float = 1.0
-    viscous: bool = False
-    relaxed: bool = False
-    stops: tuple[float, ...] = ()
-
-
 class Newton:
-    """Follows a loading path.
+    """Finds the equilibrium at a load, from one nearby.
 
     Parameters
     ----------
@@ -112,109 +90,43 @@ class Newton:
         N; residuals below `TOLERANCE` times this are none, for bodies that come to rest without any force.
     """
 
-    def __init__(self, system: System, floor: float = 0.0) -> None:
-        self.system, self.floor = system, max(floor, 1e-300)
-        zero = np.zeros(system.size)
-        self.state = State(np.zeros(len(system.free)), zero, zero)
-        self.load = Load(zero, zero)
-        self._before: tuple[State, Load] | None = None
-        self._earlier: tuple[State, Load] | None = None
-        self._pace: float | None = None  # length of the last increments of a step that was hard, as of `Load.away`
+    def __init__(self, system: System, floor: float) -> None:
+        self.system, self.floor = system, floor
 
-    def change(self, system: System) -> None:
-        """Go on with other constraints, from the present displacements."""
-        self.system = system
-        self.state = State(self.state.u[system.free], self.state.u, self.state.internal)
-        self.load = Load(np.where(system.prescribed, self.state.u, 0.0), self.load.force)
-        self._before = self._earlier = None
-
-    def advance(self, target: Load | Callable[[float], Load], increments: Increments | float = 1.0) -> tuple[bool, int]:
-        """Go to a load, in one increment or as many as it needs.
+    def equilibrium(
+        self, state: State, before: Load, load: Load, predicted: np.ndarray | None, tolerance: float
+    ) -> tuple[State | None, int]:
+        """Iterate to an equilibrium.
 
         Parameters
         ----------
-        target : Load, or function of the share of the step
-            A load is approached on a straight line.
-        increments : Increments or float
-            A number is the first increment.
+        state : State
+            The last one.
+        before : Load
+            At which it is in equilibrium.
+        load : Load
+            At which the next one is wanted.
+        predicted : ndarray or None
+            Unknowns to begin with, mm; without them the tangent of the last state says where.
+        tolerance : float
+            Residual force, relative to the largest internal force.
 
         Returns
         -------
-        arrived : bool
+        state : State or None
+            None where there is none to be found.
         iterations : int
         """
-        how = increments if isinstance(increments, Increments) else Increments(first=increments)
-        path = _line(self.load, target) if isinstance(target, Load) else target
-        share, size, total = 0.0, min(how.first, how.largest), 0
-        if self.system.slides and self._before is None and not how.fixed:
-            size = min(size, _TOUCH[self.system.driven])
-        length = float(np.linalg.norm(path(1.0).away(self.load)))
-        if self._pace is not None and not how.fixed and length > 0:
-            size = min(size, max(self._pace / length, 0.5**CUTS))
-        smallest, failed, keep = min(0.5**CUTS * how.largest, size / 8), False, 0
-        while share < 1.0:
-            end = min([1.0, share + size, *(stop for stop in how.stops if share + 1e-9 < stop < share + size)])
-            if end > 1 - 1e-9:
-                end = 1.0
-            dt = (end - share) * how.period if how.viscous else 0.0
-            self.system.begin(dt, how.relaxed)
-            load = path(end)
-            # on the way, where the path does not matter, near an equilibrium is enough
-            rough = end < 1.0 and self.system.slides and not (self.system.remembers or how.viscous)
-            state, used = self._equilibrium(load, _ROUGH if rough else TOLERANCE)
-            total += used
-            if state is None:
-                size = min(size, end - share) / 2
-                if size < smallest or how.fixed:
-                    return False, total
-                failed, keep = True, _KEEP
-                continue
-            self.system.commit(state.u, dt, how.relaxed)
-            self._earlier, self._before = self._before, (self.state, self.load)
-            self.state, self.load, share = state, load, end
-            if failed:
-                self._pace = size * length
-            keep -= 1
-            size = how.first if how.fixed else min(size if keep > 0 else 2 * size, how.largest)
-        return True, total
-
-    def _predict(self, load: Load) -> np.ndarray | None:
-        """Unknowns continued on the curve through the last states; None where there is only one."""
-        if self._before is None:
-            return None
-        (before, first), last = self._before, self.load
-        done = last.away(first)
-        length = inner(done, done)
-        if length == 0:
-            return None
-        ahead, slope = inner(done, load.away(last)) / length, self.state.q - before.q
-        if self.system.driven:
-            # a round body goes deeper with a power of the force
-            begun, now, then = (float(np.abs(part.force).max()) ** _HERTZ for part in (first, last, load))
-            return self.state.q + ((then - now) / (now - begun) if then > now > begun else ahead) * slope
-        predicted = self.state.q + ahead * slope
-        # where contact opens and closes there is no curve
-        if self._earlier is None or self.system.touches:
-            return predicted
-        earlier, start = self._earlier
-        back = inner(done, first.away(start)) / length
-        if not 0.2 < back < 5.0 or not 0.0 < ahead < 2.0:
-            return predicted
-        bend = (slope - (before.q - earlier.q) / back) / (1 + back)
-        return predicted + _BEND * ahead * (1 + ahead) * bend
-
-    def _equilibrium(self, load: Load, tolerance: float = TOLERANCE) -> tuple[State | None, int]:
-        system = self.system
-        q = self._predict(load)
+        system, q = self.system, predicted
         held = np.zeros(len(system.free), dtype=bool)
         held[system.pushed] = True
         if q is not None and system.driven:
             if self._forces(system.expand(q, load.given)) is None:
-                q = self._nearest(q, load)
+                q = self._nearest(state.q, q, load)
         elif q is not None and self._forces(system.expand(q, load.given)) is None:
             q = None
         if q is None:
-            q = self._tangent_start(load)
+            q = self._tangent_start(state, before, load)
             if q is None:
                 return None, 1
         matrix: Any = None
@@ -246,12 +158,12 @@ class Newton:
                     return None, iteration
                 matrix = system.matrix(evaluation)
             # what is solved more exactly than Newton's method converges is of no use
-            close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), 1e-2)
+            close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), _ROUGHEST)
             step = system.solve(matrix, -residual, close, np.flatnonzero(held))
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
-            if inner(step, residual) > 0 and error > 1e-4:
+            if inner(step, residual) > 0 and error > _UPHILL:
                 step = -step
             moved = self._search(q, step, residual, load, held)
             if moved is None:
@@ -259,24 +171,24 @@ class Newton:
             q = moved
         return None, ITERATIONS
 
-    def _nearest(self, q: np.ndarray, load: Load) -> np.ndarray | None:
+    def _nearest(self, start: np.ndarray, q: np.ndarray, load: Load) -> np.ndarray | None:
         """The place of least energy on the way to predicted unknowns: what is pushed into contact goes too far."""
         best, least = None, np.inf
         for share in (1.0, 0.5, 0.25, 0.0):
-            trial = self.state.q + share * (q - self.state.q)
+            trial = start + share * (q - start)
             energy = self._potential(self.system.expand(trial, load.given), load)
             if not energy < least:
                 break
             best, least = trial, energy
         return best
 
-    def _tangent_start(self, load: Load) -> np.ndarray | None:
+    def _tangent_start(self, state: State, before: Load, load: Load) -> np.ndarray | None:
         """First step from the last state with its own tangent, the prescribed displacements moved along."""
-        system, state = self.system, self.state
+        system = self.system
         evaluation = system.evaluate(state.u)
         if evaluation is None:
             return None
-        move = system.along(state.u, load.given - self.load.given)
+        move = system.along(state.u, load.given - before.given)
         residual = system.reduce(system.push(evaluation, move) - load.force)
         step = system.solve(system.matrix(evaluation), -residual)
         if step is None:
@@ -302,8 +214,8 @@ class Newton:
         norm, slope = np.abs(residual).max(), inner(step, residual)
         start: float | None = None
         # where contact opens and closes, residuals say little
-        enough = 0.3 if system.slides else 1.0
-        for cut in range(9):
+        enough = _CLEARLY if system.slides else 1.0
+        for cut in range(_SHORTER):
             trial = q + 0.5**cut * step
             u = system.expand(trial, load.given)
             internal = self._forces(u)
@@ -314,7 +226,7 @@ class Newton:
                 return trial
             if start is None:
                 start = self._potential(system.expand(q, load.given), load)
-            if self._potential(u, load) < start + 1e-4 * 0.5**cut * slope:
+            if self._potential(u, load) < start + _ENOUGH * 0.5**cut * slope:
                 slopes = 0.5**cut * slope, inner(trial - q, ahead)
                 return q + self._least(q, trial - q, slopes, load, held) * (trial - q)
         return None
@@ -344,7 +256,3 @@ class Newton:
 
     def _potential(self, u: np.ndarray, load: Load) -> float:
         return self.system.energy(u) - inner(load.force, u)
-
-
-def _line(start: Load, target: Load) -> Callable[[float], Load]:
-    return lambda share: start.between(target, share) if share < 1.0 else target

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from fingerfit.fem.constraints import resolve
 from fingerfit.fem.factor import CLOSE, LARGE, LinearSolver
 from fingerfit.fem.levels import WIDEST, Levels
 from fingerfit.fem.pattern import Pattern
@@ -110,25 +111,8 @@ class System:
         self.slides = any(getattr(term, "slides", False) for term in terms)
         self.remembers = any(not getattr(term, "slides", True) for term in terms)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
-        if set(turning) & set(ties):
-            raise ValueError(min(set(turning) & set(ties)))
-        if prescribed[turning].any():
-            raise ValueError(turning[int(prescribed[turning].argmax())])
-        resolved = _resolve(ties, prescribed)
-        for slave, masters in resolved.items():
-            if {master for master, _ in masters} & set(turning):
-                raise ValueError(slave)
-        touched = np.zeros(size, dtype=bool)
-        for body in bodies:
-            touched[body.dofs.ravel()] = True
-        for term in self.terms:
-            touched[term.dofs] = True
-        for slave, masters in resolved.items():
-            for master, _ in masters:
-                touched[master] |= touched[slave]
-        for body in self.rigid:
-            touched[body.reference] = touched[body.rotation] = True
-        free = touched & ~prescribed
+        self._resolved = resolved = resolve(ties, prescribed, turning)
+        free = self._touched() & ~prescribed
         free[turning] = False
         free[list(resolved)] = False
         self.prescribed = prescribed
@@ -140,7 +124,6 @@ class System:
         if self.simple:
             for slave, masters in resolved.items():
                 self.master[slave], self.factor[slave] = masters[0]
-        self._resolved = resolved
         self.unknown = number[self.master]
         pushed = [dof for term in terms for dof in getattr(term, "pushed", ())]
         self.pushed = np.unique(self.unknown[pushed]) if pushed else np.empty(0, dtype=int)
@@ -155,6 +138,20 @@ class System:
         self._linear = LinearSolver(positions, all(term.symmetric for term in self.terms))
         self._levels: Levels | None = None
         self._prepare()
+
+    def _touched(self) -> np.ndarray:
+        """Degrees of freedom that something acts on, itself or by what is tied to them, bool."""
+        touched = np.zeros(self.size, dtype=bool)
+        for body in self.bodies:
+            touched[body.dofs.ravel()] = True
+        for term in self.terms:
+            touched[term.dofs] = True
+        for slave, masters in self._resolved.items():
+            for master, _ in masters:
+                touched[master] |= touched[slave]
+        for body in self.rigid:
+            touched[body.reference] = touched[body.rotation] = True
+        return touched
 
     def _prepare(self) -> None:
         """Where each entry of the element stiffnesses goes: first to pairs of nodes, then to the matrix."""
@@ -353,27 +350,3 @@ class System:
             # a block may be singular where the whole is not
             matrix = self._sparse(matrix)
         return self._linear.solve(matrix, right, close, held)
-
-
-def _resolve(
-    ties: Mapping[int, Sequence[tuple[int, float]]], prescribed: np.ndarray
-) -> dict[int, list[tuple[int, float]]]:
-    """Ties whose masters are not slaves."""
-    done: dict[int, list[tuple[int, float]]] = {}
-
-    def visit(slave: int, way: tuple[int, ...]) -> list[tuple[int, float]]:
-        if slave in done:
-            return done[slave]
-        if slave in way or prescribed[slave]:
-            raise ValueError(slave)
-        total: dict[int, float] = {}
-        for master, factor in ties[slave]:
-            parts = visit(master, (*way, slave)) if master in ties else [(master, 1.0)]
-            for end, share in parts:
-                total[end] = total.get(end, 0.0) + factor * share
-        done[slave] = [(end, value) for end, value in total.items() if value != 0.0]
-        return done[slave]
-
-    for slave in ties:
-        visit(slave, ())
-    return done

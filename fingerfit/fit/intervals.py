@@ -11,14 +11,16 @@ import numpy as np
 from fingerfit.model.parameters import Parameter
 
 WIDTH = 0.02
-"""Step of the finite differences of a score that is linearised already."""
+"""Step of the finite differences of a score that is linearised already, in search coordinates: 2 % of a modulus, a few
+of the phantom's standard errors. A choice."""
 _CURVED = 6
-"""Repetitions that give the mean curvature."""
+"""Repetitions that give the mean curvature, which needs far more scores than a gradient; a choice."""
 SHORTEST = 1e-5
 """Shortest step of `minimise`, in search coordinates: 0.001 % of a modulus, whose standard errors are 0.5 %
 and more in the phantom."""
 FLAT = 1e-4
-"""Curvature along a direction, relative to the steepest, below which the data do not see it ..."""
+"""Curvature along a direction, relative to the steepest, below which the data do not see it: its standard error would
+be a hundred times that of the best one. A choice ..."""
 SURE = 4.0
 """... unless the score has a scale of its own: half a chi-square of this curvature tells a constant to half of itself,
 however much better another direction is known."""

@@ -18,11 +18,16 @@ from fingerfit.settings.choices import CONFIG
 from fingerfit.solvers.contract import CONVERGED, Outcome
 
 TRUST = 0.3
-"""Longest move by one set of slopes."""
+"""Longest move by one set of slopes, in the logarithm or as a share of the scale of a parameter; a choice. Slopes of a
+logarithm are an exponential's: over 0.3 they change by a third."""
 IN_TURN = 3
-"""How often constants, by the score, and effects on the observation, by least squares, follow each other."""
+"""How often constants, by the score, and effects on the observation, by least squares, follow each other; a choice."""
 ORDER = 1.2
-"""Order of convergence of displacements at a glued corner: twice the exponent of its singularity (Williams 1952)."""
+"""Order of convergence of displacements at a glued corner: twice the exponent of its singularity (Williams
+1952; docs/decisions/0003-two-meshes.md)."""
+_LEAST = 0.1
+"""Of what Richardson's formula divides by: a second mesh that is no finer than the first would give infinity
+(docs/decisions/0003-two-meshes.md)."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +95,7 @@ def left_over(problem: InverseProblem) -> float:
     """Error of the finer mesh as a share of what it changed, from its order of convergence."""
     coarse, fine = problem.meshes[SEARCH], problem.meshes[REFINED]
     ratio = (fine.element_count / coarse.element_count) ** (1 / coarse.dim)
-    return 1.0 / max(ratio**ORDER - 1.0, 0.1)
+    return 1.0 / max(ratio**ORDER - 1.0, _LEAST)
 
 
 def _minimum(problem: InverseProblem, last: Round, base: Asked, trust: float = TRUST) -> Minimum:

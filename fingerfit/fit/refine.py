@@ -22,17 +22,21 @@ ANCHOR = "anchor"
 ADDED = "effects added"
 """Reason for the slopes of a model with effects: it starts where the model without the last one ended."""
 FAR, FIRST = 0.12, 0.005
-"""A longer move needs new slopes: at any time, and after the first slopes of a model with effects."""
+"""A longer move, in the logarithm, needs new slopes: at any time (12 %, docs/decisions/0003-two-meshes.md), and after
+the first slopes of a model with effects, taken where it was predicted to be. Choices."""
 AGAIN, AGAIN_ADDED = 3, 15
-"""How often slopes are taken at most: after a search, and in a model with effects, which has none."""
+"""How often slopes are taken at most: after a search, and in a model with effects, which has none. They bound the
+cost."""
 FALL, FALL_SHARE = 0.5, 1e-3
-"""Promised fall of a likelihood, and share of it, from which slopes are taken again in studies without pictures."""
+"""Promised fall of a likelihood, and share of it, from which slopes are taken again in studies without pictures: half
+a unit of a negative log likelihood is what a move of one standard error costs; a thousandth is a choice."""
 CLOSE = 0.05
-"""A longer move, in the logarithm, is checked by another solution."""
+"""A longer move, in the logarithm, is checked by another solution (docs/decisions/0003-two-meshes.md)."""
 NEARER = 0.01
-"""The same in a model with effects, where constants and an effect may compensate each other."""
+"""The same in a model with effects, where constants and an effect may compensate each other: with relaxation the score
+fell along a valley, and an end at steps of 10 % left constants 15 % off (docs/decisions/0003-two-meshes.md)."""
 SOLUTIONS = 4
-"""At most as many on the finest mesh."""
+"""At most as many on the finest mesh, the costliest there are (docs/decisions/0003-two-meshes.md)."""
 
 
 def around_best(

@@ -10,7 +10,8 @@ from statistics import NormalDist
 import numpy as np
 
 FALSE_REMARKS = 0.01
-"""Share of studies without any fault for which noise alone may cause a remark."""
+"""Share of studies without any fault for which noise alone may cause a remark; a choice. `surely` divides it by the
+number of comparisons (Bonferroni)."""
 
 
 def surely(comparisons: int) -> float:

@@ -10,10 +10,15 @@ import numpy as np
 from fingerfit.mesh.elements import ELEMENTS, distance, middle, shape
 
 _ITERATIONS = 12
+"""Of Newton's method, which is quadratic near the end; a choice."""
 _FAR = 3.0
-"""Depth beyond which a point is taken to be in another element."""
+"""Depth, 0 in an element's middle and 1 on its border, beyond which a point is taken to be in another element; a
+choice."""
 _CONVERGED = 1e-3
-"""Length of the last move: what is left is of the order of its square."""
+"""Length of the last move in local coordinates: what is left is of the order of its square, 1e-6 of an element."""
+
+_FLAT = 1e-12
+"""Determinant of the derivatives, relative to the product of their lengths, down to which an element is flat."""
 
 _QUADRATIC: dict[int, list[tuple[int, ...]]] = {
     2: [(2, 0), (1, 1), (0, 2)],
@@ -179,5 +184,5 @@ def _solve(slope: np.ndarray, value: np.ndarray, goal: np.ndarray) -> tuple[np.n
         crosses = [np.cross(slope[k - 2], slope[k - 1], axis=0) for k in range(3)]
         det = (slope[0] * crosses[0]).sum(axis=0)
         move = np.stack([(right * cross).sum(axis=0) for cross in crosses])
-    det = np.where(np.abs(det) > 1e-12, det, 0.0)
+    det = np.where(np.abs(det) > _FLAT * np.prod(np.abs(slope).sum(axis=1), axis=0), det, 0.0)
     return np.divide(move, det, out=np.zeros_like(move), where=det != 0), det

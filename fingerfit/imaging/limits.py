@@ -12,7 +12,7 @@ from fingerfit.core.errors import LimitError
 from fingerfit.core.files import check_regular, free_memory, megabytes
 
 _HEAD = 2**16
-"""Bytes of a file in which a header of text is looked for; MetaImage's and NRRD's have some hundred."""
+"""Bytes of a file in which a header of text is looked for; MetaImage's and NRRD's have some hundred. A choice."""
 _DATA = re.compile(rb"^[ \t]*(?:ElementDataFile|data ?file)[ \t]*[=:](.*)$", re.IGNORECASE | re.MULTILINE)
 """Where headers of MetaImage and NRRD name the file with the pixels."""
 

@@ -16,9 +16,11 @@ import numpy as np
 from fingerfit.core.errors import InputError
 
 _BITS = {2: 8, 4: 16, 8: 32, 16: 32, 64: 64, 256: 8, 512: 16, 768: 32, 1024: 64, 1280: 64}
-"""Of the codes of scalar types that ITK reads."""
+"""Bits of the codes of scalar types that ITK reads (nifti1.h, as all codes here)."""
 _REAL = {16: "f4", 64: "f8"}
+"""Codes of floating-point numbers, which may be NaN."""
 _COMPLEX = (32, 1792, 2048)
+"""Codes of complex numbers of 64, 128 and 256 bits."""
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 _RAYLEIGH_MEDIAN = np.sqrt(2 * np.log(2))
+"""Median of a Rayleigh distribution whose channels have standard deviation 1 (Gudbjartsson and Patz 1995)."""
 _NORMAL_MAD = 0.6744897501960817
+"""Median of the absolute value of a standard normal: its quantile of 3/4."""
 _HAAR = np.array([1.0, -1.0]) / np.sqrt(2)
+"""Filter of the details where an axis has fewer than four pixels."""
 _DAUBECHIES = np.array([1 - 3**0.5, 3**0.5 - 3, 3 + 3**0.5, -1 - 3**0.5]) / np.sqrt(32)
-"""Filter of the details with two vanishing moments: what the picture has of slopes does not count as noise."""
+"""Filter of the details with two vanishing moments (Daubechies 1988): what the picture has of slopes does not count as
+noise (docs/decisions/0014-libraries.md)."""
+_EMPTY = 50
+"""Pixels of empty background that give the noise; their median is then good to a tenth. A choice."""
+_ROUNDINGS = 32
+"""Details of so many roundings of the largest intensity are those of a picture without noise; a choice."""
 
 
 def add_rician(values: np.ndarray, sigma: float, rng: np.random.Generator) -> np.ndarray:
@@ -42,11 +50,11 @@ def estimate_noise(values: np.ndarray, background: np.ndarray | None = None) -> 
         Picture.
     background : ndarray of bool, optional
         Where there is surely no signal: there the magnitude is Rayleigh distributed, with the median
-        sigma sqrt(2 ln 2) (Gudbjartsson and Patz 1995). Without it, or with fewer than 50 pixels, the finest
+        sigma sqrt(2 ln 2) (Gudbjartsson and Patz 1995). Without it, or with fewer than `_EMPTY` pixels, the finest
         diagonal details of the picture are used (Donoho and Johnstone 1994), by the wavelet of Daubechies (1988) with
         four coefficients.
     """
-    if background is not None and background.sum() >= 50 and (values[background] > 0).mean() > 0.5:
+    if background is not None and background.sum() >= _EMPTY and (values[background] > 0).mean() > 0.5:
         return float(np.median(values[background]) / _RAYLEIGH_MEDIAN)
     detail = values
     for axis, size in enumerate(values.shape):
@@ -54,5 +62,4 @@ def estimate_noise(values: np.ndarray, background: np.ndarray | None = None) -> 
         start = np.arange(0, size - len(taps) + 1, 2)
         detail = sum(tap * np.take(detail, start + n, axis) for n, tap in enumerate(taps))
     found = float(np.median(np.abs(detail)) / _NORMAL_MAD)
-    # details of a few dozen roundings are those of a picture without noise
-    return found if found > 32 * np.finfo(float).eps * np.abs(values).max() else 0.0
+    return found if found > _ROUNDINGS * np.finfo(float).eps * np.abs(values).max() else 0.0

@@ -17,6 +17,10 @@ from fingerfit.core.errors import FingerfitError, InputError, LimitError
 from fingerfit.imaging.limits import check_files, check_memory
 from fingerfit.imaging.whole import refuse_damaged, refuse_meta_header
 
+SAME = 0.01
+"""Share of a pixel by which pictures of one study may lie apart, anywhere in them: what registration is sure of
+(`registration.FLOOR`)."""
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -72,16 +76,20 @@ class Picture:
         found = []
         if self.values.shape != other.values.shape:
             found.append("x".join(map(str, self.values.shape[::-1])) + " pixels")
-        for name in ("spacing", "origin", "direction"):
+        slope, pixel = SAME / max(self.values.shape), SAME * self.spacing.min()
+        slacks = {"spacing": slope * self.spacing, "origin": pixel, "direction": slope}
+        for name, slack in slacks.items():
             own, its = getattr(self, name), getattr(other, name)
-            if own.shape != its.shape or not np.allclose(own, its, atol=1e-6):
+            if own.shape != its.shape or not (np.abs(own - its) <= slack).all():
                 found.append(f"{name} {_rounded(own.tolist())}")
         return ", ".join(found)
 
 
 def _rounded(value: Any) -> Any:
-    """Numbers in lists with six decimals; of whatever size, other than by `numpy.round`."""
-    return [_rounded(inner) for inner in value] if isinstance(value, list) else round(value, 6)
+    """Numbers in lists with six decimals, small ones with six digits; of whatever size, other than by `numpy.round`."""
+    if isinstance(value, list):
+        return [_rounded(inner) for inner in value]
+    return round(value, 6) if abs(value) >= 1e-3 else float(f"{value:.6g}")
 
 
 def read_picture(path: Path) -> Picture:
@@ -95,28 +103,7 @@ def read_picture(path: Path) -> Picture:
     """
     import SimpleITK as sitk
 
-    sitk.ProcessObject.SetGlobalWarningDisplay(False)
-    if not path.exists():
-        raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
-    check_files(path)
-    if not path.is_dir():
-        refuse_meta_header(path)
-    try:
-        files = _series(path) if path.is_dir() else [str(path)]
-        reader = sitk.ImageFileReader()
-        reader.SetFileName(files[0])
-        with contextlib.suppress(RuntimeError):  # a header that ITK cannot read is told better below
-            reader.ReadImageInformation()
-            check_memory(path, reader, len(files))
-        if not path.is_dir():
-            refuse_damaged(path)
-        image = sitk.ReadImage(files if path.is_dir() else files[0])
-    except MemoryError as error:
-        expected = "a picture that fits into the memory"
-        raise LimitError(path, "picture", "more than the memory holds", expected) from error
-    except RuntimeError as error:
-        reason = [line for line in str(error).splitlines() if line.strip()][-1]
-        raise InputError(path, "picture", reason, "a picture that SimpleITK reads") from error
+    image = _read_image(path)
     if image.GetNumberOfComponentsPerPixel() != 1:
         raise InputError(path, "picture", f"{image.GetNumberOfComponentsPerPixel()} channels", "one channel")
     if "complex" in image.GetPixelIDTypeAsString():
@@ -146,6 +133,35 @@ def read_picture(path: Path) -> Picture:
     if dim == 3 and np.linalg.det(direction) < 0:
         raise InputError(path, "direction", "a left-handed direction matrix (determinant -1)", "a right-handed one")
     return Picture(values, spacing, origin, direction)
+
+
+def _read_image(path: Path) -> Any:
+    """What SimpleITK reads of a file or folder that is whole and fits into the memory."""
+    import SimpleITK as sitk
+
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    if not path.exists():
+        raise InputError(path, "picture", "no such file", "a picture file or a folder with a DICOM series")
+    check_files(path)
+    if not path.is_dir():
+        refuse_meta_header(path)
+    try:
+        files = _series(path) if path.is_dir() else [str(path)]
+        reader = sitk.ImageFileReader()
+        reader.SetFileName(files[0])
+        with contextlib.suppress(RuntimeError):  # a header that ITK cannot read is told better below
+            reader.ReadImageInformation()
+            check_memory(path, reader, len(files))
+        if not path.is_dir():
+            refuse_damaged(path)
+        image = sitk.ReadImage(files if path.is_dir() else files[0])
+    except MemoryError as error:
+        expected = "a picture that fits into the memory"
+        raise LimitError(path, "picture", "more than the memory holds", expected) from error
+    except RuntimeError as error:
+        reason = [line for line in str(error).splitlines() if line.strip()][-1]
+        raise InputError(path, "picture", reason, "a picture that SimpleITK reads") from error
+    return image
 
 
 def _series(path: Path) -> Sequence[str]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 DEGREE = 5
-"""Of the polynomial that takes up the field of displacement of a step."""
+"""Of the polynomial that takes up the field of displacement of a step; a choice."""
 _LEAST = 0.5
-"""Share of the points that must lie where the body is, as of a mesh in its pictures."""
+"""Share of the points that must lie where the body is, as of a mesh in its pictures: beside it, a unit or an axis is
+wrong. A choice."""
+_APART = 1e-5
+"""Distance, as a share of the extent of all points, by which a point may differ between steps; a choice."""
 SURPLUS = 3
-"""Points for each of its coefficients; with fewer points the degree is lower."""
+"""Points for each of its coefficients; with fewer points the degree is lower. A choice."""
 
 
 def unusable(points: np.ndarray, displacement: np.ndarray, body: np.ndarray) -> tuple[str, str] | None:
@@ -60,7 +63,8 @@ def estimate_covariance(points: np.ndarray, displacement: np.ndarray, step: np.n
     used = np.unique(step)
     parts = [step == number for number in used]
     first = points[parts[0]]
-    if any(part.sum() != len(first) or not np.allclose(points[part], first) for part in parts):
+    apart = _APART * np.ptp(first, axis=0).max()
+    if any(part.sum() != len(first) or (np.abs(points[part] - first) > apart).any() for part in parts):
         raise ValueError("steps with different points")
     basis = _polynomials(first, DEGREE)
     for degree in range(DEGREE - 1, 0, -1):

@@ -18,14 +18,17 @@ from fingerfit.imaging.warp import sample, spline_coefficients
 
 COARSE = (4.0, 1.0, 0.0, 0.0)
 """Extra smoothing of the passes, pixels. The last is made twice: on a textured block the second pass takes the error
-from 0.028 to 0.020 pixels, a third one changes it by less than a tenth."""
+from 0.028 to 0.020 pixels, a third one changes it by less than a tenth
+(docs/decisions/0008-own-error-of-registration.md). The first two are choices."""
 FLOOR = 0.01
 """Error of a displacement that is alike everywhere, pixels: 0.001 to 0.003 by interpolation (textures of a correlation
 length of 1 and 2.5 pixels, five seeds of each), 0.012 in patches beside an outline that one picture cuts sharply."""
 FARTHEST = 4.0
-"""Longest move of a pass along an axis, pixels."""
+"""Longest move of a pass along an axis, pixels: the standard deviation of the first one's smoothing (`COARSE`). A
+choice."""
 FEWEST = 30
-"""Pixels that a patch needs."""
+"""Pixels that a patch needs: ten for each of its unknowns in the plane, two displacements and the brightness. A
+choice."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +225,8 @@ def _spread(shifts: np.ndarray, patch: np.ndarray) -> np.ndarray:
 
 
 _BLOCK = 2
-"""Voxels along each side of a block in which a field that is much smoother is made."""
+"""Voxels along each side of a block in which a field that is much smoother, over two sides or more, is made:
+an eighth as many. A choice."""
 
 
 def _spread_coarsely(shifts: np.ndarray, patch: np.ndarray, width: float) -> np.ndarray:

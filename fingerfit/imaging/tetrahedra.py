@@ -17,13 +17,16 @@ from fingerfit.imaging.raster import distances, scan, slabs
 from fingerfit.mesh.shapes import EDGES
 
 INSIDE = 5e-7
-"""Barycentric coordinates down to minus this count as inside, as in `inverse`."""
+"""Barycentric coordinates down to minus this count as inside, so that no pixel on a common face is lost by rounding:
+the depth in `inverse`, up to 1 + 2e-6 there, is 1 minus four times the smallest coordinate."""
 _SOON, _TURNS = 5, 12
-"""Turns of a fixed point by all pixels, and at most."""
+"""Turns of a fixed point by all pixels, and at most: most settle soon, what has not by then goes to `inverse`.
+Choices."""
 _SETTLED = 1e-5
 """Barycentric change at which a fixed point has settled; the next one would be some ten times smaller."""
 STRAIGHT = 1e-6
-"""Pixels by which the middle of an edge may lie beside it."""
+"""Pixels by which the middle of an edge may lie beside it and the element still counts as straight: what cannot be seen
+in a picture."""
 _FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 """Corners of the faces, each opposite to the corner of its number, anticlockwise from outside."""
 _MIDDLE = np.zeros((4, 4), dtype=int)

@@ -21,10 +21,15 @@ from fingerfit.mesh.elements import ELEMENTS, distance, rule, shape
 from fingerfit.mesh.mesh import Mesh
 
 _DEEP = 1 - 1e-3
+"""Depth, 0 in an element's middle and 1 on its border, below which a pixel in two elements counts as covered twice:
+those on a common border are in both by rounding."""
+_BESIDE = 1e-10
+"""Distance, as a share of the body's extent, from the box around an element's nodes at which points are still tried:
+rounding."""
 _PAIRS = 4_000_000
-"""Pairs of element and point that are looked at together."""
+"""Pairs of element and point that are looked at together: 12 MB for each comparison in space. A choice."""
 _POLE = 3**0.5 - 2
-"""Of the filter that makes cubic B-splines pass through the values."""
+"""Of the filter that makes cubic B-splines pass through the values (Unser 1999)."""
 
 
 @dataclass(frozen=True)
@@ -306,9 +311,10 @@ class Probe:
         self._nodes = np.zeros((len(points), widest), dtype=int)
         self._weights = np.full((len(points), widest), np.nan)
         self.element, start = np.full(len(points), -1), 0
+        slack = _BESIDE * np.ptp(mesh.points, axis=0).max()
         for block in mesh.blocks:
             corners = mesh.points[block.nodes]
-            low, high = corners.min(axis=1) - 1e-9, corners.max(axis=1) + 1e-9
+            low, high = corners.min(axis=1) - slack, corners.max(axis=1) + slack
             pairs = []
             for first, part in _parts(points, _PAIRS // len(corners) + 1):
                 near = ((low[:, None] <= part) & (part <= high[:, None])).all(axis=2)

@@ -22,7 +22,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.imaging.nifti import NiftiHeader, read_header
 
 BLOCK = 1 << 20
-"""Bytes that are read at once."""
+"""Bytes that are read at once, one MiB; a choice."""
 WHOLE = "a whole file"
 
 

@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems
-from fingerfit.core.files import TABLE, read_text
 from fingerfit.deck.mesh_file import read_mesh
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.points import estimate_covariance, unusable
-from fingerfit.imaging.warp import Probe
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.mesh.check import faults_of_mesh
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.prepare.pictures import Prepared, prepare_pictures
 from fingerfit.prepare.plausible import falls, refuse_depth
+from fingerfit.prepare.points import points_covariance, read_points
 from fingerfit.settings.config import MeshSettings
 from fingerfit.study.data import Data
 from fingerfit.study.study import ESTIMATED, Study
@@ -117,15 +115,10 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     Problems
         With one line for everything that is wrong.
     """
-    problems: list[FingerfitError] = []
+    problems = _steps_without_measurements(study, steps)
     numbers = [step.number for step in study.steps]
     used = [i for i, s in enumerate(study.steps) if s.picture and (steps is None or s.number in steps)]
     pictured = any(step.picture for step in study.steps)
-    for number in steps or []:
-        if number not in numbers or (pictured and not study.steps[numbers.index(number)].picture):
-            found = f"step {number}, which has no picture" if number in numbers else f"step {number}"
-            problems.append(InputError("config.yaml", "fit.steps", found, "steps with a picture" if pictured else
-                                       f"steps of the study, {numbers[0]} to {numbers[-1]}"))  # fmt: skip
     prepared = None
     try:
         refuse_depth(study, mesh)
@@ -137,8 +130,8 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         problems += error.problems
     except InputError as error:
         problems.append(error)
-    points = _read_points(study, mesh, problems)
-    spread = _points_covariance(study, points, problems)
+    points = read_points(study, mesh, problems)
+    spread = points_covariance(study, points, problems)
     chosen = np.array([steps is None or number in steps for number in numbers], dtype=bool)
     points = tuple(part[chosen[points[2]]] for part in points)
     if problems:
@@ -183,6 +176,19 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     return replace(data, remarks="\n".join([*prepared.remarks, *falls(data)]))
 
 
+def _steps_without_measurements(study: Study, steps: list[int] | None) -> list[FingerfitError]:
+    """Chosen steps that the study lacks, or that have no picture in a study with pictures."""
+    problems: list[FingerfitError] = []
+    numbers = [step.number for step in study.steps]
+    pictured = any(step.picture for step in study.steps)
+    for number in steps or []:
+        if number not in numbers or (pictured and not study.steps[numbers.index(number)].picture):
+            found = f"step {number}, which has no picture" if number in numbers else f"step {number}"
+            problems.append(InputError("config.yaml", "fit.steps", found, "steps with a picture" if pictured else
+                                       f"steps of the study, {numbers[0]} to {numbers[-1]}"))  # fmt: skip
+    return problems
+
+
 def _noise(study: Study, name: str, values: np.ndarray, against: np.ndarray) -> float:
     """Standard deviation as given, or from the residual of a cubic through the measured curve."""
     given = getattr(study.noise, name)
@@ -210,63 +216,3 @@ def _force_noise(study: Study, common: float) -> float | np.ndarray:
     if all(step.force_noise is None for step in study.steps):
         return common
     return np.array([common if step.force_noise is None else step.force_noise for step in study.steps])
-
-
-def _number(text: str) -> float:
-    """A number of a table; ValueError for the 1_0 that Python reads as 10, too."""
-    if "_" in text:
-        raise ValueError(f"could not read {text.strip()!r}")
-    return float(text)
-
-
-def _points_covariance(
-    study: Study, points: tuple[np.ndarray, np.ndarray, np.ndarray], problems: list[FingerfitError]
-) -> np.ndarray:
-    """Covariance of a point's error at two steps, mm^2: as given and independent, or estimated from all points."""
-    count = len(study.steps)
-    if study.noise.points != ESTIMATED:
-        return float(study.noise.points or 0.0) ** 2 * np.eye(count)
-    try:
-        return estimate_covariance(*points, count) if len(points[2]) else np.zeros((count, count))
-    except ValueError as error:
-        expected = "a number, or at least 9 points, the same at all steps"
-        problems.append(InputError(study.path, "noise.points", f"estimated, from {error}", expected))
-        return np.zeros((count, count))
-
-
-def _read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    columns = [*"xyz"[: mesh.dim], *("u" + axis for axis in "xyz"[: mesh.dim])]
-    tables, owners = [], []
-    for number, step in enumerate(study.steps):
-        if step.points is None:
-            continue
-        try:
-            text = read_text(step.points, "points", TABLE, "a table of points").splitlines()
-            head = [cell.strip() for cell in text[0].split(",")] if text else []
-            if head != columns:
-                raise InputError(step.points, "columns", ",".join(head) or "nothing", ",".join(columns))
-            table = np.array([[_number(cell) for cell in row.split(",")] for row in text[1:] if row.strip()])
-            if table.ndim != 2 or table.shape[1] != len(columns) or not np.isfinite(table).all():
-                raise InputError(step.points, "rows", "missing or infinite numbers", f"{len(columns)} finite numbers")
-            wrong = unusable(table[:, : mesh.dim] * study.length, table[:, mesh.dim :] * study.length, mesh.body)
-            if wrong is not None:
-                raise InputError(step.points, "rows", *wrong)
-            # a point of no element has no displacement to compare with
-            outside = np.flatnonzero(Probe(mesh, table[:, : mesh.dim] * study.length).element < 0)
-            if len(outside):
-                lines = [line for line, row in enumerate(text, 1) if line > 1 and row.strip()]
-                place = ", ".join(f"{x:g}" for x in table[outside[0], : mesh.dim])
-                found = f"{place} in no element of the mesh ({len(outside)} of {len(table)} points are)"
-                raise InputError(step.points, f"line {lines[outside[0]]}", found, "points in the body")
-        except InputError as error:
-            problems.append(error)
-            continue
-        except ValueError as error:
-            problems.append(InputError(step.points, "rows", error, f"{len(columns)} finite numbers"))
-            continue
-        tables.append(table * study.length)
-        owners.append(np.full(len(table), number))
-    if not tables:
-        return np.zeros((0, mesh.dim)), np.zeros((0, mesh.dim)), np.zeros(0, dtype=int)
-    table = np.concatenate(tables)
-    return table[:, : mesh.dim], table[:, mesh.dim :], np.concatenate(owners)

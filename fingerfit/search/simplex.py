@@ -123,4 +123,5 @@ _COMPANIONS = {
     "outside": ("inside", "outside", "expand"),
     "inside": ("inside", "outside", "expand"),
 }
-"""What is most often needed after a reflection, by what the iteration before did."""
+"""What is most often needed after a reflection, by what the iteration before did: it is simulated beside the reflection
+where there is a second processor. It changes no result."""

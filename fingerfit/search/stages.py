@@ -34,13 +34,14 @@ class Stage:
         all tied parameters alike; ``independent``: a simplex over all parameters.
     tolx : float
         Largest difference of a parameter between the best vertex and the others: in search coordinates, which are the
-        logarithm (0.01: 1 % of the value) or the share of the distance of the bounds.
+        logarithm (0.01: 1 % of the value) or the share of the distance of the bounds. A thousandth is the paper's 1e-5
+        MPa for a soft tissue of 0.01 MPa (docs/decisions/0013-search.md).
     tolf : float
-        Largest difference of the score. A simplex stops when both are met.
+        Largest difference of the score, as the paper's second stage has it. A simplex stops when both are met.
     points : int
-        Of a grid.
+        Of a grid; a choice.
     step : float
-        Size of the first simplex, in search coordinates.
+        Size of the first simplex, in search coordinates: a factor of 1.5 of a modulus; a choice.
     restarts : int
         How often a new simplex is started at the best point, in any case.
     tied : tuple of str

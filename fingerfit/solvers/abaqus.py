@@ -172,7 +172,7 @@ def _ended(increment: FilIncrement, deck: Deck) -> bool:
     if increment.step > len(deck.steps) or "U" not in increment.nodal:
         return False
     end = sum(step.period for step in deck.steps[: increment.step])
-    return abs(increment.time - end) < 1e-6 * max(end, 1.0)
+    return abs(increment.time - end) < 1e-6 * end
 
 
 def _outcome(found: list[FilIncrement], deck: Deck, what: str) -> Outcome:

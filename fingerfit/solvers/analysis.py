@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.deck.content import Deck, DeckStep
-from fingerfit.fem.newton import Increments, Load, Newton
+from fingerfit.fem.newton import Load
+from fingerfit.fem.path import Increments, LoadPath
 from fingerfit.fem.system import System
 from fingerfit.solvers.model import Model
 
@@ -52,30 +53,30 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepRes
         For what does not fit together, before the first step.
     """
     model = model_of(deck, path, averaged)
-    newton: Newton | None = None
+    loading: LoadPath | None = None
     for step in deck.steps:
         prescribed = np.zeros(model.size, dtype=bool)
         for node, axis in step.displacement:
             dof = model.dof(node, axis)
             if dof >= 0:
                 prescribed[dof] = True
-        if newton is None:
-            newton = _start(model.system(prescribed), bool(deck.stress or deck.strain))
-        elif not np.array_equal(prescribed, newton.system.prescribed):
-            newton.change(model.system(prescribed))
+        if loading is None:
+            loading = _start(model.system(prescribed), bool(deck.stress or deck.strain))
+        elif not np.array_equal(prescribed, loading.system.prescribed):
+            loading.change(model.system(prescribed))
         with np.errstate(all="ignore"):
-            arrived, used = newton.advance(_path(model, step, newton), _increments(deck, step))
+            arrived, used = loading.advance(_path(model, step, loading), _increments(deck, step))
         shape, nodal = deck.mesh.points.shape, model.nodal
-        state = newton.state
+        state = loading.state
         yield StepResult(arrived, state.u[:nodal].reshape(shape), state.internal[:nodal].reshape(shape), used)
         if not arrived:
             return
 
 
-def _start(system: System, stressed: bool) -> Newton:
+def _start(system: System, stressed: bool) -> LoadPath:
     """At rest; with initial stresses, their forces are what residuals are measured by."""
     evaluation = system.evaluate(np.zeros(system.size), tangent=False) if stressed else None
-    return Newton(system, 0.0 if evaluation is None else float(np.abs(evaluation.internal).max()))
+    return LoadPath(system, 0.0 if evaluation is None else float(np.abs(evaluation.internal).max()))
 
 
 def _increments(deck: Deck, step: DeckStep) -> Increments:
@@ -84,9 +85,9 @@ def _increments(deck: Deck, step: DeckStep) -> Increments:
     return Increments(step.increment, step.largest, step.fixed, step.period, step.viscous, step.relaxed, stops)
 
 
-def _path(model: Model, step: DeckStep, newton: Newton) -> Callable[[float], Load]:
+def _path(model: Model, step: DeckStep, loading: LoadPath) -> Callable[[float], Load]:
     """Load as a function of the share of the step; pressures are set on the way."""
-    start = Load(newton.load.given.copy(), newton.load.force.copy())
+    start = Load(loading.load.given.copy(), loading.load.force.copy())
     amplitudes = model.deck.amplitudes
     dead = start.force if model.finite else np.zeros(model.size)
     ends = []

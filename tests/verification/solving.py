@@ -5,7 +5,8 @@ import numpy as np
 from fingerfit.deck.reader import read_deck
 from fingerfit.deck.write import format_deck
 from fingerfit.fem.assembly import Body
-from fingerfit.fem.newton import Load, Newton
+from fingerfit.fem.newton import Load
+from fingerfit.fem.path import LoadPath
 from fingerfit.fem.system import System
 from fingerfit.fem.volume import AveragedVolume
 from fingerfit.material.elastic import Elastic
@@ -46,11 +47,11 @@ def solve(body, terms, size, fixed, force=None, given=None, steps=1, ties=None):
     prescribed = np.zeros(size, dtype=bool)
     prescribed[fixed] = True
     load = Load(np.zeros(size) if given is None else given, np.zeros(size) if force is None else force)
-    newton = Newton(System([body] if body else [], size, prescribed, ties or {}, terms))
+    loading = LoadPath(System([body] if body else [], size, prescribed, ties or {}, terms))
     with np.errstate(all="ignore"):
-        arrived, _ = newton.advance(load, 1.0 / steps)
+        arrived, _ = loading.advance(load, 1.0 / steps)
     assert arrived
-    return newton
+    return loading
 
 
 def solve_deck(path):

@@ -110,7 +110,7 @@ def taken(monkeypatch):
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_pardiso_is_taken_where_it_is_installed(rng, taken, symmetric):
     if factor._Pardiso.load(symmetric) is None:
-        pytest.skip("pypardiso is not installed: pip install fingerfit[fast]")
+        pytest.skip("pypardiso is not installed: make fast")
     for n, expected in ((5, ["superlu"]), (11, ["pardiso"])):
         matrix, positions = cube(n)
         assert (matrix.shape[0] >= factor.LARGE) == (n == 11)

@@ -133,8 +133,8 @@ def expanded(element, cells):
     given = np.zeros(mesh.points.size)
     given[number[inside, 0]] = 0.3
     fixed = np.unique(np.concatenate([number[:, 1], number[inside, 0]]))
-    newton = solve(body, terms, mesh.points.size, fixed, given=given, steps=2)
-    return newton.state.internal.reshape(-1, 2)[inside, 0].sum()
+    found = solve(body, terms, mesh.points.size, fixed, given=given, steps=2)
+    return found.state.internal.reshape(-1, 2)[inside, 0].sum()
 
 
 @pytest.mark.parametrize("element, close", [("CAX3H", 5e-4), ("CAX6H", 5e-4), ("CAX6", 5e-4), ("CAX3", None)])

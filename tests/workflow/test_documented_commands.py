@@ -1,0 +1,260 @@
+"""Every command that README.md and docs/*.md show is run: here as it stands there, or by the file that a table names.
+
+What is run here are sessions of a shell in a copy of the project, in the order of the documents, with a coarse mesh and
+a short search in config.yaml. A command that a document shows and that is neither in a session nor in the table fails.
+"""
+
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from fingerfit.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PROGRAMS = r"fingerfit|snakemake|make|python3?|pip|source|sed|cp|mkdir"
+COMMAND = re.compile(rf"(?:[A-Z_]+=\S+ )*(?:{PROGRAMS}) .+")
+NAME = re.compile(r"(fingerfit|snakemake) ([a-z]+)")
+"""A command's name alone, as a sentence mentions it."""
+
+
+def shown():
+    """Commands of code blocks without a language, and those in the text between single backticks, with their places."""
+    found = {}
+    for path in DOCUMENTS:
+        fence, lines = None, []
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if line.startswith("```"):
+                fence = line[3:] if fence is None else None
+            elif fence is None:
+                lines += re.findall(r"`([^`]+)`", line)
+            elif fence == "":
+                lines.append(line)
+        for line in lines:
+            for part in re.sub(r"\s+# .*", "", line).split("; "):
+                if COMMAND.fullmatch(part.strip()):
+                    found.setdefault(part.strip(), path.name)
+    return found
+
+
+PLACES = {
+    "/some/existing/folder": "$PWD/shared",
+    "DESCRIPTION.yaml": "small.yaml",
+    "DECK": "$(ls results/mine/sims/*/deck.inp | head -1)",
+    "results/STUDY/MODEL": "results/phantom/base",
+    "STUDY/": "studies/mine/",
+    "STUDY": "studies/mine",
+}
+"""What a command names that a user has elsewhere."""
+SESSIONS = {
+    "look": [
+        "source .venv/bin/activate", "make help", "make setup", "fingerfit effects", "fingerfit docs", "fingerfit add tilt",
+        "fingerfit drop tilt",
+    ],
+    "tests": ["make test", "> make test-all"],
+    "fast": ["make fast"],
+    "run": ["make run"],
+    "study": [
+        "source .venv/bin/activate",
+        "mkdir -p studies/mine/pictures",
+        "cp studies/phantom/pictures/*.nii.gz studies/mine/pictures/",
+        "cp config.yaml mine.yaml",
+        "> sed -i s,studies/phantom,studies/mine, mine.yaml; cp mine.yaml studies/mine/config.yaml",
+        "fingerfit check studies/mine --config mine.yaml --picture mesh.png",
+        "fingerfit check studies/mine",
+        "fingerfit check STUDY --config STUDY/config.yaml --picture mesh.png",
+        "fingerfit effects studies/mine",
+        "snakemake --cores 2 --configfile mine.yaml",
+        "fingerfit deck show DECK",
+    ],
+    "shared": [
+        "> cp studies/phantom/pictures/*.nii.gz studies/mine/; sed -i s,pictures/,, studies/mine/study.yaml studies/mine/steps.csv",
+        "> sed s,studies/phantom,studies/mine, config.yaml > mine.yaml; mkdir shared",
+        "SNAKEMAKE_OUTPUT_CACHE=/some/existing/folder snakemake --cores 2 --cache --configfile mine.yaml",
+        "> ls shared/*",
+    ],
+    "fingertip": [
+        "make fingertip-data",
+        "make fingertip-coarse",
+        "fingerfit finger --out reference.inp",
+        "> cp studies/fingertip/pictures/before.nii.gz .",
+        "fingerfit morph reference.inp before.nii.gz --at 25.49 0 --out subject.inp",
+    ],
+    "case": ["python benchmarks/hidden_effects.py --only relaxation --write studies/hidden"],
+    "experiment": [
+        "fingerfit experiment DESCRIPTION.yaml --out STUDY",
+        "fingerfit experiment studies/phantom/experiment.yaml --out studies/virtual",
+    ],
+    "calculix": ["snakemake --cores 2 --configfile studies/phantom/calculix.yaml"],
+    "diagnose": ["snakemake --cores 2 diagnose", "snakemake --cores 2 export", "fingerfit export results/STUDY/MODEL"],
+    "tilt": [
+        "sed 's,studies/phantom,studies/hidden-tilt,' config.yaml > tilt.yaml",
+        "snakemake diagnose --cores 2 --configfile tilt.yaml",
+        "fingerfit add tilt --config tilt.yaml",
+    ],
+}  # fmt: skip
+"""What is run here; lines that begin with ``>`` are what the documents say in words."""
+LEFT = {
+    "run": {"results/phantom/base/estimate.json": ["mu"], "results/phantom/base/figures/force.png": []},
+    "study": {"mesh.png": [], "results/mine/base/table.txt": ["mu"]},
+    "experiment": {"studies/mine/steps.csv": ["step"], "studies/virtual/study.yaml": ["layers"]},
+    "diagnose": {"results/phantom/report.html": ["<html"], "results/phantom/base/export/error_by_step.csv": ["step"]},
+    "calculix": {"results/phantom/calculix/table.txt": ["solver calculix"]},
+    "tilt": {"tilt.yaml": ["tilt: {slope:"], "results/hidden-tilt/base/diagnosis.json": ["verdict"]},
+    "fingertip": {"subject.inp": ["C3D10H"], "studies/fingertip-coarse/subject.inp": ["C3D4"]},
+    "case": {"studies/hidden/relaxation/study.yaml": ["layers"]},
+}
+"""What a session leaves, and texts in it."""
+SLOW = ("tests", "run", "shared", "calculix", "diagnose", "tilt", "fingertip", "case")
+FINGERTIP, FOREIGN = "benchmarks/fingertip.py", "benchmarks/foreign/run.py"
+GOAL = ('"snakemake", goal, "--cores", str(cores), "--configfile"', 'choices=("diagnose", "discover")')
+CONFIGFILE = '"snakemake", "--cores", "2", "--configfile", str(folder / "config.yaml")'
+ELSEWHERE = {
+    "snakemake --cores 2 discover": ("tests/workflow/test_hidden.py", ('"--cores", "2"]', 'snakemake(place, "discover")')),
+    "snakemake discover --cores 2 --configfile tilt.yaml": (FOREIGN, GOAL),
+    "snakemake --cores 2 diagnose --configfile mine.yaml": (FOREIGN, GOAL),
+    "make fingertip": (FINGERTIP, (CONFIGFILE,)),
+    "make benchmark": ("benchmarks/phantom.md", ("Made by `benchmarks/phantom.py` (`make benchmark`)",)),
+    "make benchmark-solver": ("benchmarks/solver.md", ("Made by `make benchmark-solver`",)),
+    "make benchmark-indentation": ("benchmarks/indentation.md", ("Made by `make benchmark-indentation`",)),
+    "pip install ./examples/solver-package": (
+        "tests/conformance/test_example_package.py", ('"-m", "pip", "install"', 'PACKAGE = ROOT / "examples/solver-package"')
+    ),
+}  # fmt: skip
+"""What takes long or a network: the file that runs it, and what stands there."""
+
+
+def names():
+    """Commands that are mentioned by their name alone, and are not run as they stand."""
+    run = {line for lines in SESSIONS.values() for line in lines}
+    return {line: where for line, where in shown().items() if NAME.fullmatch(line) and line not in run}
+
+
+def test_every_command_is_run_somewhere():
+    known = {line for lines in SESSIONS.values() for line in lines if not line.startswith(">")} | ELSEWHERE.keys()
+    missing = {line: where for line, where in shown().items() if line not in known | names().keys()}
+    assert missing == {}, "run them in a session, or name the file that runs them"
+    assert known <= shown().keys(), f"no document shows {known - shown().keys()}"
+
+
+def test_the_files_named_run_the_command():
+    for line, (file, texts) in ELSEWHERE.items():
+        written = (ROOT / file).read_text(encoding="utf-8")
+        assert texts and all(text in written for text in texts), (line, file)
+
+
+def test_names_of_commands_are_known(capsys):
+    run = {line for lines in SESSIONS.values() for line in lines} | ELSEWHERE.keys()
+    for line, where in names().items():
+        program, name = line.split()
+        if program == "fingerfit":
+            with pytest.raises(SystemExit) as ended:
+                main([name, "--help"])
+            assert ended.value.code == 0, (line, where)
+        else:
+            assert any(other.startswith(program) and name in other.split() for other in run), (line, where)
+
+
+DOCUMENTED_STUDY = {
+    "steps.csv": r"`studies/mine/steps.csv`.*?^```\n(.*?)^```",
+    "study.yaml": r"`studies/mine/study.yaml`:\s+```yaml\n(.*?)^```",
+}
+"""Where docs/study.md has the files of its example."""
+COARSE = {
+    "Makefile": (("--size 1.7", "--size 5"),),
+    "studies/fingertip/experiment.yaml": (
+        ("[0.8, 1.6, 2.4, 3.2, 4.0]", "[0.4]"), ("[1, 2, 3, 4, 5]", "[1]"), ("[192, 128, 128]", "[96, 64, 64]"),
+        ("[0.234, 0.234, 0.234]", "[0.468, 0.468, 0.468]"),
+    ),
+    "studies/phantom/experiment.yaml": (("across: 36, per_layer: 12", "across: 4, per_layer: 2"),),
+}  # fmt: skip
+STAGES = [{"name": "one", "kind": "independent", "step": 0.1, "tolx": 0.5, "tolf": 1.0}]
+SMALL = {
+    "title": "small",
+    "body": {"width": 12, "thickness": 70, "layers": [{"name": "gel", "height": 12, "mu": 0.03, "intensity": 0.5}]},
+    "material": {"alpha": 1.4, "poisson": 0.49},
+    "mesh": {"element": "CPE8", "across": 3, "per_layer": 3, "grading": 1},
+    "solver": "builtin",
+    "displacement": [1.0],
+    "picture": {"pixels": 48, "side": 22, "texture": 0.15, "correlation": 0.6, "noise": 0.01, "pictured": [1]},
+    "noise": {"force": 0.001, "displacement": 0.01},
+    "seed": 1,
+}
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A copy of the project with coarse meshes, one constant that starts near its end, and a file of tests."""
+    for name in ("Snakefile", "Makefile", "config.yaml", "pyproject.toml", *(p.name for p in ROOT.glob("*.lock"))):
+        shutil.copy2(ROOT / name, tmp_path / name)
+    for name in ("workflow", "templates", "benchmarks", "docs"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__", ".cache"))
+    (tmp_path / "profiles").symlink_to("workflow/profiles")
+    for name in ("phantom", "hidden-tilt", "fingertip", "fingertip-coarse"):
+        made = shutil.ignore_patterns("*.inp", *(["pictures", "sealed", "st*"] if name == "fingertip" else []))
+        shutil.copytree(ROOT / "studies" / name, tmp_path / "studies" / name, ignore=made)
+    for name in ("tests/conftest.py", "tests/seeds.py", "tests/faults/table.py", "tests/unit/test_ogden.py"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, tmp_path / name)
+    for name, pairs in COARSE.items():
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        for old, new in pairs:
+            assert old in text, (name, old)
+            text = text.replace(old, new)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    for path in (tmp_path / "config.yaml", tmp_path / "studies/phantom/calculix.yaml"):
+        config = yaml.safe_load(path.read_text(encoding="utf-8"))
+        config["model"]["mesh"] |= {"across": 4, "per_layer": 1}
+        config["model"].pop("refined", None)
+        config["model"]["parameters"] = {"mu": {"unit": "MPa", "start": 0.035, "lower": 0.01, "upper": 0.1}}
+        config["fit"] |= {"stages": STAGES, "replicates": 20, "steps": [3, 7]}
+        path.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(SMALL, sort_keys=False), encoding="utf-8")
+    text = (ROOT / "docs/study.md").read_text(encoding="utf-8")
+    (tmp_path / "studies/mine").mkdir()
+    for name, pattern in DOCUMENTED_STUDY.items():
+        (found,) = re.findall(pattern, text, re.MULTILINE | re.DOTALL)
+        (tmp_path / "studies/mine" / name).write_text(found, encoding="utf-8")
+    (tmp_path / ".venv").mkdir()
+    for path in Path(sys.prefix).iterdir():
+        if path.name != "ready":
+            (tmp_path / ".venv" / path.name).symlink_to(path)
+    (tmp_path / ".venv/ready").touch()
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in SESSIONS])
+def test_a_session_of_commands(project, name):
+    """All in one shell, which ends at the first that fails; programs are those of this environment."""
+    if "source .venv/bin/activate" in SESSIONS[name] and not (project / ".venv/bin/activate").exists():
+        pytest.skip("this Python is not in a virtual environment, as `make setup` makes it")
+    if name in ("experiment", "calculix") and shutil.which("ccx") is None:
+        pytest.skip("CalculiX (ccx) is not installed: .ci/run installs it")
+    if name == "fast" and importlib.util.find_spec("pypardiso") is None:
+        pytest.skip("pypardiso, which it installs, is not here, and tests use no network")
+    lines = ["set -euo pipefail"]
+    for line in SESSIONS[name]:
+        for place, own in PLACES.items():
+            line = line.replace(place, own)
+        lines.append(line.removeprefix("> "))
+    # Snakemake in Snakemake, and pytest in pytest, would take the settings of the outer one
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTEST_", "MAKE", "MFLAGS"))}
+    kept |= {
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+        "OMP_NUM_THREADS": "1",
+        "PIP_NO_INDEX": "1",
+    }
+    done = subprocess.run(["bash", "-xc", "\n".join(lines)], cwd=project, env=kept, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-1500:] + done.stderr[-3000:]
+    for file, texts in LEFT.get(name, {}).items():
+        path = project / file
+        assert path.stat().st_size > 0
+        assert all(text in path.read_text(encoding="utf-8") for text in texts), file
