@@ -24,6 +24,7 @@ from fingerfit.diagnosis.verdict import (
     Verdict,
     decide,
     ended_well,
+    explained_share,
     explains,
     generalising,
     half_explained,
@@ -180,7 +181,7 @@ def _refits(
 ) -> Iterator[tuple[Ranked, Refit, int]]:
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
-    Where one explains the data, not those whose odds were far below its own.
+    Where one explains most of the misfit, not those whose odds were far below its own.
     """
     enough = -np.inf
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
@@ -191,7 +192,7 @@ def _refits(
             refit, run = _refit(problem, last, ranked, everything, found, threads)
         except StateError:
             continue  # bodies without a solution explain nothing
-        if explains(refit):
+        if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
             enough = max(enough, ENOUGH * ranked.odds(spread))
         yield ranked, refit, run
 
