@@ -84,7 +84,12 @@ class FirstPass:
         return int(self.rows.sum())
 
     def refit(
-        self, problem: InverseProblem, start: Mapping[str, float], effect: Effect | None = None, moves: int = MOVES
+        self,
+        problem: InverseProblem,
+        start: Mapping[str, float],
+        effect: Effect | None = None,
+        moves: int = MOVES,
+        near: bool = False,
     ) -> Refitted:
         """Refit a model from a start that has a solution.
 
@@ -98,6 +103,8 @@ class FirstPass:
             The one whose evidence is asked for.
         moves : int
             At most as many.
+        near : bool
+            Whether the start is near the fitted model, whose slopes then do for the first move.
 
         Raises
         ------
@@ -106,7 +113,7 @@ class FirstPass:
         """
         from scipy.optimize import least_squares
 
-        path = _Path(self, problem, start)
+        path = _Path(self, problem, start, self.known if near else {})
         begin = np.zeros(len(path.parameters))
         if not np.isfinite(path.residual(begin)).all():
             raise StateError("the start of a refit has no solution")
@@ -173,15 +180,18 @@ def refit_all(
         Simulations that were not known before.
     """
     first, problem = FirstPass(comparison, threads), comparison.problem
-    base = first.refit(problem, comparison.base.values)
+    base = first.refit(problem, comparison.base.values, near=True)
     excess = max(base.misfit - first.count + len(base.values), 1.0)
     found, run = [], base.simulations
 
-    def tried(one: Ranked, wider: InverseProblem, start: Mapping[str, float], moves: int) -> Ranked | None:
+    def tried(one: Ranked, wider: InverseProblem) -> Ranked | None:
         nonlocal run
         effect = one.candidate.effect
         try:
-            there = first.refit(wider, start, effect, moves)
+            if one.refitted is None:
+                there = first.refit(wider, wider.settings.starts(), effect, FIRST_MOVES, near=True)
+            else:
+                there = first.refit(wider, one.refitted.values, effect, MOVES - FIRST_MOVES)
         except StateError:
             return None  # bodies without a solution explain nothing
         finally:
@@ -201,7 +211,7 @@ def refit_all(
             found.append(one)
             continue
         its = wider[effect.name] = widened(problem, base.values, _just_present(one))
-        if there := tried(one, its, its.settings.starts(), FIRST_MOVES):
+        if there := tried(one, its):
             found.append(there)
 
     def by_odds() -> list[Ranked]:
@@ -213,8 +223,7 @@ def refit_all(
     for n in going_on:
         one = found[n]
         if one.refitted and not one.refitted.converged:
-            its = wider[one.candidate.effect.name]
-            found[n] = tried(one, its, one.refitted.values, MOVES - FIRST_MOVES) or one
+            found[n] = tried(one, wider[one.candidate.effect.name]) or one
     return by_odds(), run
 
 
@@ -248,8 +257,15 @@ def _few(value: float) -> float:
 class _Path:
     """The way of one refit: from a distance in search coordinates to what the model leaves there, and its slopes."""
 
-    def __init__(self, owner: FirstPass, problem: InverseProblem, start: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        owner: FirstPass,
+        problem: InverseProblem,
+        start: Mapping[str, float],
+        known: Mapping[str, np.ndarray],
+    ) -> None:
         self.owner, self.problem, self.start, self.run = owner, problem, dict(start), 0
+        self._known = known
         self.parameters: tuple[Parameter, ...] = problem.settings.parameters()
         comparison = owner.comparison
         effects = problem.settings.effects()
@@ -288,8 +304,8 @@ class _Path:
         for n, p in enumerate(self.parameters):
             if p.name in self._observed:
                 columns[:, n] = -self.owner.whiten(self._observed[p.name]) * p.scale
-            elif not delta.any() and p.name in self.owner.known:
-                columns[:, n] = self.owner.known[p.name]  # the start is close to the fitted model
+            elif not delta.any() and p.name in self._known:
+                columns[:, n] = self._known[p.name]
             else:
                 steps[n] = STEP if delta[n] + STEP <= self.bounds[1][n] else -STEP
         unit = np.eye(len(delta))
