@@ -123,9 +123,14 @@ def _add_workflow(command: Command) -> None:
 
     sub = command("prepare", "read the measurements and make the meshes (for the workflow)")
     sub.add_argument("settings", type=Path)
+    sub.add_argument("--out", type=Path, help="the measurements; needs --mesh")
+    sub.add_argument("--mesh", type=Path, help="the mesh of the search")
+    sub.add_argument("--refined", type=Path, help="the finer mesh of the last steps")
+
+    sub = command("settings", "write what is fitted to what in one model (for the workflow)")
+    sub.add_argument("given", help="settings of the model as JSON")
+    sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="named in errors (config.yaml)")
     sub.add_argument("--out", type=Path, required=True)
-    sub.add_argument("--mesh", type=Path, required=True)
-    sub.add_argument("--refined", type=Path)
 
     for name, text in (
         ("propose", "propose the next guesses (for the workflow)"),
@@ -145,6 +150,9 @@ def _add_workflow(command: Command) -> None:
             sub.add_argument("--table", type=Path, required=True)
         if name == "diagnose":
             sub.add_argument("--estimate", type=Path, required=True)
+            sub.add_argument("--time-limit", type=int, default=0, help="seconds; 0: the solver's own")
+        if name == "plot":
+            sub.add_argument("--figure", default="", help="name of the only one to draw")
         if name in ("propose", "estimate", "diagnose"):
             sub.add_argument("--threads", type=_count, default=1)
 

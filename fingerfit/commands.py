@@ -47,6 +47,21 @@ def simulate(args: argparse.Namespace) -> None:
     print(f"{outcome.status}: {outcome.message}", file=sys.stderr)
 
 
+def settings(args: argparse.Namespace) -> None:
+    """Write what is fitted to what in one model, where its search starts, and what a fit reads of the study."""
+    import json
+
+    from fingerfit.core.errors import InputError
+    from fingerfit.provenance.stages import warm, write_settings
+    from fingerfit.settings.config import load_settings
+
+    try:
+        given = json.loads(args.given)
+    except ValueError:
+        raise InputError("settings", "given", args.given, "settings of a model as JSON") from None
+    write_settings(warm(load_settings(given, args.config), args.config), args.out, with_study=True)
+
+
 def prepare(args: argparse.Namespace) -> None:
     """Read and check the study, smooth and scale its pictures, make its meshes."""
     from fingerfit.core.errors import InputError
@@ -60,8 +75,15 @@ def prepare(args: argparse.Namespace) -> None:
     settings = _checked(args.settings)
     study = load_study(Path(settings.study))
     check_against_study(settings, study)
-    if args.refined and settings.model.refined is None and study.body.refined is None:
-        raise InputError(args.settings, "model.refined", "nothing", f"a finer mesh, since {args.refined} is asked for")
+    if args.refined:
+        if not settings.finer(study):
+            expected = f"a finer mesh, since {args.refined} is asked for"
+            raise InputError(args.settings, "model.refined", "nothing", expected)
+        keep_text(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))
+    if args.refined and not (args.out or args.mesh):
+        return
+    if not (args.out and args.mesh):
+        raise InputError("prepare", "--out, --mesh", "one of them or none", "both, or --refined alone")
     mesh = make_mesh(study, settings.model.mesh)
     check_effects(settings, study, mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
@@ -70,8 +92,6 @@ def prepare(args: argparse.Namespace) -> None:
     for remark in data.remarks.splitlines():
         print(f"{study.path}: remark: {remark}", flush=True)
     keep_text(args.mesh, format_mesh(mesh))
-    if args.refined:
-        keep_text(args.refined, format_mesh(make_mesh(study, settings.model.refined, finer=True)))
     data.save(args.out)
 
 
@@ -141,7 +161,7 @@ def plot(args: argparse.Namespace) -> None:
     from fingerfit.fit.rounds import Round
     from fingerfit.report.plots import plot_fit
 
-    plot_fit(_fit(args), Round.load(args.last), args.out)
+    plot_fit(_fit(args), Round.load(args.last), args.out, args.figure)
 
 
 def diagnose(args: argparse.Namespace) -> None:
@@ -152,7 +172,8 @@ def diagnose(args: argparse.Namespace) -> None:
     from fingerfit.prepare.prepare import prepare
     from fingerfit.report.findings import count_simulations, rung_of, write_compare, write_diagnosis
 
-    problem, last = _fit(args, _checked(args.settings)), Round.load(args.last)
+    settings = _checked(args.settings).model_copy(update={"time_limit": args.time_limit or None})
+    problem, last = _fit(args, settings), Round.load(args.last)
     smooth, crop = problem.settings.fit.smooth, problem.settings.fit.crop
     everything = prepare(problem.study, problem.meshes["search"], None, smooth, crop)
     found = diagnose(problem, last, everything, args.threads)
@@ -278,14 +299,14 @@ def docs(args: argparse.Namespace) -> None:
     from fingerfit.core.errors import InputError
     from fingerfit.core.files import write_json, write_text
     from fingerfit.model import keys as effect_keys
-    from fingerfit.settings import config
+    from fingerfit.settings import runs
     from fingerfit.study import keys as study_keys
     from fingerfit.virtual import keys as truth_keys
 
     if not (args.folder / "workflow/schemas").is_dir():
         raise InputError(args.folder, "folder", "no workflow/schemas", "the folder of the project")
-    for name, source in (("config", config), ("study", study_keys)):
+    for name, source in (("config", runs), ("study", study_keys)):
         write_json(args.folder / f"workflow/schemas/{name}.schema.json", source.schema())
-    write_text(args.folder / "docs/config.md", config.describe())
+    write_text(args.folder / "docs/config.md", runs.describe())
     for name, described in (("study", study_keys), ("effect", effect_keys), ("experiment", truth_keys)):
         write_text(args.folder / f"docs/{name}-keys.md", described.describe())

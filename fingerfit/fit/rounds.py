@@ -237,15 +237,19 @@ class Walk:
         """Whether the search ended with this round."""
         return self._round(path).stop is not None
 
-    def batch(self, path: str | Path) -> list[str]:
-        """Names of the simulations that a round asks for; their decks are written where they are missing."""
+    def batch(self, path: str | Path, write: bool = True) -> list[str]:
+        """Names of the simulations that a round asks for; with `write`, their decks where they are missing."""
         current = self._round(path)
+        if not write:
+            return list(dict.fromkeys(asked.sim for asked in current.batch))
         meshes = {name: self.model / file for name, file in current.meshes.items()}
         return write_folders(self.study, current.batch, current.solver, meshes)
 
     def sim_inputs(self, sim: str) -> list[str]:
-        """Deck, identity of the solver and mesh of a simulation."""
+        """Deck, identity of the solver and mesh of a simulation; nothing where they are not written."""
         folder = self.study / "sims" / sim
+        if not (folder / "solver.json").exists():
+            return []
         includes = read_record(folder / "solver.json", "includes", kept=False)["includes"]
         return [
             str(folder / "deck.inp"),

@@ -72,7 +72,7 @@ class Failures(logging.Handler):
         if str(getattr(getattr(record, "event", None), "value", "")) != "job_error":
             self._messages.append(record.getMessage())
             if found := _BEFORE.search(record.getMessage()):
-                self._say(found[1])
+                self._say(MARK + found[1])
             return
         job = record.__dict__
         logs, command = list(job.get("log") or []), str(job.get("shellcmd") or "")

@@ -26,8 +26,8 @@ SHARED = ("sims", "meshes")
 """Folders beside those of the models."""
 DIAGNOSED = ("compare.npz", "diagnosis.npz", "diagnosis.json", "rung.json")
 KEPT = (
-    "prepared.npz", "mesh.inp", "refined.inp", "rounds/*.json", "estimate.json", "figures/*.png", *DIAGNOSED,
-    "simulations.json",
+    "settings.json", "prepared.npz", "mesh.inp", "refined.inp", "rounds/*.json", "estimate.json", "figures/*.png",
+    *DIAGNOSED, "simulations.json",
 )  # fmt: skip
 """Results of a model that can be told from damaged ones."""
 
@@ -97,15 +97,14 @@ def _identity(settings: Settings) -> str:
     return os.path.relpath(Path(settings.study).resolve(), Path(settings.results).resolve())
 
 
-def claim(settings: Settings) -> Contents:
-    """Make the folder of a study's results its own; returns what is known of the contents of files."""
+def claim(settings: Settings) -> None:
+    """Make the folder of a study's results its own."""
     mark = Path(settings.results) / MARK
     if not mark.exists():
         write_json(mark, {})
     file = study_folder(settings) / OWNER
     if not file.exists():
         keep_json(file, {"study": _identity(settings)})
-    return Contents(mark)
 
 
 def hold(settings: Settings) -> IO[str]:
@@ -169,8 +168,12 @@ def in_order(settings: Settings) -> None:
     """
     study, model = study_folder(settings), model_folder(settings)
     rounds = sorted(model.glob("rounds/*.json"), key=lambda path: (len(path.name), path.name))
-    order = [[model / name for name in ("prepared.npz", "mesh.inp", "refined.inp")], *([path] for path in rounds)]
+    below = [study / name for name in settings.model.path[-2:-1]]
+    order = [[folder / "estimate.json"] for folder in below]  # the search starts there
+    order += [[model / "settings.json"], [model / name for name in ("prepared.npz", "mesh.inp", "refined.inp")]]
+    order += [[path] for path in rounds]
     order.append([model / "estimate.json", model / "table.txt", *model.glob("figures/*")])
+    order += [[folder / "simulations.json"] for folder in below]  # the diagnosis counts them
     order.append([model / name for name in (*DIAGNOSED, "simulations.json")])
     # of a folder Snakemake has the time in a file
     order.append([study / "ladder.json", study / "report.html", model / "export/.snakemake_timestamp"])

@@ -79,7 +79,7 @@ def made_from(settings: Settings, contents: Contents) -> dict[str, str]:
         "": "",
         "study": contents.of(map(Path, study_files(study))),
         "templates": contents.of(template_files(study)),
-        "page": contents.of([*page_files(), *_other_rungs(settings)]),
+        "page": contents.of([*page_files(), *other_rungs(settings)]),
     }
     found: dict[str, str] = {}
     for name, stage in STAGES.items():
@@ -88,7 +88,7 @@ def made_from(settings: Settings, contents: Contents) -> dict[str, str]:
     return found
 
 
-def _other_rungs(settings: Settings) -> list[Path]:
+def other_rungs(settings: Settings) -> list[Path]:
     """Rungs of the other models of a study, which are on its ladder or beside it."""
     own = model_folder(settings)
     return [path for path in sorted(study_folder(settings).glob("*/rung.json")) if path.parent != own]
@@ -186,9 +186,12 @@ def has_refined(settings: Settings) -> bool:
     return settings.finer(load_study(Path(settings.study)))
 
 
+def settings_text(settings: Settings, path: Path, with_study: bool = True) -> str:
+    """Settings, and what a fit reads of the study, as they are written; errors name `path`."""
+    return kept_json(path, settings.model_dump(mode="json") | ({KNOWN: known(settings)} if with_study else {}))
+
+
 def write_settings(settings: Settings, path: Path, with_study: bool = False) -> str:
-    """Write the settings, and what a fit reads of the study, where they differ from what is there; return the path."""
-    text = kept_json(path, settings.model_dump(mode="json") | ({KNOWN: known(settings)} if with_study else {}))
-    if not path.exists() or path.read_bytes() != text.encode():
-        write_text(path, text)
+    """Write the settings, and what a fit reads of the study; return the path."""
+    write_text(path, settings_text(settings, path, with_study))
     return str(path)

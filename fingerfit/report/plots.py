@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from fingerfit.core.errors import InputError
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
@@ -108,19 +110,29 @@ def figure_search(last: Round, kind: str) -> Figure:
     return figure
 
 
-def plot_fit(problem: InverseProblem, last: Round, folder: Path) -> None:
-    """All figures of a finished fit, into a folder."""
+def plot_fit(problem: InverseProblem, last: Round, folder: Path, only: str = "") -> None:
+    """All figures of a finished fit, or `only` the one of that name, into a folder.
+
+    Raises
+    ------
+    InputError
+        Where the fit has no figure of that name.
+    """
     shown = finest(problem, last)
     outcome, prediction, data = problem.outcome(shown), problem.prediction(shown), problem.data
     mesh = problem.meshes[problem.mesh_of(shown)]
-    save(figure_forces(data, prediction.response), folder / "force.png")
+    steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
+    figures: dict[str, Callable[[], Figure]] = {"force": lambda: figure_forces(data, prediction.response)}
     if last.history:
-        save(figure_search(last, problem.settings.fit.score), folder / "search.png")
+        figures["search"] = lambda: figure_search(last, problem.settings.fit.score)
     if mesh.dim == 2 and len(data.measured):
-        steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
-        save(figure_deformed(mesh, outcome, steps), folder / "deformed_mesh.png")
-        save(figure_pictures(data, prediction.pictures), folder / "pictures.png")
+        figures["deformed_mesh"] = lambda: figure_deformed(mesh, outcome, steps)
+        figures["pictures"] = lambda: figure_pictures(data, prediction.pictures)
     if mesh.dim == 3 and len(data.measured):
-        steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
-        save(figure_sections(data, mesh, outcome, steps), folder / "deformed_mesh.png")
-        save(figure_slices(data, prediction.pictures, chosen_slices(data, mesh)), folder / "pictures.png")
+        figures["deformed_mesh"] = lambda: figure_sections(data, mesh, outcome, steps)
+        figures["pictures"] = lambda: figure_slices(data, prediction.pictures, chosen_slices(data, mesh))
+    if only and only not in figures:
+        raise InputError("--figure", "name", only, f"one of {', '.join(figures)}")
+    for name, draw in figures.items():
+        if only in ("", name):
+            save(draw(), folder / f"{name}.png")

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator
 from pydantic_core import PydanticCustomError
 
-from fingerfit.core.described import HEAD, Described, described, models_in, rows
+from fingerfit.core.described import Described, described, models_in
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.keys import read_yaml, unknown_key
 from fingerfit.model.parameters import round_value
@@ -19,6 +19,8 @@ from fingerfit.settings.choices import CONFIG, MATERIAL, Choices, Model, quantit
 
 PLAIN = r"^[\w./+@~:,=-]+$"
 """Paths and names that need no quotes in a shell and are no patterns to Snakemake."""
+RUNS = "runs"
+"""Key of a config.yaml with several models."""
 NAME = 255
 """Bytes of a file's name that Linux's file systems have."""
 UNITS = {"mu": "MPa", "alpha": "1", "poisson": "1"}
@@ -231,6 +233,8 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
     """
     if isinstance(source, Path):
         where, source = source, read_yaml(source)
+    if isinstance(source, Mapping) and RUNS in source:
+        raise InputError(where, RUNS, "several models", "one: a file without runs, with its study, model and fit")
     settings, problems = described(Settings, source, where)
     problems = problems or _cross_check(settings, where)
     if problems:
@@ -356,16 +360,3 @@ def impossible(where: Path | str, field: str, quantity: str, value: float) -> li
     sizes = f"not 0: {FLAT:.2g} to {EXPONENT}, or as far below 0"
     expected = {"mu": "above 0", "alpha": sizes, "poisson": "between -1 and 0.5"}[quantity]
     return [InputError(where, field, f"{value:g}", expected)]
-
-
-def schema() -> dict[str, Any]:
-    """JSON schema of config.yaml."""
-    return Settings.model_json_schema()
-
-
-def describe() -> str:
-    """Markdown table of all keys, for docs/config.md."""
-    return (
-        "\n".join(["# Keys of config.yaml", "", "Made by `fingerfit docs`; do not edit.", "", *HEAD, *rows(Settings)])
-        + "\n"
-    )

@@ -81,7 +81,7 @@ def test_an_error_before_a_job_is_one_line():
     )
     record = logging.LogRecord("snakemake", logging.ERROR, "", 0, dump, None, None)
     failures.emit(record)
-    assert said == ["sims/a/deck.inp: cannot be written: No space left on device"]
+    assert said == ["fingerfit: error: sims/a/deck.inp: cannot be written: No space left on device"]
     assert not Failures.shown(record)
     # of others all is shown
     other = logging.LogRecord("snakemake", logging.ERROR, "", 0, dump.replace("FingerfitError", "KeyError"), None, None)

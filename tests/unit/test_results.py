@@ -114,9 +114,9 @@ def test_a_study_that_is_a_file_is_refused(place):
 DECK = "*INCLUDE, INPUT=../../meshes/m.inp\n"
 SOLVER = {"name": "builtin", "version": "1"}
 KEPT = (
-    "base/prepared.npz", "base/mesh.inp", "base/refined.inp", "base/rounds/0.json", "base/rounds/12.json",
-    "base/estimate.json", "base/compare.npz", "base/diagnosis.json", "base/diagnosis.npz", "base/rung.json",
-    "base/simulations.json", "ladder.json",
+    "base/settings.json", "base/prepared.npz", "base/mesh.inp", "base/refined.inp", "base/rounds/0.json",
+    "base/rounds/12.json", "base/estimate.json", "base/compare.npz", "base/diagnosis.json", "base/diagnosis.npz",
+    "base/rung.json", "base/simulations.json", "ladder.json",
 )  # fmt: skip
 SIM = f"sims/{simulation_name(DECK, SOLVER)}"
 

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fingerfit.core.errors import Problems
+from fingerfit.core.errors import FingerfitError, Problems
 from fingerfit.core.keys import read_yaml
 from fingerfit.provenance.stages import check_model
-from fingerfit.settings.config import Settings, describe, load_settings, schema
+from fingerfit.settings.config import load_settings
+from fingerfit.settings.runs import Config, describe, load_runs, schema
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = read_yaml(ROOT / "config.yaml")
@@ -172,7 +173,7 @@ def test_all_mistakes_are_told_at_once(tmp_path):
 def test_the_schema_says_what_the_settings_do():
     made = schema()
     assert made["additionalProperties"] is False
-    assert set(made["required"]) == {"study", "model", "fit"}
+    assert [set(one["required"]) for one in made["anyOf"]] == [{"study", "model", "fit"}, {"runs"}]
     for name, definition in made["$defs"].items():
         assert definition["additionalProperties"] is False, name
         for key, value in definition["properties"].items():
@@ -189,4 +190,43 @@ def test_every_key_is_described():
                 walk(value, f"{prefix}{key}.")
 
     walk(CONFIG, "")
-    assert all(field.description for field in Settings.model_fields.values())
+    assert all(field.description for field in Config.model_fields.values())
+
+
+def test_runs_go_over_what_they_share():
+    """Mappings are merged, everything else is replaced; without runs there is one model."""
+    (one,) = load_runs(CONFIG)
+    assert one == load_settings(CONFIG)
+    shared = {key: value for key, value in CONFIG.items() if key != "study"}
+    runs = [
+        {"study": "studies/phantom", "model": {"name": "soft", "refined": None, "material": {"alpha": 2.0}}},
+        {"study": "studies/other", "fit": {"steps": [1]}},
+    ]
+    first, second = load_runs({**shared, "runs": runs})
+    wanted = copy.deepcopy(CONFIG)
+    wanted["model"] |= {"name": "soft", "refined": None}
+    wanted["model"]["material"]["alpha"] = 2.0
+    assert first == load_settings(wanted)
+    assert second == load_settings({**CONFIG, "study": "studies/other", "fit": {**CONFIG["fit"], "steps": [1]}})
+
+
+@pytest.mark.parametrize(
+    ("runs", "says"),
+    [
+        ([], "config.yaml: runs: found []; expected a list"),
+        ({"a": {}}, "config.yaml: runs: found {'a': {}}; expected a list"),
+        ([{}, "phantom"], "config.yaml: runs.1: found phantom; expected the keys that differ"),
+        ([{}, {"fit": {"scor": "nmi"}}], "config.yaml: runs.1: fit.scor: found an unknown key; expected score"),
+        ([{}, {"model": {"mesh": 3}}], "config.yaml: runs.1: model.mesh: found 3; expected "),
+    ],
+)
+def test_wrong_runs_are_one_line(runs, says):
+    with pytest.raises(FingerfitError) as caught:
+        load_runs({**CONFIG, "runs": runs})
+    assert str(caught.value).startswith(says)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_command_for_one_model_refuses_several():
+    with pytest.raises(FingerfitError, match=r"config.yaml: runs: found several models; expected one"):
+        load_settings({**CONFIG, "runs": [{}]})

@@ -85,14 +85,14 @@ def test_files_are_short():
 
 def test_generated_files_are_up_to_date():
     from fingerfit.model import keys as effect_keys
-    from fingerfit.settings import config
+    from fingerfit.settings import runs
     from fingerfit.study import keys as study_keys
     from fingerfit.virtual import keys as truth_keys
 
-    for name, source in (("config", config), ("study", study_keys)):
+    for name, source in (("config", runs), ("study", study_keys)):
         text = (ROOT / f"workflow/schemas/{name}.schema.json").read_text(encoding="utf-8")
         assert json.loads(text) == source.schema()
-    tables = {"config": config, "study-keys": study_keys, "effect-keys": effect_keys, "experiment-keys": truth_keys}
+    tables = {"config": runs, "study-keys": study_keys, "effect-keys": effect_keys, "experiment-keys": truth_keys}
     for name, source in tables.items():
         assert (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") == source.describe()
 

@@ -1,4 +1,5 @@
 import os
+import re
 import sys
 from functools import partial
 from pathlib import Path
@@ -6,11 +7,10 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
-from fingerfit.provenance import results, stages
 from fingerfit.core.errors import FingerfitError
-from fingerfit.provenance.failures import Failures
 from fingerfit.fit.rounds import Walk
-from fingerfit.settings.config import load_settings
+from fingerfit.provenance import runs, stages
+from fingerfit.provenance.failures import Failures
 
 # jobs run the Python and the fingerfit that read this, or those of a conda environment and this fingerfit
 PATHS = {"PATH": Path(sys.executable).parent, "PYTHONPATH": stages.PACKAGE.parent}
@@ -29,61 +29,132 @@ if workflow.is_main_process:
 CONFIG = Path((workflow.configfiles or ["config.yaml"])[-1])
 # targets are not known before the rules are
 DISCOVERS = "discover" in sys.argv
-if DISCOVERS and (workflow.config_settings.config or len(workflow.configfiles) > 1):
-    raise WorkflowError(f"discover adds effects to {CONFIG}: all settings must stand there")
-REMOVES = not workflow.output_settings.dryrun
 try:
-    SETTINGS = load_settings(config, CONFIG)
-    stages.check_model(SETTINGS, CONFIG)
-    CONTENTS = results.claim(SETTINGS)
-    SETTINGS = stages.warm(SETTINGS, CONFIG)
-    # another run may be at work; `discover` calls runs of its own
-    if workflow.is_main_process and REMOVES and not DISCOVERS:
-        HELD = results.hold(SETTINGS)
-    # a job of a cluster reads this while others write
-    DAMAGED = results.mend(SETTINGS, CONTENTS, REMOVES) if workflow.is_main_process else []
-    if workflow.is_main_process:
-        results.in_order(SETTINGS)
-    PARTS = {stage: stages.settings_of(SETTINGS, stage) for stage in stages.STAGES}
-    CODE = stages.fingerprints(CONTENTS)
-    MADE_FROM = stages.made_from(SETTINGS, CONTENTS)
-    STUDY_FILES = stages.study_files(Path(SETTINGS.study))
-    FIGURE_NAMES = stages.figures(SETTINGS)
-    CONTENTS.save()
-    SETTINGS_FILE = stages.write_settings(SETTINGS, results.model_folder(SETTINGS) / "settings.json", True)
+    RUNS = runs.planned(config, CONFIG)
+    DAMAGED = runs.damaged(RUNS) if workflow.is_main_process and workflow.output_settings.dryrun else []
 except FingerfitError as error:
     raise WorkflowError(str(error))
 except OSError as error:
-    raise WorkflowError(f"{error.filename or SETTINGS.results}: cannot be read or written: {error.strerror}")
-if DAMAGED and not REMOVES:
+    raise WorkflowError(f"{error.filename or CONFIG}: cannot be read: {error.strerror}")
+if DISCOVERS and (workflow.config_settings.config or len(workflow.configfiles) > 1):
+    raise WorkflowError(f"discover adds effects to {CONFIG}: all settings must stand there")
+if DISCOVERS and len(RUNS) > 1:
+    raise WorkflowError(f"discover adds effects to one model; {CONFIG} has {len(RUNS)} runs")
+if DAMAGED:
     raise WorkflowError("\n".join(DAMAGED))
-for line in DAMAGED:
-    print(line, file=sys.stderr)
 
-# simulations, shared by the models of a study
-STUDY = str(results.study_folder(SETTINGS))
-# rounds, estimate, figures
-MODEL = str(results.model_folder(SETTINGS))
-SIMS = f"{STUDY}/sims"
-WALK = Walk(Path(STUDY), Path(MODEL))
-FIGURES = [f"{MODEL}/figures/{name}.png" for name in FIGURE_NAMES]
-MESHES = {"mesh": f"{MODEL}/mesh.inp"}
-if stages.has_refined(SETTINGS):
-    MESHES["refined"] = f"{MODEL}/refined.inp"
-MESH_OPTIONS = " ".join(f"--{name} {path}" for name, path in MESHES.items())
+BY_FOLDER = {run.folder: run for run in RUNS}
+STUDIES = list(dict.fromkeys(run.study for run in RUNS))
+# locks of the results that this call works on, until it ends
+HELD = {}
+
+
+def pattern(study):
+    """A regular expression for a study that only its own models follow: files of others are made by no rule."""
+    models = "|".join(re.escape(run.model) for run in RUNS if run.study == study)
+    return rf"{re.escape(study)}(?=/(?:{models}|sims)/|/[^/]+$)"
 
 
 wildcard_constraints:
+    study="|".join(map(pattern, STUDIES)),
+    model=r"[\w+-]+",
     round=r"\d+",
     sim=r"[0-9a-f]{20}",
+    figure="force|search|deformed_mesh|pictures",
 
 
-def round_file(number):
-    return f"{MODEL}/rounds/{number}.json"
+def runs_now():
+    """Whether jobs will run: neither a dry run, nor a list or a drawing of the workflow, nor a job of another one."""
+    return workflow.is_main_process and workflow.execution_settings is not None and not workflow.dryrun
 
 
-def solution(sim):
-    return f"{SIMS}/{sim}/solution.npz"
+def run_of(wildcards):
+    """The model that a job works on; its results are made ready when Snakemake asks for the first of them.
+
+    That is after the Snakefile was read and before Snakemake looks at the results: `onstart` would be too late, and does
+    not come where there seems to be nothing to do.
+    """
+    run = BY_FOLDER[f"{wildcards.study}/{wildcards.model}"]
+    for one in (BY_FOLDER.get(run.below), run):
+        if one and one.folder not in HELD and runs_now():
+            HELD[one.folder], lines = one.begin()
+            print(*lines, sep="\n", end="\n" * bool(lines), file=sys.stderr)
+        elif one and one.folder not in HELD and workflow.is_main_process and workflow.dryrun:
+            HELD[one.folder] = one.in_order()
+    return run
+
+
+def part(stage, which):
+    """A param: what a stage of a model depends on, see `fingerfit.provenance.runs.Run.part`."""
+    return lambda wildcards: run_of(wildcards).part(stage, which)
+
+
+def given(wildcards):
+    """The settings of a model, as a param."""
+    return run_of(wildcards).given()
+
+
+def settings_text(wildcards):
+    """Hash of what will be in settings.json, as a param."""
+    return run_of(wildcards).text()
+
+
+def below(name):
+    """A result of the model with one effect less, where it is there or this call makes it."""
+
+    def files(wildcards):
+        run = run_of(wildcards)
+        path = Path(run.below, name)
+        return [str(path)] if run.below and (run.waits or path.exists()) else []
+
+    return files
+
+
+def study_files(wildcards):
+    """What a fit reads of a study."""
+    return ancient(run_of(wildcards).study_files)
+
+
+def meshes(wildcards):
+    """The meshes of a model."""
+    run = run_of(wildcards)
+    return [f"{run.folder}/mesh.inp", *[f"{run.folder}/refined.inp"] * run.refined]
+
+
+def mesh_options(wildcards):
+    """The meshes of a model as options of the commands."""
+    return " ".join(f"--{Path(path).stem} {path}" for path in meshes(wildcards))
+
+
+def sims(wildcards):
+    """Simulations, shared by the models of a study."""
+    return f"{wildcards.study}/sims"
+
+
+def time_limit(wildcards):
+    """Time for one simulation, s: the longest of the models of a study; 0 for the solver's own."""
+    limits = [run.time_limit for run in RUNS if run.study == wildcards.study]
+    return 0 if None in limits else max(limits)
+
+
+def solution(study, sim):
+    return f"{study}/sims/{sim}/solution.npz"
+
+
+def walk(wildcards):
+    """The rounds of a model that are there."""
+    run = run_of(wildcards)
+    return Walk(Path(run.study), Path(run.folder))
+
+
+def proposed(wildcards, number):
+    """The file of a round, once it is there."""
+    return checkpoints.propose.get(study=wildcards.study, model=wildcards.model, round=number).output[0]
+
+
+def solutions(wildcards, last):
+    """Solutions of the guesses that a round asks for."""
+    return [ancient(solution(wildcards.study, sim)) for sim in walk(wildcards).batch(last, runs_now())]
 
 
 def before_round(wildcards):
@@ -91,51 +162,78 @@ def before_round(wildcards):
     number = int(wildcards.round)
     if number == 0:
         return []
-    last = checkpoints.propose.get(round=number - 1).output[0]
-    return [last, *[ancient(solution(sim)) for sim in WALK.batch(last)]]
+    last = proposed(wildcards, number - 1)
+    return [last, *solutions(wildcards, last)]
 
 
 def last_option(wildcards):
     """The round before this one as an option of the command."""
     number = int(wildcards.round)
-    return f"--last {round_file(number - 1)}" if number else ""
+    return f"--last {wildcards.study}/{wildcards.model}/rounds/{number - 1}.json" if number else ""
 
 
 def rounds_and_solutions(wildcards):
     """All rounds up to the one that says stop, and the solutions of every guess in them."""
-    files, number = [], 0
+    files, number, rounds = [], 0, walk(wildcards)
     while True:
-        last = checkpoints.propose.get(round=number).output[0]
-        files += [last, *[ancient(solution(sim)) for sim in WALK.batch(last)]]
-        if WALK.stopped(last):
+        last = proposed(wildcards, number)
+        files += [last, *solutions(wildcards, last)]
+        if rounds.stopped(last):
             return files
         number += 1
 
 
 def last_round(wildcards):
     """The round that says stop."""
-    number = 0
-    while not WALK.stopped(checkpoints.propose.get(round=number).output[0]):
+    number, rounds = 0, walk(wildcards)
+    while not rounds.stopped(proposed(wildcards, number)):
         number += 1
-    return round_file(number)
+    return proposed(wildcards, number)
 
 
-def deck(wildcards):
-    """The deck of a simulation."""
-    return ancient(WALK.sim_inputs(wildcards.sim)[0])
+def of_simulation(number):
+    """An input of a simulation: 0 is its deck, 1 the identity of its solver; what follows is what the deck includes."""
+
+    def files(wildcards):
+        found = Walk(Path(wildcards.study), Path()).sim_inputs(wildcards.sim)
+        return [ancient(path) for path in (found[number:] if number > 1 else found[number : number + 1])]
+
+    return files
 
 
-def solver(wildcards):
-    """The identity of the solver of a simulation."""
-    return ancient(WALK.sim_inputs(wildcards.sim)[1])
+def fitted(run):
+    """What a fit of a model leaves."""
+    names = ["estimate.json", "table.txt", *[f"figures/{name}.png" for name in run.figures]]
+    return [f"{run.folder}/{name}" for name in names]
 
 
-def included(wildcards):
-    """The files that the deck of a simulation includes."""
-    return [ancient(path) for path in WALK.sim_inputs(wildcards.sim)[2:]]
+def walked(run):
+    """All rounds of a model and their solutions, as an input of its own: models do not wait for each other."""
+    return lambda wildcards: rounds_and_solutions(run)
 
 
-def show_table():
-    table = Path(MODEL) / "table.txt"
-    if table.exists():
-        print(table.read_text())
+def top(study):
+    """The model whose ladder is that of a study: the last one that config.yaml names."""
+    return [run for run in RUNS if run.study == study][-1]
+
+
+def settings_of_top(wildcards):
+    """Settings of the model whose ladder is that of a study."""
+    return f"{top(wildcards.study).folder}/settings.json"
+
+
+def part_of_top(stage, which):
+    """A param: what a stage depends on of the model whose ladder is that of a study."""
+    return lambda wildcards: run_of(top(wildcards.study)).part(stage, which)
+
+
+def rungs(wildcards):
+    """The rungs of a study that this call makes."""
+    return [f"{run.folder}/rung.json" for run in RUNS if run.study == wildcards.study]
+
+
+def show_tables():
+    for run in RUNS:
+        table = Path(run.folder) / "table.txt"
+        if table.exists():
+            print(table.read_text())

@@ -1,55 +1,58 @@
 rule diagnose_model:
     # Where the model fails and which effect is missing. It solves what its tests and refits need, two at a time.
     input:
-        **MESHES,
+        meshes=meshes,
+        below=below("simulations.json"),
         rounds=rounds_and_solutions,
         last=last_round,
-        settings=ancient(SETTINGS_FILE),
-        study=ancient(STUDY_FILES),
-        data=f"{MODEL}/prepared.npz",
-        estimate=f"{MODEL}/estimate.json",
+        settings="{study}/{model}/settings.json",
+        study=study_files,
+        data="{study}/{model}/prepared.npz",
+        estimate="{study}/{model}/estimate.json",
     output:
-        diagnosis=f"{MODEL}/diagnosis.json",
-        patterns=f"{MODEL}/diagnosis.npz",
-        compare=f"{MODEL}/compare.npz",
-        rung=f"{MODEL}/rung.json",
-        simulations=f"{MODEL}/simulations.json",
+        diagnosis="{study}/{model}/diagnosis.json",
+        patterns="{study}/{model}/diagnosis.npz",
+        compare="{study}/{model}/compare.npz",
+        rung="{study}/{model}/rung.json",
+        simulations="{study}/{model}/simulations.json",
     log:
-        f"{MODEL}/logs/diagnose.log",
+        "{study}/{model}/logs/diagnose.log",
     conda:
         "../envs/fingerfit.yaml"
     threads: 2
     resources:
         mem_mb=2000,
+        time_limit=time_limit,
     params:
-        settings=PARTS["diagnose"],
-        code=CODE["diagnose"],
-        made_from=MADE_FROM["diagnose"],
-        meshes=MESH_OPTIONS,
-        sims=SIMS,
+        settings=part("diagnose", "settings"),
+        code=part("diagnose", "code"),
+        made_from=part("diagnose", "made_from"),
+        meshes=mesh_options,
+        sims=sims,
     shell:
         "exec python -P -m fingerfit diagnose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
-        " --last {input.last} --estimate {input.estimate} --out {output.diagnosis} --threads {threads} 2> {log}"
+        " --last {input.last} --estimate {input.estimate} --out {output.diagnosis} --threads {threads}"
+        " --time-limit {resources.time_limit} 2> {log}"
 
 
 rule ladder:
-    # The models on the way to this one that were diagnosed, as data and as a page to look at.
+    # The models of a study on the way to its last one that were diagnosed, as data and as a page to look at.
     input:
-        settings=ancient(SETTINGS_FILE),
-        rung=f"{MODEL}/rung.json",
+        settings=settings_of_top,
+        rungs=rungs,
     output:
-        ladder=f"{STUDY}/ladder.json",
-        page=f"{STUDY}/report.html",
+        ladder="{study}/ladder.json",
+        page="{study}/report.html",
     log:
-        f"{STUDY}/ladder.log",
+        "{study}/ladder.log",
     conda:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
         mem_mb=1000,
     params:
-        settings=PARTS["ladder"],
-        code=CODE["ladder"],
-        made_from=MADE_FROM["ladder"],
+        settings=part_of_top("ladder", "settings"),
+        code=part_of_top("ladder", "code"),
+        made_from=part_of_top("ladder", "made_from"),
     shell:
         "exec python -P -m fingerfit ladder {input.settings} --out {output.ladder} --page {output.page} 2> {log}"

@@ -1,27 +1,27 @@
 rule estimate:
     # The constants with their standard errors, from the last round and the sensitivities it asked for.
     input:
-        **MESHES,
+        meshes=meshes,
         rounds=rounds_and_solutions,
         last=last_round,
-        settings=ancient(SETTINGS_FILE),
-        data=f"{MODEL}/prepared.npz",
+        settings="{study}/{model}/settings.json",
+        data="{study}/{model}/prepared.npz",
     output:
-        estimate=f"{MODEL}/estimate.json",
-        table=f"{MODEL}/table.txt",
+        estimate="{study}/{model}/estimate.json",
+        table="{study}/{model}/table.txt",
     log:
-        f"{MODEL}/logs/estimate.log",
+        "{study}/{model}/logs/estimate.log",
     conda:
         "../envs/fingerfit.yaml"
     threads: 2
     resources:
         mem_mb=1000,
     params:
-        settings=PARTS["estimate"],
-        code=CODE["estimate"],
-        made_from=MADE_FROM["estimate"],
-        meshes=MESH_OPTIONS,
-        sims=SIMS,
+        settings=part("estimate", "settings"),
+        code=part("estimate", "code"),
+        made_from=part("estimate", "made_from"),
+        meshes=mesh_options,
+        sims=sims,
     shell:
         "exec python -P -m fingerfit estimate {input.settings} --data {input.data} {params.meshes}"
         " --sims {params.sims} --last {input.last} --threads {threads} --out {output.estimate}"
@@ -29,28 +29,28 @@ rule estimate:
 
 
 rule plot:
-    # The figures: deformed mesh, pictures, force against displacement, course of the search.
+    # One of the figures: deformed mesh, pictures, force against displacement, course of the search.
     input:
-        **MESHES,
+        meshes=meshes,
         rounds=rounds_and_solutions,
-        settings=ancient(SETTINGS_FILE),
-        data=f"{MODEL}/prepared.npz",
+        settings="{study}/{model}/settings.json",
+        data="{study}/{model}/prepared.npz",
         last=last_round,
     output:
-        figures=FIGURES,
+        figure="{study}/{model}/figures/{figure}.png",
     log:
-        f"{MODEL}/logs/plot.log",
+        "{study}/{model}/logs/plot/{figure}.log",
     conda:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
         mem_mb=1000,
     params:
-        code=CODE["plot"],
-        made_from=MADE_FROM["plot"],
-        meshes=MESH_OPTIONS,
-        sims=SIMS,
+        code=part("plot", "code"),
+        made_from=part("plot", "made_from"),
+        meshes=mesh_options,
+        sims=sims,
         figures=subpath(output[0], parent=True),
     shell:
         "exec python -P -m fingerfit plot {input.settings} --data {input.data} {params.meshes}"
-        " --sims {params.sims} --last {input.last} --out {params.figures} 2> {log}"
+        " --sims {params.sims} --last {input.last} --out {params.figures} --figure {wildcards.figure} 2> {log}"

@@ -1,23 +1,23 @@
-rule export:
-    # Fields, pictures and tables of the model for other programs: `snakemake export`.
+rule export_model:
+    # Fields, pictures and tables of a model for other programs: `snakemake export`.
     input:
-        **MESHES,
+        meshes=meshes,
         rounds=rounds_and_solutions,
-        data=f"{MODEL}/prepared.npz",
-        estimate=f"{MODEL}/estimate.json",
-        compare=f"{MODEL}/compare.npz",
+        data="{study}/{model}/prepared.npz",
+        estimate="{study}/{model}/estimate.json",
+        compare="{study}/{model}/compare.npz",
     output:
-        folder=directory(f"{MODEL}/export"),
+        folder=directory("{study}/{model}/export"),
     log:
-        f"{MODEL}/logs/export.log",
+        "{study}/{model}/logs/export.log",
     conda:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
         mem_mb=1000,
     params:
-        code=CODE["export"],
-        made_from=MADE_FROM["export"],
+        code=part("export", "code"),
+        made_from=part("export", "made_from"),
         model=subpath(input.estimate, parent=True),
     shell:
         "exec python -P -m fingerfit export {params.model} --out {output.folder} 2> {log}"

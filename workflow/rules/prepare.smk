@@ -1,22 +1,68 @@
-rule prepare:
-    # Reads and checks the study, smooths and scales the pictures, makes the mesh.
+localrules:
+    settings,
+
+
+rule settings:
+    # What is fitted to what in one model, and where its search starts: config.yaml with all defaults, for its jobs.
     input:
-        settings=ancient(SETTINGS_FILE),
-        study=ancient(STUDY_FILES),
+        below=below("estimate.json"),
     output:
-        **MESHES,
-        data=f"{MODEL}/prepared.npz",
+        settings="{study}/{model}/settings.json",
     log:
-        f"{MODEL}/logs/prepare.log",
+        "{study}/{model}/logs/settings.log",
     conda:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
         mem_mb=1000,
     params:
-        settings=PARTS["prepare"],
-        code=CODE["prepare"],
-        made_from=MADE_FROM["prepare"],
-        meshes=MESH_OPTIONS,
+        given=given,
+        text=settings_text,
+        config=CONFIG,
     shell:
-        "exec python -P -m fingerfit prepare {input.settings} --out {output.data} {params.meshes} 2> {log}"
+        "exec python -P -m fingerfit settings {params.given:q} --config {params.config} --out {output.settings} 2> {log}"
+
+
+rule prepare:
+    # Reads and checks the study, smooths and scales the pictures, makes the mesh.
+    input:
+        settings="{study}/{model}/settings.json",
+        study=study_files,
+    output:
+        mesh="{study}/{model}/mesh.inp",
+        data="{study}/{model}/prepared.npz",
+    log:
+        "{study}/{model}/logs/prepare.log",
+    conda:
+        "../envs/fingerfit.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+    params:
+        settings=part("prepare", "settings"),
+        code=part("prepare", "code"),
+        made_from=part("prepare", "made_from"),
+    shell:
+        "exec python -P -m fingerfit prepare {input.settings} --out {output.data} --mesh {output.mesh} 2> {log}"
+
+
+rule refine:
+    # The finer mesh of the last steps, for models that have one.
+    input:
+        settings="{study}/{model}/settings.json",
+        study=study_files,
+    output:
+        mesh="{study}/{model}/refined.inp",
+    log:
+        "{study}/{model}/logs/refine.log",
+    conda:
+        "../envs/fingerfit.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+    params:
+        settings=part("prepare", "settings"),
+        code=part("prepare", "code"),
+        made_from=part("prepare", "made_from"),
+    shell:
+        "exec python -P -m fingerfit prepare {input.settings} --refined {output.mesh} 2> {log}"

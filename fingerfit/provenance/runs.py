@@ -1,0 +1,160 @@
+"""The models of one call of the workflow: what each is made from, and where its results are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from fingerfit.core.contents import Contents
+from fingerfit.core.errors import InputError, StateError
+from fingerfit.core.files import digest
+from fingerfit.provenance import results, stages
+from fingerfit.settings.config import CONFIG, RUNS, Settings
+from fingerfit.settings.runs import load_runs
+
+Parts = dict[str, dict[str, str]]
+
+
+class Run:
+    """One model of one study.
+
+    Parameters
+    ----------
+    settings : Settings
+        As config.yaml says.
+    where : Path or str
+        Named in errors.
+    contents : Contents
+        What is known of the contents of files.
+    """
+
+    def __init__(self, settings: Settings, where: Path | str, contents: Contents) -> None:
+        # another time limit changes no answer, so that nothing that is made knows it
+        self.time_limit = settings.time_limit
+        self.settings, self.where = settings.model_copy(update={"time_limit": None}), where
+        self.study, self.model = str(results.study_folder(settings)), settings.model.full_name
+        self.folder = f"{self.study}/{self.model}"
+        self.below = f"{self.study}/{settings.model.path[-2]}" if settings.model.effects else ""
+        self.contents = contents
+        self.study_files = stages.study_files(Path(settings.study))
+        self.figures = stages.figures(settings)
+        self.refined = stages.has_refined(settings)
+        self.waits = False  # for the estimate of the model below, which another run of the same call makes
+        self._known: tuple[str, Settings, Parts] | None = None
+
+    def given(self) -> str:
+        """The settings as JSON: what `fingerfit settings` is called with."""
+        return json.dumps(self.settings.model_dump(mode="json"))
+
+    def text(self) -> str:
+        """Hash of ``settings.json``; empty while the model with one effect less has no estimate."""
+        return "" if self._pending() else digest(stages.settings_text(self._now()[0], Path(self.folder)))
+
+    def part(self, stage: str, which: str) -> str:
+        """What a stage depends on: its ``settings``, its ``code``, and what it is ``made_from``.
+
+        Empty while the model with one effect less has no estimate.
+        """
+        return "" if self._pending() else self._now()[1][which][stage]
+
+    def _pending(self) -> bool:
+        return self.waits and not Path(self.below, "estimate.json").exists()
+
+    def _now(self) -> tuple[Settings, Parts]:
+        """Settings whose search starts at the estimate that is there now, and what follows from them.
+
+        Found anew where that estimate, the diagnosis beside it or another rung has changed since.
+        """
+        before = [Path(self.below) / name for name in ("estimate.json", "diagnosis.json")] if self.below else []
+        key = self.contents.of([*before, *stages.other_rungs(self.settings)])
+        if self._known is None or self._known[0] != key:
+            settings = stages.warm(self.settings, self.where)
+            parts = {
+                "settings": {stage: stages.settings_of(settings, stage) for stage in stages.STAGES},
+                "code": stages.fingerprints(self.contents),
+                "made_from": stages.made_from(settings, self.contents),
+            }
+            self._known = key, settings, parts
+        return self._known[1:]
+
+    def begin(self) -> tuple[IO[str], list[str]]:
+        """Make its results ready for a run: nobody else works on them, and what is damaged of them is removed.
+
+        Returns
+        -------
+        file
+            While it is open, no other run begins.
+        list of str
+            A line for each file that was removed.
+
+        Raises
+        ------
+        StateError
+            When another run works on them, or they cannot be written.
+        """
+        try:
+            results.claim(self.settings)
+            held = results.hold(self.settings)
+            lines = results.mend(self.settings, self.contents, True)
+            self.in_order()
+        except OSError as error:
+            where = error.filename or self.folder
+            raise StateError(f"{where}: cannot be read or written: {error.strerror}") from error
+        self.contents.save()
+        return held, lines
+
+    def in_order(self) -> None:
+        """Give its results times in the order in which they are made, see `fingerfit.provenance.results.in_order`."""
+        results.in_order(self.settings)
+
+
+def planned(config: Mapping[str, Any], where: Path | str = CONFIG) -> list[Run]:
+    """All models of a config.yaml, checked; nothing is written.
+
+    Parameters
+    ----------
+    config : mapping
+        What was read.
+    where : Path or str
+        Named in errors.
+
+    Raises
+    ------
+    FingerfitError
+        For settings that are wrong or make no sense in their study, models with the same results, and a model with
+        effects that has no estimate to start from.
+    """
+    runs: list[Run] = []
+    contents: dict[str, Contents] = {}
+    for n, settings in enumerate(load_runs(config, where)):
+        here = f"{where}: {RUNS}.{n}" if RUNS in config else where
+        stages.check_model(settings, here)
+        known = contents.setdefault(settings.results, Contents(Path(settings.results) / results.MARK))
+        runs.append(Run(settings, here, known))
+        _refuse_same_place(runs)
+    for run in runs:
+        run.waits = run.below in {other.folder for other in runs}
+        for which in ("settings", "code", "made_from"):
+            run.part("prepare", which)
+    return runs
+
+
+def _refuse_same_place(runs: Sequence[Run]) -> None:
+    """Refuse the last model where its results would be those of another one, or lie in those of another study."""
+    *others, last = runs
+    for other in others:
+        one, two = Path(other.study), Path(last.study)
+        if Path(other.settings.study).resolve() == Path(last.settings.study).resolve():
+            if other.folder == last.folder:
+                expected = "another name for each model of a study, or other effects"
+                raise InputError(last.where, "model.name", f"a second model {last.model} of {one}", expected)
+        elif one == two or one in two.parents or two in one.parents:
+            found = f"{two} for {last.settings.study}, and {one} for {other.settings.study}"
+            raise InputError(last.where, "results", found, "folders of which none is or lies in the other one")
+
+
+def damaged(runs: Sequence[Run]) -> list[str]:
+    """A line for each result that is damaged; nothing is removed."""
+    return list(dict.fromkeys(line for run in runs for line in results.mend(run.settings, run.contents, False)))
