@@ -126,8 +126,13 @@ def read_yaml(path: Path) -> Any:
         raise InputError(path, "file", error, "valid YAML") from error
 
 
+SHOWN = 20
+"""Names that an error lists; a line with all effects would be too long to read."""
+
+
 def unknown_key(where: Path | str, prefix: str, key: str, known: Sequence[str]) -> InputError:
     """Error for a key that is not known, with the nearest one that is."""
     near = difflib.get_close_matches(str(key), known, 1)
-    hint = f"{near[0]} (did you mean that?)" if near else "one of " + ", ".join(known)
+    more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
+    hint = f"{near[0]} (did you mean that?)" if near else "one of " + ", ".join(known[:SHOWN]) + more
     return InputError(where, f"{prefix}{key}", "an unknown key", hint)

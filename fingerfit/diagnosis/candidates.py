@@ -71,11 +71,12 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
 def untestable(problem: InverseProblem) -> dict[str, InputError]:
     """Effects that may be in this body but cannot be tested on what was measured, by title, and what is lacking.
 
-    Those on the observation are not among them: a brightness that drifts is none where there are no pictures.
+    Those on the observation are not among them: a brightness that drifts is none where there are no pictures. Nor are
+    probes, which stand for others.
     """
     study, found = problem.study, dict[str, InputError]()
     for effect in problem.effects.values():
-        if effect.name in problem.settings.model.effects or effect.acts == OBSERVATION:
+        if effect.name in problem.settings.model.effects or effect.acts == OBSERVATION or effect.probe:
             continue
         if rivals := _rivals(effect, problem):
             found[effect.title] = InputError(study.path, "effects", f"a model without {rivals[0]}", RIVALS)

@@ -106,7 +106,8 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
         ended = nearest(ended_well(score_test, refits, fitted))
         verdict = doubted(decide(score_test, ranking, ended, tests, held_out=held_out), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
-        if half is not None and half.candidate.effect.name not in halves:
+        # a probe has as many numbers as several effects: nothing is looked for beside it
+        if half is not None and not half.candidate.effect.probe and half.candidate.effect.name not in halves:
             halves.add(half.candidate.effect.name)
             partner, more = _partner(problem, last, half, everything, score_test.misfit, threads)
             verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more
@@ -181,12 +182,12 @@ def _refits(
 ) -> Iterator[tuple[Ranked, Refit, int]]:
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
-    Where one explains most of the misfit, not those whose odds were far below its own.
+    Where one explains most of the misfit, not those whose odds in the first pass were far below its own.
     """
     enough = -np.inf
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     for ranked in to_refit(found.score_test, found.ranking, found.tests, known):
-        if ranked.odds(spread) < enough:
+        if ranked.refitted and ranked.odds(spread) < enough:
             continue
         try:
             refit, run = _refit(problem, last, ranked, everything, found, threads)

@@ -143,8 +143,8 @@ def test_a_score_near_its_base_is_that_of_the_linear_model(kind, rng):
 class Body:
     """A fit whose pictures are a known function of the constants; the finer mesh sees mu 5 % differently."""
 
-    def __init__(self, sims, truth=0.030, lost=()):
-        self.sims, self.truth, self.lost = sims, truth, lost
+    def __init__(self, sims, truth=0.030, lost=(), folded=()):
+        self.sims, self.truth, self.lost, self.folded = sims, truth, lost, folded
         self.settings = SimpleNamespace(parameters=lambda: PARAMETERS[:1])
         self.mesh_names, self.exact = {SEARCH: SEARCH, REFINED: REFINED}, False
         self.observed = np.zeros(1, dtype=bool)
@@ -156,6 +156,12 @@ class Body:
         empty = np.zeros((1, 1, 2))
         Outcome(status, empty, empty[0], empty[0]).save(self.sims / asked.sim / "solution.npz")
         return asked
+
+    def mesh_of(self, asked):
+        return asked.mesh
+
+    def folds(self, asked):
+        return asked.sim in self.folded
 
     def prediction(self, asked):
         stiffer = 1.05 if asked.mesh == REFINED else 1.0
@@ -279,11 +285,13 @@ def test_when_the_finer_mesh_has_no_solution_the_search_mesh_is_the_base(tmp_pat
     assert finest(problem, last).values == best
 
 
-def test_a_minimum_without_solution_ends_with_the_one_before(tmp_path):
+@pytest.mark.parametrize("wrong", ["lost", "folded"])
+def test_a_minimum_without_solution_ends_with_the_one_before(tmp_path, wrong):
+    """Or with one in which the body goes through itself."""
     problem = Body(tmp_path)
     first = problem.start(0.026)
     second = refine_round(problem, first)
-    problem.lost = (second.batch[-1].sim,)
+    setattr(problem, wrong, (second.batch[-1].sim,))
     second = refine_round(problem, first)
     third = refine_round(problem, second)
     assert third.stop == "tolerances met"

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from seeds import seed_of
 
 from fingerfit.cli import main
 
@@ -120,6 +121,9 @@ ELSEWHERE = {
     "snakemake --cores 2 discover": ("tests/workflow/test_hidden.py", ('"--cores", "2"]', 'snakemake(place, "discover")')),
     "snakemake discover --cores 2 --configfile tilt.yaml": (FOREIGN, GOAL),
     "snakemake --cores 2 diagnose --configfile mine.yaml": (FOREIGN, GOAL),
+    "snakemake --cores 2 results/subject2/coarse/table.txt": (
+        "tests/workflow/test_runs.py", ('run(place, f"{FOLDERS[1]}/table.txt")',)
+    ),
     "make fingertip": (FINGERTIP, (CONFIGFILE,)),
     "make benchmark": ("benchmarks/phantom.md", ("Made by `benchmarks/phantom.py` (`make benchmark`)",)),
     "make benchmark-solver": ("benchmarks/solver.md", ("Made by `make benchmark-solver`",)),
@@ -185,7 +189,7 @@ SMALL = {
     "displacement": [1.0],
     "picture": {"pixels": 48, "side": 22, "texture": 0.15, "correlation": 0.6, "noise": 0.01, "pictured": [1]},
     "noise": {"force": 0.001, "displacement": 0.01},
-    "seed": 1,
+    "seed": seed_of(1),
 }
 
 
