@@ -12,7 +12,7 @@ from typing import Any
 
 from fingerfit.core.errors import FingerfitError, InputError, SolverError
 from fingerfit.core.files import read_record, write_text
-from fingerfit.core.folders import PACKAGE
+from fingerfit.core.folders import SHIPPED
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck, refusal, with_effect
@@ -100,7 +100,7 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
 def _workflow(config: Path, cores: int) -> list[str]:
     """The workflow of the folder where this was called; where there is none, the one beside the package."""
     own = [Path("Snakefile"), Path("workflow/Snakefile")]
-    file = [] if any(path.exists() for path in own) else ["--snakefile", str(PACKAGE.parent / "Snakefile")]
+    file = [] if any(path.exists() for path in own) else ["--snakefile", str(SHIPPED / "Snakefile")]
     return [
         sys.executable, "-m", "snakemake", "diagnose", *file, "--cores", str(cores), "--configfile", str(config),
     ]  # fmt: skip

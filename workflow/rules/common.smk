@@ -8,19 +8,20 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from fingerfit.core.errors import FingerfitError
+from fingerfit.core.folders import CLONE, PACKAGE
 from fingerfit.fit.rounds import Walk
 from fingerfit.provenance import runs, stages
 from fingerfit.provenance.failures import Failures
 
 # jobs run the Python and the fingerfit that read this, or those of a conda environment and this fingerfit
-PATHS = {"PATH": Path(sys.executable).parent, "PYTHONPATH": stages.PACKAGE.parent}
+PATHS = {"PATH": Path(sys.executable).parent} | ({"PYTHONPATH": PACKAGE.parent} if CLONE else {})
 os.environ.update({name: os.pathsep.join(filter(None, [str(path), os.getenv(name)])) for name, path in PATHS.items()})
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # why a job failed, in a line of its own; Snakemake's words on it are shown to those who did not ask for quiet
 if workflow.is_main_process:
     FAILURES = Failures(partial(print, file=sys.stderr, flush=True))
-    if {"RULES", "ALL"} & {about.name for about in workflow.output_settings.quiet}:
+    if {"RULES", "ALL"} & {about.name for about in workflow.output_settings.quiet or ()}:
         for handler in list(logger.handlers):
             handler.addFilter(FAILURES.shown)
     logger.addHandler(FAILURES)
