@@ -262,8 +262,67 @@ def check(args: argparse.Namespace) -> None:
     print(check_study(args.study, args.config, args.picture, args.solve))
 
 
+def run(args: argparse.Namespace) -> None:
+    """Fit a study by the workflow; this process becomes Snakemake's, so that signals and exit code are its own."""
+    import os
+
+    from fingerfit.core.errors import InputError
+    from fingerfit.core.keys import read_yaml
+    from fingerfit.provenance.call import command
+
+    config = args.config or Path("config.yaml")
+    if args.study is not None:
+        from fingerfit.check.check import settings_for
+
+        settings, config, source = settings_for(args.study, args.config)
+        if settings is None:
+            raise InputError(args.study, "settings", source, f"{args.study / 'config.yaml'}, or --config FILE")
+    read_yaml(config)  # a file that is not there is told in one line
+    goals = [name for name in ("diagnose", "export") if getattr(args, name)]
+    line = command(goals, config, args.cores, args.more)
+    sys.stdout.flush()
+    os.execv(line[0], line)
+
+
+def new(args: argparse.Namespace) -> None:
+    """Draft a study, or copy an example."""
+    from fingerfit.core.errors import InputError
+    from fingerfit.start.draft import draft, example
+
+    if args.example and not (args.pictures or args.forces):
+        lines, then = example(args.study, args.example), f"fingerfit run {args.study}"
+    elif args.pictures and args.forces and not args.example:
+        lines, then = draft(args.study, args.pictures, args.forces), f"fingerfit check {args.study} --picture mesh.png"
+    else:
+        raise InputError("new", "options", "no data, or too many", "--pictures and --forces, or --example")
+    print(*lines, f"then: {then}", sep="\n")
+
+
+def doctor(args: argparse.Namespace) -> None:
+    """Say what of this machine a fit finds, and let each solver solve something."""
+    from fingerfit.core.errors import FingerfitError
+    from fingerfit.start.machine import look
+
+    wrong: list[str] = []
+    for line in look(wrong):
+        print(line, flush=True)
+    if wrong:
+        raise FingerfitError("\n".join(wrong))
+
+
+def open(args: argparse.Namespace) -> None:
+    """Show the page of a study, or say where it is."""
+    from fingerfit.start.results import page, show
+
+    path = page(args.study, args.config)
+    print(path)
+    show(path)
+
+
 def experiment(args: argparse.Namespace) -> None:
     """Make a study by a virtual experiment."""
+    from fingerfit.core.errors import InputError
+    from fingerfit.core.progress import Progress
     from fingerfit.virtual.experiment import run_experiment
 
     run_experiment(args.description, args.out)

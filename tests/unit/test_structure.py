@@ -25,6 +25,7 @@ ROOMS = (
     ("diagnosis",),
     ("report",),
     ("check",),
+    ("start",),
     ("commands",),
     ("cli",),
     ("__main__",),
