@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from fingerfit.diagnosis.families import ENOUGH, families
+from fingerfit.diagnosis.families import ENOUGH, SURE, families
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
@@ -14,8 +14,6 @@ from fingerfit.model.effect import FAMILIES, NUMERICS
 
 LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
-SURE = 4.6
-"""Logarithm of the odds from which a family is named where no effect is: 100 to 1."""
 
 
 def of_family(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked]) -> Verdict:

@@ -109,3 +109,23 @@ def test_a_refit_whose_pictures_are_worse_is_no_answer():
     refits = {"tilt": refit(0.96), "onset": refit(0.96 + 0.9 * MATTERS), "relaxation": refit(0.97 + MATTERS)}
     assert set(nearest(refits)) == {"tilt", "onset"}
     assert nearest({}) == {}
+
+
+@pytest.mark.parametrize(
+    ("unknown", "rival", "kind"), [(25.0, 0.3, "missing"), (35.0, 0.3, "unexplained"), (25.0, 0.999, "unexplained")]
+)
+def test_the_largest_part_is_named_where_its_family_leads(unknown, rival, kind):
+    """Half of what is hidden is nowhere in the catalogue; a slip explains the rest, a tilt a share of it as well."""
+    world = World()
+    score_test = world.score_test(30.0 * world.signal(0) + unknown * world.signal(9))
+    other = rival * world.signal(0) + np.sqrt(1 - rival**2) * world.signal(8)
+    probe = np.stack([world.signal(0), world.signal(2)], axis=1)
+    ranking = world.ranking(score_test, base_slip=world.signal(0), base_probe=probe, tilt=other)
+    refits = {"base_slip": Refit(score_test.misfit - 900.0, score_test.freedom - 1, 1.0, 1.0, {}, numbers=1)}
+    verdict = decide(score_test, ranking, refits, TESTS)
+    assert verdict.kind == kind
+    assert verdict.effects == (("base_slip",) if kind == "missing" else ())
+    assert ("it is the largest part, 59 %" in verdict.sentence) == (kind == "missing")
+    # nobody knows what else a family has that no probe stands for
+    known = [one for one in ranking if not one.candidate.effect.probe]
+    assert decide(score_test, known, refits, TESTS).kind == "unexplained"
