@@ -16,7 +16,7 @@ from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import refit_all, widened
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
-from fingerfit.diagnosis.reservations import by_settings, doubted, of_family, traced, untried
+from fingerfit.diagnosis.reservations import by_settings, doubted, largest_part, of_family, traced, untried
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     SEEN,
@@ -113,6 +113,7 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
             verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
+    verdict = largest_part(verdict, score_test, ranking, generalising(score_test, ended, held_out), fitted)
     titles = {one.candidate.effect.name: one.candidate.effect.title for one in ranking}
     estimate = minimum(problem, last).values
     own = {name: estimate[name] for name in problem.settings.model.parameters}

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from fingerfit.diagnosis.families import ENOUGH, SURE, families
+from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
 from fingerfit.model.applicable import cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS
 
+LARGEST = 0.5
+"""Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
 LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
 
@@ -30,6 +32,35 @@ def of_family(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked]
             text = f"{verdict.sentence}; most of it may lie in {FAMILIES[family]} ({100 * share:.0f} %)"
             return replace(verdict, family=family, sentence=text)
     return verdict
+
+
+def largest_part(
+    verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], refits: Mapping[str, Refit], error: float
+) -> Verdict:
+    """The verdict, but where nothing explains it all, what surely is the largest part of it: more is missing.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    score_test : ScoreTest
+        Of the model without any effect more.
+    ranking : sequence of Ranked
+    refits : mapping
+        By name of the effect: those that count.
+    error : float
+        Of the model, in units of the noise floor, on the fitted steps.
+    """
+    if verdict.kind != "unexplained" or not refits:
+        return verdict
+    best = min(refits, key=lambda name: refits[name].level)
+    one = next(one for one in ranking if one.candidate.effect.name == best)
+    share = (error**2 - refits[best].fitted ** 2) / max(error**2 - 1.0, 1e-300)
+    beyond = score_test.misfit - refits[best].misfit > verdict.threshold
+    if not (beyond and share > LARGEST and leads(score_test, ranking, one)):
+        return verdict
+    fell = f"the error falls from {error:.2g} to {refits[best].fitted:.2g} times the noise level"
+    text = f"missing: {one.candidate.effect.title}; it is the largest part ({fell}), more is missing"
+    return Verdict("missing", (best,), text, verdict.threshold)
 
 
 def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> Verdict:

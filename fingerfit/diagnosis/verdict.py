@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from fingerfit.diagnosis.families import ENOUGH, leads, nominated
+from fingerfit.diagnosis.families import ENOUGH, nominated
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
@@ -28,8 +28,6 @@ WORSE, WORSE_OF_FEW = 0.02, 0.2
 values."""
 MATTERS = 0.05
 """Fall of the error, in noise floors, by which an effect matters that moves no constant."""
-LARGEST = 0.5
-"""Share of the misfit beyond the noise from which a part is the largest, whatever the others are."""
 TRIED = 3
 """Effects that are refitted at once."""
 
@@ -259,9 +257,6 @@ def decide(
     share = explained_share(score_test, refits[best]) if fell else 1.0
     if half_explained(score_test, ranking, refits, tests) is not None:
         if partner is None or not explains(partner[1]) or not _generalises(score_test, partner[1], held_out):
-            if share > LARGEST and leads(score_test, ranking, by_name[best]):
-                text = f"missing: {_title(by_name[best])}; it is the largest part, {100 * share:.0f} % of the misfit"
-                return Verdict("missing", (best,), f"{text} beyond the noise: more is missing", limit)
             nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of the misfit"
             return Verdict("unexplained", (), f"unexplained: {nearest} beyond the noise", limit)
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
