@@ -114,11 +114,10 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
         if verdict.kind != "unexplained":
             break
     verdict = largest_part(verdict, score_test, ranking, generalising(score_test, ended, held_out), fitted)
-    titles = {one.candidate.effect.name: one.candidate.effect.title for one in ranking}
     estimate = minimum(problem, last).values
     own = {name: estimate[name] for name in problem.settings.model.parameters}
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
-    verdict = traced(verdict, score_test, refits, titles, base, problem.settings.fit.tolerance)
+    verdict = traced(verdict, score_test, ranking, refits, base, problem.settings.fit.tolerance, tests)
     measurements: list[tuple[str, float]] = []
     if verdict.kind == "indistinguishable":
         named = {one.candidate.effect.name: one for one in ranking}

@@ -10,7 +10,7 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 ENOUGH = 0.75
 """Share of the excess misfit that an answer must explain; of what its family's probe explains, a member."""
 SURE = 4.6
-"""Logarithm of the odds from which a family is named where no effect explains enough: 100 to 1."""
+"""Logarithm of the odds from which an answer is sure: 100 to 1."""
 
 
 def nominated(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[Ranked]:
