@@ -158,7 +158,7 @@ class Uncertainty:
     relative : ndarray, shape (parameters,)
         Standard errors in search coordinates: of the logarithm.
     mesh : ndarray, shape (parameters,)
-        Error of the mesh that is left, in search coordinates; 0 where it is not known.
+        Error of the mesh that is left, in search coordinates, as a standard deviation; 0 where it is not known.
     interval : ndarray, shape (parameters, 2)
         95 % interval, in units: noise and mesh.
     correlation : ndarray, shape (parameters, parameters)
@@ -195,19 +195,19 @@ def summarise(
     parameters, values
         What was estimated, values in units.
     mesh : ndarray, shape (parameters,), optional
-        Error of the mesh, in search coordinates.
+        Error of the mesh, in search coordinates, as a standard deviation.
     sure : float
         Curvature that is seen in any case.
     """
     # imported here, because rounds, which import `minimise`, need no scipy
-    from scipy.special import stdtrit
+    from scipy.special import ndtri, stdtrit
 
     mesh = np.zeros(len(parameters)) if mesh is None else mesh
     count = len(shifts)
     covariance = np.atleast_2d(np.cov(shifts, rowvar=False))
     spread = np.sqrt(np.diag(covariance))
     scale = np.where(spread > 0, spread, 1.0)
-    half = np.hypot(stdtrit(count - 1, 0.975) * spread, mesh)
+    half = np.hypot(stdtrit(count - 1, 0.975) * spread, ndtri(0.975) * mesh)
     interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
     return Uncertainty(
         spread,

@@ -76,7 +76,8 @@ def mesh_error(problem: InverseProblem, found: Minimum, searched: Minimum) -> np
     """Error of the finest mesh that is left, by constant, shape (parameters,) in search coordinates.
 
     What the finer mesh changed, continued with the order of convergence of a glued corner (Richardson; Roache
-    1994 gives the way of reporting it). None without a finer mesh.
+    1994 gives the way of reporting it). None without a finer mesh. Constants on a logarithmic scale have their root
+    mean square: with the same mesh, one that changed little did so by chance, its changes having cancelled.
 
     Parameters
     ----------
@@ -88,6 +89,8 @@ def mesh_error(problem: InverseProblem, found: Minimum, searched: Minimum) -> np
         return None
     parameters = problem.settings.parameters()
     change = coordinates(parameters, found.values) - coordinates(parameters, searched.values)
+    alike = np.array([p.log for p in parameters], dtype=bool)
+    change[alike] = np.sqrt(np.mean(change[alike] ** 2)) if alike.any() else 0.0
     return np.abs(change) * left_over(problem)
 
 

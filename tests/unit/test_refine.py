@@ -71,6 +71,15 @@ def test_the_sign_of_the_change_does_not_matter():
     assert (there > 0).all()
 
 
+def test_moduli_have_the_root_mean_square_of_their_changes():
+    """One whose changes cancel is as wrong as the others; a number on another scale has its own."""
+    problem = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
+    problem.settings.parameters = lambda: (*PARAMETERS, Parameter("mu_bottom", "MPa", 1e-3, 1.0, 0.1))
+    fine, coarse = ({**values, "mu_bottom": 0.06} for values in (FINE, COARSE))
+    left = mesh_error(problem, at(fine, REFINED), at(coarse, SEARCH)) * (2**1.2 - 1)
+    assert left == pytest.approx([np.log(1.1) / np.sqrt(2), 0.01 / 0.2, np.log(1.1) / np.sqrt(2)], rel=1e-12)
+
+
 def test_nearly_the_same_mesh_does_not_make_the_error_endless():
     mesh = layered_block(12.0, LAYERS, 4, 2)
     left = mesh_error(fit_on(mesh, mesh), at(FINE, REFINED), at(COARSE, SEARCH))
