@@ -130,17 +130,6 @@ def propose(args: argparse.Namespace) -> None:
     problem = _fit(args)
     current = next_round(problem, Round.load(args.last) if args.last else None, args.threads)
     current.save(args.out)
-    known = sum((args.sims / asked.sim / "solution.npz").exists() for asked in current.batch)
-    scored = current.best is not None and current.best["score"] is not None
-    best = (
-        "" if current.best is None or not scored else f"best {problem.settings.fit.score} {current.best['score']:.6f}, "
-    )
-    stop = f"; stop: {current.stop}" if current.stop else ""
-    print(
-        f"round {current.number:3d}  {current.stage:<12} {best}simulations: {known} cached,"
-        f" {len(current.batch) - known} to run{stop}",
-        flush=True,
-    )
 
 
 def estimate(args: argparse.Namespace) -> None:
@@ -167,6 +156,7 @@ def plot(args: argparse.Namespace) -> None:
 def diagnose(args: argparse.Namespace) -> None:
     """Say where a fitted model fails and which effect is missing."""
     from fingerfit.core.files import keep_json, read_record
+    from fingerfit.core.progress import Progress
     from fingerfit.diagnosis.diagnose import diagnose
     from fingerfit.fit.rounds import Round, asked_for
     from fingerfit.prepare.prepare import prepare
@@ -176,7 +166,8 @@ def diagnose(args: argparse.Namespace) -> None:
     problem, last = _fit(args, settings), Round.load(args.last)
     smooth, crop = problem.settings.fit.smooth, problem.settings.fit.crop
     everything = prepare(problem.study, problem.meshes["search"], None, smooth, crop)
-    found = diagnose(problem, last, everything, args.threads)
+    with Progress(ticks=False).working(f"diagnose {problem.settings.model.full_name}"):
+        found = diagnose(problem, last, everything, args.threads)
     estimate = read_record(args.estimate, "parameters")
     write_compare(found.comparison, args.out.parent / "compare.npz")
     study, model = args.out.parents[1], problem.settings.model
@@ -325,7 +316,10 @@ def experiment(args: argparse.Namespace) -> None:
     from fingerfit.core.progress import Progress
     from fingerfit.virtual.experiment import run_experiment
 
-    run_experiment(args.description, args.out)
+    if (args.out / "study.yaml").exists() and not args.force:
+        raise InputError(args.out / "study.yaml", "file", "a study", "none yet, or --force to replace it")
+    with Progress(ticks=False).working("experiment"):
+        run_experiment(args.description, args.out)
 
 
 def finger(args: argparse.Namespace) -> None:
