@@ -13,7 +13,7 @@ _LOG = logging.getLogger("fingerfit.progress")
 
 
 def tell(text: str) -> None:
-    """Say what was done, to whoever listens: see `Progress.listen`."""
+    """Say what was done, to whoever listens: see `Progress.working`."""
     _LOG.info(text)
 
 
@@ -60,15 +60,6 @@ class Progress:
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
         """Say what `tell` is told, with a bar, until the work is done."""
-        self.listen()
-        self.show(text)
-        try:
-            yield
-        finally:
-            self.stop()
-
-    def listen(self) -> None:
-        """Say from now on what `tell` is told, and when."""
 
         def said(record: logging.LogRecord) -> None:
             self.line(f"{in_words(time.monotonic() - self.began):>6}  {record.getMessage()}")
@@ -77,7 +68,12 @@ class Progress:
         handler.emit = said  # type: ignore[method-assign]
         _LOG.addHandler(handler)
         _LOG.setLevel(logging.INFO)
-        _LOG.propagate = False
+        self.show(text)
+        try:
+            yield
+        finally:
+            _LOG.removeHandler(handler)
+            self.stop()
 
 
 def in_words(seconds: float) -> str:
