@@ -198,7 +198,7 @@ def _refits(
         if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
             enough = max(enough, ENOUGH * ranked.odds(spread))
         effect, share = ranked.candidate.effect, min(1.0, max(0.0, explained_share(found.score_test, refit)))
-        tell(f"refitted {effect.name} ({effect.title}): explains {share:.0%}; {run} simulations run")
+        tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
         yield ranked, refit, run
 
 

@@ -67,8 +67,8 @@ def drop(config: Path, name: str) -> str:
 
 def run_again(config: Path) -> str:
     """The command that fits and diagnoses the model of a config file."""
-    chosen = "" if config == Path(CONFIG) else f" --configfile {config}"
-    return f"snakemake --cores 2 diagnose{chosen}"
+    chosen = "" if config == Path(CONFIG) else f" --config {config}"
+    return f"fingerfit run{chosen} --diagnose"
 
 
 def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:

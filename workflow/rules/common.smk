@@ -39,13 +39,15 @@ if DAMAGED:
     raise WorkflowError("\n".join(DAMAGED))
 
 # what is said while it runs, and why a job failed; Snakemake's words are shown to those who did not ask for quiet
+PROGRESS = Progress()
 if workflow.is_main_process and workflow.modifier.is_main_snakefile():
-    QUIET = bool({"RULES", "ALL"} & {about.name for about in workflow.output_settings.quiet or ()})
-    FAILURES, PROGRESS = Failures(partial(print, file=sys.stderr, flush=True)), Progress()
+    QUIET = {"RULES", "ALL"} & {about.name for about in workflow.output_settings.quiet or ()}
+    FAILURES = Failures(partial(print, file=sys.stderr, flush=True))
     if QUIET:
         for handler in list(logger.handlers):
             handler.addFilter(FAILURES.shown)
-        heard_by(logger, Watch(PROGRESS, lambda: runs_now() and finished(), len(RUNS) > 1), lambda: not workflow.output_settings.dryrun)
+    watch = Watch(PROGRESS, lambda: runs_now() and finished(), len(RUNS) > 1)
+    heard_by(logger, watch, lambda: QUIET and runs_now())
     logger.addHandler(FAILURES)
 
 BY_FOLDER = {run.folder: run for run in RUNS}
