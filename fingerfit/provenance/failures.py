@@ -86,7 +86,7 @@ class Failures(logging.Handler):
 
     @staticmethod
     def shown(record: logging.LogRecord) -> bool:
-        """Whether a message of Snakemake's is still to be shown: the ends of commands that failed are not, nor asides."""
+        """Whether a message of Snakemake's is still to be shown: the ends of commands that failed are not."""
         message = record.getMessage()
         return not (message.startswith(_DUMPS + _ASIDE) or _BEFORE.search(message))
 
