@@ -62,7 +62,7 @@ class Progress:
         """Say what `tell` is told, with a bar, until the work is done."""
 
         def said(record: logging.LogRecord) -> None:
-            self.line(f"{in_words(time.monotonic() - self.began):>6}  {record.getMessage()}")
+            self.line(f"{in_words(time.monotonic() - self.began):>6}  {text}: {record.getMessage()}")
 
         handler = logging.Handler()
         handler.emit = said  # type: ignore[method-assign]
