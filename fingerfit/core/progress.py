@@ -62,7 +62,7 @@ class Progress:
         """Say what `tell` is told, with a bar, until the work is done."""
 
         def said(record: logging.LogRecord) -> None:
-            self.line(f"{in_words(time.monotonic() - self.began):>6}  {text}: {record.getMessage()}")
+            self.line(f"{in_words(time.monotonic() - self.began):>8}  {text}: {record.getMessage()}")
 
         handler = logging.Handler()
         handler.emit = said  # type: ignore[method-assign]
@@ -77,11 +77,11 @@ class Progress:
 
 
 def in_words(seconds: float) -> str:
-    """A time: 9 s, 2 min, 1.5 h.
+    """A time: 9 s, 2:10 min, 1.5 h.
 
     >>> in_words(9.3), in_words(130), in_words(5400)
-    ('9 s', '2 min', '1.5 h')
+    ('9 s', '2:10 min', '1.5 h')
     """
     if seconds < 100:
         return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.2g} h"
+    return f"{seconds // 60:.0f}:{int(seconds % 60):02} min" if seconds < 5400 else f"{seconds / 3600:.2g} h"

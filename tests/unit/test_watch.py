@@ -86,6 +86,6 @@ def test_only_errors_of_others_are_shown_while_it_is_quiet():
 def test_what_is_told_is_said_in_plain_lines_where_there_is_no_terminal(capsys):
     with Progress(ticks=False).working("diagnose"):
         tell("tried tilt")
-    assert capsys.readouterr().out == "   0 s  diagnose: tried tilt\n"
+    assert capsys.readouterr().out == "     0 s  diagnose: tried tilt\n"
     tell("nobody listens")
     assert capsys.readouterr().out == ""
