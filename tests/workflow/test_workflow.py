@@ -211,6 +211,7 @@ def test_a_diagnosis_of_a_model_that_lacks_nothing(place):
     )
 
 
+@pytest.mark.slow
 def test_tolerances_cost_only_new_simulations(place):
     before = estimate(place)
     known = len(list((place / "results/study/sims").iterdir()))
