@@ -19,6 +19,7 @@ FAMILY = {
     "bone_mobility": "base",
     "coarse_mesh": "numerics",
     "compressibility": "material",
+    "distorted_pictures": "observation",
     "fibres": "material",
     "force_gain": "loading",
     "force_offset": "loading",
