@@ -132,6 +132,14 @@ def on_viscoelastic(reading: Reading, card: Card) -> None:
     reading.materials[reading.material] = replace(material, prony=Prony(tuple(g), tuple(tau), fast))
 
 
+def on_expansion(reading: Reading, card: Card) -> None:
+    """Expansion from the initial temperature on: of a coefficient that is constant ZERO changes nothing."""
+    card.allow("TYPE", "ZERO")
+    if card.options.get("TYPE", "ISO").upper() != "ISO":
+        raise card.error(card.options["TYPE"], "ISO")
+    reading.expansion[reading.material] = card.values(1, 1)[0]
+
+
 def on_density(reading: Reading, card: Card) -> None:
     """Statics without gravity need none."""
 
@@ -197,6 +205,7 @@ KEYWORDS: dict[str, Handler] = {
     "ELASTIC": on_elastic,
     "ANISOTROPIC HYPERELASTIC": on_anisotropic_hyperelastic,
     "VISCOELASTIC": on_viscoelastic,
+    "EXPANSION": on_expansion,
     "DENSITY": on_density,
     "ORIENTATION": on_orientation,
     "SOLID SECTION": on_solid_section,

@@ -69,6 +69,8 @@ class _Writer:
         for name, material in deck.materials.items():
             yield f"*MATERIAL, NAME={_name(name)}"
             yield from _material(material)
+            if name in deck.expansion:
+                yield from ("*EXPANSION", _text(deck.expansion[name]))
         for name, local in deck.orientations.items():
             count = len(local.directions)
             yield f"*ORIENTATION, NAME={_name(name)}" + (f", LOCAL DIRECTIONS={count}" if count else "")
@@ -86,6 +88,9 @@ class _Writer:
             if given:
                 yield f"*INITIAL CONDITIONS, TYPE={keyword}"
                 yield from (_row(element + 1, *map(float, values)) for element, values in given.items())
+        if deck.temperature:
+            yield "*INITIAL CONDITIONS, TYPE=TEMPERATURE"
+            yield from (_row(self.label[node], float(value)) for node, value in deck.temperature.items())
         for name, law in deck.laws.items():
             yield f"*SURFACE INTERACTION, NAME={_name(name)}"
             yield from _law(law)
@@ -189,12 +194,14 @@ class _Writer:
         options = ", DIRECT" * step.fixed + ", LONG TERM" * step.relaxed
         yield ("*VISCO" if step.viscous else "*STATIC") + options
         yield f"{_text(step.increment * step.period)}, {_text(step.period)}, , {_text(step.largest * step.period)}"
-        curves = {kind: {key: name for (k, key), name in step.curve.items() if k == kind} for kind in "UFP"}
+        curves = {kind: {key: name for (k, key), name in step.curve.items() if k == kind} for kind in "UFTP"}
         held = self._ends(before, "U", before.displacement)
         operation, prescribed = _operation(step.displacement, held, curves["U"])
         yield from self._grouped("BOUNDARY", operation, prescribed, curves["U"])
         operation, forces = _operation(step.force, self._ends(before, "F", before.force), curves["F"])
         yield from self._grouped("CLOAD", operation, forces, curves["F"])
+        operation, warm = _operation(step.temperature, self._ends(before, "T", before.temperature), curves["T"])
+        yield from self._grouped("TEMPERATURE", operation, warm, curves["T"])
         operation, pressures = _operation(step.pressure, self._ends(before, "P", before.pressure), curves["P"])
         for name in [None, *dict.fromkeys(curves["P"].values())]:
             chosen = {face: value for face, value in pressures.items() if curves["P"].get(face) == name}
@@ -229,7 +236,7 @@ class _Writer:
             operation = ""
             for (of, axis, value), nodes in groups.items():
                 if of == name:
-                    axes = (axis + 1, axis + 1) if keyword == "BOUNDARY" else (axis + 1,)
+                    axes = (axis + 1,) * {"BOUNDARY": 2, "CLOAD": 1}.get(keyword, 0)
                     yield from (_row(who, *axes, value) for who in self._who(nodes))
 
     def _who(self, nodes: Iterable[int]) -> list[object]:

@@ -18,6 +18,7 @@ FEATURES = frozenset(
         "*DLOAD",
         "*ELASTIC",
         "*EQUATION",
+        "*EXPANSION",
         "*FRICTION",
         "*FRICTION, ROUGH",
         "*HYPERELASTIC, MOONEY-RIVLIN",
@@ -78,6 +79,7 @@ def require_sets(deck: Deck, path: Path, *names: str) -> None:
 def _model(deck: Deck) -> Iterator[tuple[str, Any]]:
     yield "*CONTACT PAIR", deck.contacts
     yield "*EQUATION", deck.equations
+    yield "*EXPANSION", deck.expansion
     yield "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN", deck.strain
     yield "*INITIAL CONDITIONS, TYPE=STRESS", deck.stress
     yield "*INSTANCE", any(scope for scope, _ in deck.labels)

@@ -336,6 +336,74 @@ def test_preload_counts_from_the_first_picture(tmp_path, plain):
     assert since_first_picture(plain, 2) is plain
 
 
+def test_swelling_follows_time_or_steps(tmp_path, plain):
+    """Temperatures are stretches less 1: their cube is the change of volume."""
+    text = deck({"swelling.volume": 0.05})
+    assert "*EXPANSION, ZERO=0.\n1.\n*SOLID SECTION" in text
+    assert text.count("*EXPANSION") == len(LAYERS)
+    found = [float(value) for value in re.findall(r"\*TEMPERATURE\nALL, (.*)", text)]
+    assert [(1 + e) ** 3 for e in found] == pytest.approx([1.025, 1.05])
+    late = replace(study(), steps=tuple(replace(s, time=t) for s, t in zip(study().steps, (5.0, 20.0), strict=True)))
+    found = [float(e) for e in re.findall(r"\*TEMPERATURE\nALL, (.*)", deck({"swelling.volume": 0.05}, of=late))]
+    assert [(1 + e) ** 3 for e in found] == pytest.approx([1.0125, 1.05])
+    swelled, shrunk = (solve(deck({"swelling.volume": v}), tmp_path) for v in (0.03, -0.03))
+    side = MESH.points[:, 0] == 12.0
+    for outcome, way in ((swelled, 1), (shrunk, -1)):
+        moved = way * (outcome.displacement - plain.displacement)
+        assert moved[-1, side, 0].max() > moved[0, side, 0].max() > 0.03
+        assert moved[-1, MESH.node_sets["TOP"], 1].min() > 0.1
+
+
+def test_what_was_before_the_first_picture_is_a_step_of_its_own(tmp_path, plain):
+    for values in ({"swollen.volume": 0.05}, {"prestretch.stretch": 0.05}, {"state_probe.load": 0.1}):
+        outcome = solve(deck(values), tmp_path)
+        assert outcome.steps == 3
+        seen = since_first_picture(outcome, 2)
+        change = np.abs(seen.displacement - plain.displacement).max(axis=(1, 2))
+        assert change.min() > 2e-3
+        if "state_probe.load" not in values:  # nothing but the body itself pushes
+            assert outcome.reaction[0, 1] == pytest.approx(0.0, abs=1e-4)
+            assert np.abs(outcome.displacement[0]).max() > 0.05
+    assert "*TEMPERATURE" not in deck({"preload.force": 1.0})
+
+
+def test_a_body_that_was_stretched_draws_its_sides_in(tmp_path):
+    """What was longer along x and is released gets shorter by as much where it is far from the glued edges."""
+    wide = layered_block(36.0, [("top", 4.0), ("middle", 4.0), ("bottom", 4.0)], 12, 2, "CPE8H")
+    outcome = solve(deck({"prestretch.stretch": 0.01}, mesh=wide), tmp_path, wide)
+    side = np.isclose(wide.points[:, 0], 36.0) & np.isclose(wide.points[:, 1], 6.0)
+    assert -0.01 * 18 < outcome.displacement[0, side, 0].item() < -0.01 * 4
+
+
+def test_the_probe_of_the_state_does_what_its_members_do():
+    def given(values):
+        text = deck(values).replace("ALL, 0.\n", "")
+        found = re.findall(r"\*TEMPERATURE\n((?:[^*].*\n)*)", text)
+        loads, stress = cards(text, "CLOAD"), re.findall(r"TYPE=STRESS\n((?:[^*].*\n)*)", text)
+        return [np.array([float(line.split(",")[1]) for line in block.splitlines()]) for block in found], loads, stress
+
+    even = dict.fromkeys(("state_probe.lower", "state_probe.middle", "state_probe.upper"), 0.03)
+    warm, loads, _ = given({"swelling.volume": 0.03})
+    probed, more, _ = given(even)
+    assert np.ravel(probed) == pytest.approx(np.ravel([[0.0], *warm]))
+    assert [block[0][2] for block in more] == [0.0, *(block[0][2] for block in loads)]
+    assert np.ravel(given({"swollen.volume": 0.03})[0]) == pytest.approx(
+        np.ravel(given({"state_probe.swollen": 0.03})[0])
+    )
+    assert given({"prestretch.stretch": 0.03})[1:] == given({"state_probe.stretch": 0.03})[1:]
+    assert given({"preload.force": 4.0})[1] == given({"state_probe.load": 0.1})[1]
+    (rows, *_), _, _ = given({"state_probe.swollen": 0.01, "state_probe.upper": 0.03})
+    assert np.ptp(rows) == 0
+    last = (1 + given({"state_probe.lower": 0.03, "state_probe.upper": 0.09})[0][-1]) ** 3 - 1
+    up = MESH.points[:, 1] / 12.0
+    assert last == pytest.approx(np.interp(up, [0, 0.5, 1], [0.03, 0.0, 0.09]))
+
+
+def test_what_shrinks_to_nothing_is_refused():
+    with pytest.raises(InputError, match=r"effect swelling: changes\.swelling: found -1\.5; .*above -1"):
+        deck({"swelling.volume": -1.5})
+
+
 # --- observed
 
 
