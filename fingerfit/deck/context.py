@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -29,6 +30,8 @@ from fingerfit.model.observation import places
 from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
 
+TWINS = 3000001
+"""First number of elements that parts have once more."""
 STIFFNESS = 12.5
 """Pressure at which a contact is the indenter's radius deep, MPa: 5 MPa/mm for a radius of 2.5 mm, as the fingertip was
 fitted with. A stress, and a choice (docs/decisions/0017-blocks-and-shares.md)."""
@@ -70,7 +73,7 @@ def deck_context(
         ``title, mesh, dim, quadratic, thickness, control, boundary, steps, swells, increment, top, indenter, layers,
         effects, parts, follows, beside``, ``values`` for templates with parameters of their own, and what templates may
         call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block, ``areas(set)``,
-        ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``nodes(set)``, ``node(set)`` and
+        ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``nodes(set)``, ``node(set)`` and
         ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a sphere that
         touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
@@ -84,6 +87,7 @@ def deck_context(
     ]
     increment = _changed("increment", 1.0, {}, present, values)
     steps = _steps(study, mesh, present, values)
+    numbers = itertools.count(TWINS)  # of one part after the other
     return {
         "title": study.title,
         "mesh": mesh_name,
@@ -107,7 +111,7 @@ def deck_context(
         "beside": {axis: float(_changed(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
         "areas": lambda name: areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
-        "elements": lambda: elements(mesh),
+        "elements": lambda layer=None: elements(mesh, numbers, layer),
         "lengths": lambda name: lengths(mesh, mesh.node_sets[name]),
         "shares": lambda: shares(mesh),
         "nodes": lambda name: [int(node) + 1 for node in nodes_of(mesh, name)],

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from typing import Any
+
 import numpy as np
 
 from fingerfit.core.errors import InputError
@@ -79,13 +82,20 @@ def rests_on(mesh: Mesh, name: str, at: tuple[float, float], radius: float) -> f
     return resting(mesh, nodes_on(mesh, mesh.surfaces[name]), at, radius)
 
 
-def elements(mesh: Mesh) -> list[tuple[str, list[list[int]]]]:
-    """Elements once more, with numbers of their own: type and rows of number and nodes."""
-    found, first = [], 3000001
+def elements(
+    mesh: Mesh, numbers: Iterator[int], layer: Mapping[str, Any] | None = None
+) -> list[tuple[str, list[list[int]]]]:
+    """Elements of the body or of a layer once more, with numbers of their own: type and rows of number and nodes."""
+    chosen = np.ones(mesh.element_count, dtype=bool)
+    if layer is not None:
+        chosen[:] = False
+        chosen[[n - 1 for n in layer["elements"]] or mesh.element_sets[layer["name"]]] = True
+    found, first = [], 0
     for block in mesh.blocks:
-        rows = [[first + n, *(int(node) + 1 for node in row)] for n, row in enumerate(block.nodes)]
-        found.append((block.element, rows))
-        first += len(rows)
+        its = block.nodes[chosen[first : first + len(block.nodes)]]
+        rows = [[next(numbers), *(int(node) + 1 for node in row)] for row in its]
+        found += [(block.element, rows)] if rows else []
+        first += len(block.nodes)
     return found
 
 

@@ -282,13 +282,13 @@ def _material(material: Any) -> Iterator[str]:
         yield f"*ANISOTROPIC HYPERELASTIC, HOLZAPFEL, LOCAL DIRECTIONS={len(material.directions)}{moduli}"
         yield _row(material.c10, material.d, material.k1, material.k2, material.kappa)
     else:
-        order = len(material.mu) if kind == "Ogden" else {"NeoHooke": 1, "MooneyRivlin": 1, "Yeoh": 3}[kind]
+        order = {"Ogden": lambda m: len(m.mu), "Yeoh": lambda m: len(m.c)}.get(kind, lambda m: 1)(material)
         d = [*material.d, *[0.0] * order][:order]
         name, constants = {
             "Ogden": lambda m: (f"OGDEN, N={order}", [x for pair in zip(m.mu, m.alpha, strict=True) for x in pair]),
             "NeoHooke": lambda m: ("NEO HOOKE", [m.c10]),
             "MooneyRivlin": lambda m: ("MOONEY-RIVLIN", [m.c10, m.c01]),
-            "Yeoh": lambda m: ("YEOH", list(m.c)),
+            "Yeoh": lambda m: ("YEOH" if order == 3 else f"REDUCED POLYNOMIAL, N={order}", list(m.c)),
         }[kind](material)
         yield f"*HYPERELASTIC, {name}{moduli}"
         yield from _wrapped([*constants, *d], 8)

@@ -314,6 +314,68 @@ def test_fibres_are_the_elements_once_more():
     assert not {row[0] for row in twins} & set(range(1, MESH.element_count + 1))
 
 
+def test_fibres_lie_at_their_angle(tmp_path, plain):
+    """Along x they bulge less; slanted ones draw the indenter's side to where they are not stretched, mirrored by the sign."""
+    assert deck({"fibres.stiffness": 0.002}) == deck({"fibres.stiffness": 0.002, "fibres.angle": 0})
+    outcome = {a: solve(deck({"fibres.stiffness": 0.01, "fibres.angle": a}), tmp_path) for a in (0, 45, -45, 90)}
+    x = MESH.points[:, 0]
+
+    def mirrored(field):
+        place = {tuple(np.round(p, 6)): n for n, p in enumerate(MESH.points.tolist())}
+        return field[[place[tuple(np.round([12.0 - p[0], p[1]], 6))] for p in MESH.points.tolist()]] * [-1, 1]
+
+    bulge = {a: one.displacement[-1, x == 12.0, 0].max() for a, one in outcome.items()}
+    assert bulge[0] < 0.9 * plain.displacement[-1, x == 12.0, 0].max()
+    assert outcome[45].displacement[-1] == pytest.approx(mirrored(outcome[-45].displacement[-1]), abs=1e-6)
+    lean = outcome[45].displacement[-1] - mirrored(outcome[45].displacement[-1])
+    assert np.abs(lean[:, 0]).max() > 0.02
+    upright = outcome[90].displacement[-1]
+    assert upright == pytest.approx(mirrored(upright), abs=1e-6)
+
+
+def test_terms_of_higher_order_are_the_elements_of_each_layer_once_more():
+    for name in ("yeoh", "exponential"):
+        prefix = {"yeoh": "YEOH", "exponential": "EXP"}[name]
+        values = {"yeoh.c2": 0.5, "yeoh.c3": 0.2} if name == "yeoh" else {"exponential.b": 2.0}
+        for more in ({}, {"gradient.slope": 0.4}):
+            text = deck(values | more)
+            twins = cards(text, f"ELEMENT, TYPE=CPE8H, ELSET={prefix}_\\w+")
+            rows = sorted(row[1:] for block in twins for row in block)
+            assert rows == sorted([n + 1.0 for n in row] for block in MESH.blocks for row in block.nodes.tolist())
+            numbers = [row[0] for block in twins for row in block]
+            assert len(set(numbers)) == len(numbers) == MESH.element_count
+            assert min(numbers) > MESH.element_count
+            assert text.count("*SOLID SECTION") == 2 * text.count("*HYPERELASTIC, OGDEN")
+    both = deck({"yeoh.c2": 0.5, "fibres.stiffness": 0.002})
+    numbers = [row[0] for block in cards(both, "ELEMENT, TYPE=CPE8H, ELSET=\\w+") for row in block]
+    assert len(set(numbers)) == 2 * MESH.element_count
+
+
+def test_the_series_is_that_of_the_exponential():
+    """Of exp(x) the seventh power is left out, and what follows: x^7 / 7! times exp(x) at most."""
+    b, strain = 2.0, 0.5
+    for block, mu in zip(
+        cards(deck({"exponential.b": b}), "HYPERELASTIC, REDUCED POLYNOMIAL"), MU.values(), strict=True
+    ):
+        constants = [x for line in block for x in line]
+        assert len(constants) == 12
+        energy = sum(c * strain**n for n, c in enumerate(constants[:6], 1)) - 1e-6 * mu * strain
+        wanted = mu / 2 * ((np.exp(b * strain) - 1) / b - strain)
+        assert energy == pytest.approx(wanted, abs=mu / (2 * b) * (b * strain) ** 7 / 5040 * np.exp(b * strain))
+        assert energy == pytest.approx(wanted, rel=1e-3)
+
+
+def test_they_stiffen_at_large_strain_only(tmp_path):
+    def forces(values):
+        return solve(deck(values, of=study("displacement", [0.2, 3.0])), tmp_path).reaction[:, 1]
+
+    plain = forces({})
+    for values in ({"yeoh.c2": 0.5}, {"yeoh.c3": 1.0}, {"exponential.b": 2.0}):
+        small, large = forces(values) / plain
+        assert 1.0 < small < 1.02
+        assert large > 1.5
+
+
 def test_loads():
     assert [block[0][2] for block in cards(PLAIN, "CLOAD")] == [-20.0, -40.0]
     gain = cards(deck({"force_gain.gain": 0.25}), "CLOAD")
