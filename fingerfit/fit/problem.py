@@ -145,7 +145,7 @@ class InverseProblem:
 
     def seen(self, values: Mapping[str, float]) -> Observation | None:
         """Effects on the observation that a guess has."""
-        everything = {**self.settings.fixed(), **values}
+        everything = {**self.settings.fixed(self.effects), **values}
         return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].body, len(self.data.step))
 
     def mesh_of(self, asked: Asked) -> str:
