@@ -66,7 +66,7 @@ RULES = (
     Rule("second invariant", ("material",), "second_term", ("mooney", "ogden"), 0.4, 0.95, {"power": (2.5, 6.0)}),
     Rule("compressibility", ("material",), "compressibility", ("quadratic", "logarithm", "mixed"), 0.01, 0.15),
     Rule("fibres", ("material",), "fibres", ("square", "exponential"), 0.5, 30.0),
-    Rule("oblique fibres", ("material",), None, ("one family", "two families"), 0.5, 60.0, {"angle": (20.0, 40.0)},
+    Rule("oblique fibres", ("material",), "fibres", ("one family", "two families"), 0.5, 60.0, {"angle": (20.0, 40.0)},
          BOTH),
     Rule("one layer stiffens", ("material", "structure"), None, ("exponential", "quadratic"), 1.0, 60.0,
          {"layer": (0.0, 1.0)}, setting=LAYERED),
@@ -104,9 +104,9 @@ RULES = (
     Rule("bent force", ("loading", "observation"), None, ("square", "root"), 0.05, 0.5, {}, BOTH),
     # state before the first picture
     Rule("preload", ("state", "loading"), "preload", ("pressed",), 0.02, 0.1, setting=FORCE),
-    Rule("swelling", ("state",), None, ("all", "one layer"), 0.01, 0.12, {"layer": (0.0, 1.0)}, BOTH),
-    Rule("stretched before", ("state",), None, ("all", "one layer"), 0.01, 0.15, {"layer": (0.0, 1.0)}, BOTH),
-    Rule("drying", ("state", "loading"), None, ("steady", "fading"), 0.005, 0.06),
+    Rule("swelling", ("state",), "swollen", ("all", "one layer"), 0.01, 0.12, {"layer": (0.0, 1.0)}, BOTH),
+    Rule("stretched before", ("state",), "prestretch", ("all", "one layer"), 0.01, 0.15, {"layer": (0.0, 1.0)}, BOTH),
+    Rule("drying", ("state", "loading"), "swelling", ("steady", "fading"), 0.005, 0.06),
     # geometry
     Rule("interface", ("geometry",), "interface", ("moved", "inclined", "waved"), 0.03, 0.12, {"which": (0.0, 1.0)},
          BOTH, 2,

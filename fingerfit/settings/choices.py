@@ -92,9 +92,7 @@ class Choices:
         """Where the search starts, by the names of the parameters."""
         return {parameter.name: parameter.start for parameter in self.parameters()}
 
-    def effects(
-        self: Any, where: Path | str = CONFIG, known: Mapping[str, Effect] | None = None
-    ) -> tuple[Effect, ...]:
+    def effects(self: Any, where: Path | str = CONFIG, known: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:
         """Effects of the model, in order; `where` is named in errors, and `known` are those of the study, if at hand.
 
         Raises
