@@ -25,7 +25,7 @@ ROOMS = (
     ("diagnosis",),
     ("report",),
     ("check",),
-    ("commands",),
+    ("commands", "notebook"),
     ("cli",),
     ("__main__",),
 )
