@@ -213,6 +213,34 @@ def test_inclusion_is_round_and_skin_is_at_the_top():
     assert change[y < 10.5] == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_band_has_its_angle_and_width():
+    """All of the contrast inside, half of it on the edges; the points of an element lie up to 0.2 mm from its middle."""
+    mesh = layered_block(12.0, LAYERS, 24, 8, "CPE4")
+    x, y = centres(mesh).T - 6.0
+    for angle in (0.0, 30.0, -60.0, 90.0):
+        place = {"band.contrast": 1.0, "band.angle": angle, "band.above": 1.0, "band.wide": 3.0}
+        change = np.log(moduli(place, mesh) / plain_moduli(mesh))
+        away = abs(np.cos(np.deg2rad(angle)) * y - np.sin(np.deg2rad(angle)) * x - 1.0)
+        assert change[away < 0.9].min() > 0.9
+        assert change[away > 2.1].max() < 0.1
+        if angle in (0.0, 90.0):
+            assert change.sum() * 0.25 == pytest.approx(3.0 * 12.0, rel=0.02)
+
+
+def test_an_ellipse_has_its_size_axes_and_turn():
+    mesh = layered_block(12.0, LAYERS, 24, 8, "CPE4")
+    x, y = centres(mesh).T - [[4.8], [7.2]]
+    for flat, slant, turn in ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 90.0), (0.0, 1.0, 45.0)):
+        place = {"ellipse.across": 0.4, "ellipse.along": 0.6, "ellipse.radius": 2.5}
+        place |= {"ellipse.contrast": 1.0, "ellipse.flat": flat, "ellipse.slant": slant}
+        change = np.log(moduli(place, mesh) / plain_moduli(mesh))
+        c, s, ratio = np.cos(np.deg2rad(turn)), np.sin(np.deg2rad(turn)), np.exp(np.hypot(flat, slant) / 2)
+        far = np.hypot((c * x + s * y) / ratio, (c * y - s * x) * ratio) / 2.5
+        assert change[far < 0.6].min() > 0.9
+        assert change[far > 1.5].max() < 0.1
+        assert change.sum() * 0.25 == pytest.approx(np.pi * 2.5**2, rel=0.1)
+
+
 def test_fields_of_two_effects_add():
     one, two = {"gradient.slope": 0.4}, {"split_layer.contrast": 0.6, "split_layer.layer": 1}
     together = np.log(moduli(one | two) / plain_moduli())
