@@ -404,6 +404,28 @@ def test_they_stiffen_at_large_strain_only(tmp_path):
         assert large > 1.5
 
 
+def test_a_wall_stops_the_side_that_meets_it(tmp_path, plain):
+    """Nearly rigid, its overclosure is that of a pressure of the order of the modulus: hundredths of the width."""
+    outcome = {}
+    for way in (-1, 0, 1):
+        text = deck({"wall.share": 0.98, "wall.gap": 0.3, "wall.side": way})
+        assert text.count("*CONTACT PAIR") == (2 if way == 0 else 1)
+        outcome[way] = solve(text, tmp_path)
+        assert outcome[way].displacement.shape == plain.displacement.shape
+    left, right = MESH.points[:, 0] == 0, MESH.points[:, 0] == 12.0
+    free = plain.displacement[-1, right, 0].max()
+    for way, wall in ((-1, left), (0, left), (0, right), (1, right)):
+        reached = np.abs(outcome[way].displacement[-1, wall, 0]).max()
+        assert 0.3 < reached < 0.4 < 0.3 * free
+    # away from one wall it bulges more, and between two it is stiffest
+    assert outcome[-1].displacement[-1, right, 0].max() > 1.05 * free
+    moved = {way: -one.indenter[-1, 1] for way, one in outcome.items()}
+    assert moved[0] < 0.6 * moved[1] == pytest.approx(0.6 * moved[-1], rel=1e-6)
+    # a wall that is never met changes nothing
+    far = solve(deck({"wall.share": 0.98, "wall.gap": 2.5, "wall.side": 0}), tmp_path)
+    assert far.displacement == pytest.approx(plain.displacement, abs=1e-6)
+
+
 def test_loads():
     assert [block[0][2] for block in cards(PLAIN, "CLOAD")] == [-20.0, -40.0]
     gain = cards(deck({"force_gain.gain": 0.25}), "CLOAD")
