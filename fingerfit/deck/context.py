@@ -75,8 +75,9 @@ def deck_context(
         effects, parts, follows, beside``, ``values`` for templates with parameters of their own, and what templates may
         call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block, ``areas(set)``,
         ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``, ``nodes(set)``,
-        ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a sphere that
-        touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
+        ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a
+        sphere that touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of
+        bricks.
     """
     effects = bound(catalogue() if effects is None else effects, scales(study, np.ptp(mesh.body, axis=0)))
     present = [effect for effect in effects.values() if effect.present(values)]
