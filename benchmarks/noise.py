@@ -123,7 +123,7 @@ def main() -> None:
             study = Path(folder) / "study"
             write_study(truth, solved, study, seed)
             fitted = fit_study({**config, "study": str(study)}, Path(folder))
-        replicates = fitted.fit.settings.fit.replicates
+        replicates = fitted.problem.settings.fit.replicates
         fits.append(entries(fitted.estimate, constants, replicates))
         shown = ", ".join(f"{row['name']} {100 * row['error']:+.2f} %" for row in fits[-1])
         print(f"seed {seed:2d}: {shown}", flush=True)

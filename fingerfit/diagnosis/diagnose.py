@@ -16,7 +16,7 @@ from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import refit_all, widened
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
-from fingerfit.diagnosis.reservations import by_settings, doubted, of_family, traced, untried
+from fingerfit.diagnosis.reservations import by_settings, doubted, largest_part, of_family, traced, untried
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     SEEN,
@@ -113,11 +113,11 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
             verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
-    titles = {one.candidate.effect.name: one.candidate.effect.title for one in ranking}
+    verdict = largest_part(verdict, score_test, ranking, generalising(score_test, ended, held_out), fitted)
     estimate = minimum(problem, last).values
     own = {name: estimate[name] for name in problem.settings.model.parameters}
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
-    verdict = traced(verdict, score_test, refits, titles, base, problem.settings.fit.tolerance)
+    verdict = traced(verdict, score_test, ranking, refits, base, problem.settings.fit.tolerance, tests)
     measurements: list[tuple[str, float]] = []
     if verdict.kind == "indistinguishable":
         named = {one.candidate.effect.name: one for one in ranking}

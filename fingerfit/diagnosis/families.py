@@ -9,6 +9,8 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 
 ENOUGH = 0.75
 """Share of the excess misfit that an answer must explain; of what its family's probe explains, a member."""
+SURE = 4.6
+"""Logarithm of the odds from which an answer is sure: 100 to 1."""
 
 
 def nominated(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[Ranked]:
@@ -37,3 +39,15 @@ def families(score_test: ScoreTest, ranking: Sequence[Ranked]) -> dict[str, tupl
     for one in sorted(nominated(score_test, ranking), key=lambda one: -one.odds(spread)):
         found.setdefault(one.candidate.effect.family, (one, one.odds(spread)))
     return found
+
+
+def leads(score_test: ScoreTest, ranking: Sequence[Ranked], one: Ranked) -> bool:
+    """Whether an effect that explains a part is surely the largest one.
+
+    Its family is far likelier than any other, and has a probe: without one nobody knows whether it has something
+    better than this member.
+    """
+    odds = {family: value for family, (_, value) in families(score_test, ranking).items()}
+    own = one.candidate.effect.family
+    probed = any(other.candidate.effect.probe and other.candidate.effect.family == own for other in ranking)
+    return probed and own in odds and all(odds[own] - odds[other] > SURE for other in odds.keys() - {own})

@@ -104,7 +104,8 @@ class FirstPass:
         moves : int
             At most as many.
         near : bool
-            Whether the start is near the fitted model, whose slopes then do for the first move.
+            Whether the start is near the fitted model, whose slopes then do for the first move, and what is found is
+            looked at again: later moves take the slopes that the earlier ones showed (Broyden 1965).
 
         Raises
         ------
@@ -113,7 +114,7 @@ class FirstPass:
         """
         from scipy.optimize import least_squares
 
-        path = _Path(self, problem, start, self.known if near else {})
+        path = _Path(self, problem, start, self.known if near else {}, secant=near)
         begin = np.zeros(len(path.parameters))
         if not np.isfinite(path.residual(begin)).all():
             raise StateError("the start of a refit has no solution")
@@ -263,9 +264,11 @@ class _Path:
         problem: InverseProblem,
         start: Mapping[str, float],
         known: Mapping[str, np.ndarray],
+        secant: bool = False,
     ) -> None:
         self.owner, self.problem, self.start, self.run = owner, problem, dict(start), 0
-        self._known = known
+        self._known, self._secant = known, secant
+        self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self.parameters: tuple[Parameter, ...] = problem.settings.parameters()
         comparison = owner.comparison
         effects = problem.settings.effects()
@@ -300,6 +303,17 @@ class _Path:
 
     def slopes(self, delta: np.ndarray) -> np.ndarray:
         """Derivatives of that, shape (values, parameters); 0 where neither side has a solution."""
+        if self._secant and self._before is not None:
+            here, (last, left, columns) = self.residual(delta), self._before
+            move = delta - last
+            columns = columns + np.outer(here - left - columns @ move, move / (move @ move))
+        else:
+            columns = self._differences(delta)
+            here = self.residual(delta)
+        self._before = delta.copy(), here, columns
+        return columns
+
+    def _differences(self, delta: np.ndarray) -> np.ndarray:
         columns, steps = np.zeros((self.owner.count, len(delta))), dict[int, float]()
         for n, p in enumerate(self.parameters):
             if p.name in self._observed:

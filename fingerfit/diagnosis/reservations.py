@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from fingerfit.diagnosis.families import ENOUGH, families
-from fingerfit.diagnosis.ranking import Ranked
+import numpy as np
+
+from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
+from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
 from fingerfit.model.applicable import cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS
 
+LARGEST = 0.5
+"""Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
 LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
-SURE = 4.6
-"""Logarithm of the odds from which a family is named where no effect is: 100 to 1."""
 
 
 def of_family(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked]) -> Verdict:
@@ -32,6 +34,35 @@ def of_family(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked]
             text = f"{verdict.sentence}; most of it may lie in {FAMILIES[family]} ({100 * share:.0f} %)"
             return replace(verdict, family=family, sentence=text)
     return verdict
+
+
+def largest_part(
+    verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], refits: Mapping[str, Refit], error: float
+) -> Verdict:
+    """The verdict, but where nothing explains it all, what surely is the largest part of it: more is missing.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    score_test : ScoreTest
+        Of the model without any effect more.
+    ranking : sequence of Ranked
+    refits : mapping
+        By name of the effect: those that count.
+    error : float
+        Of the model, in units of the noise floor, on the fitted steps.
+    """
+    if verdict.kind != "unexplained" or not refits:
+        return verdict
+    best = min(refits, key=lambda name: refits[name].level)
+    one = next(one for one in ranking if one.candidate.effect.name == best)
+    share = (error**2 - refits[best].fitted ** 2) / max(error**2 - 1.0, 1e-300)
+    beyond = score_test.misfit - refits[best].misfit > verdict.threshold
+    if not (beyond and share > LARGEST and leads(score_test, ranking, one)):
+        return verdict
+    fell = f"the error falls from {error:.2g} to {refits[best].fitted:.2g} times the noise level"
+    text = f"missing: {one.candidate.effect.title}; it is the largest part ({fell}), more is missing"
+    return Verdict("missing", (best,), text, verdict.threshold)
 
 
 def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> Verdict:
@@ -53,39 +84,48 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
 def traced(
     verdict: Verdict,
     score_test: ScoreTest,
+    ranking: Sequence[Ranked],
     refits: Mapping[str, Refit],
-    titles: Mapping[str, str],
     base: Refit,
     tolerance: float,
+    tests: int,
 ) -> Verdict:
-    """The verdict, but *adequate* where the model explains the data and no effect that it names matters: a trace.
+    """The verdict, but *adequate* where the model explains the data and what is named does not matter or is not likely.
 
     With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance,
-    or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`.
+    or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`. It is
+    likely when the odds for it, against the model that explains the data without it, are more than `SURE`; before it
+    was seen, each of those that were tested had an equal share of what speaks for any of them.
 
     Parameters
     ----------
     verdict : Verdict
     score_test : ScoreTest
         Of the model without the effects.
+    ranking : sequence of Ranked
     refits : mapping
         By name of the effect.
-    titles : mapping
-        Of the effects, by name.
     base : Refit
         The model without the effects: its constants and errors.
     tolerance : float
         Share of a constant.
+    tests : int
+        How many effects, and places of them, were tested.
     """
     if verdict.kind not in ("missing", "indistinguishable") or not explains(score_test):
         return verdict
-    if any(_matters(refits[name], base, tolerance) for name in verdict.effects):
+    named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
+    names = " or ".join(one.candidate.effect.title for one in named)
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
+    odds = max(one.odds(spread) for one in named) - float(np.log(max(tests, 1)))
+    text = "the model explains the measurements to within their noise; "
+    if not any(_matters(refits[name], base, tolerance) for name in verdict.effects):
+        text += f"beyond chance, but a trace that moves no constant by more than {100 * tolerance:g} %: {names}"
+    elif odds < SURE:
+        text += f"a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
+    else:
         return verdict
-    names = " or ".join(titles[name] for name in verdict.effects)
-    text = (
-        "the model explains the measurements to within their noise; beyond chance, but a trace that moves no constant"
-    )
-    return Verdict("adequate", (), f"{text} by more than {100 * tolerance:g} %: {names}", verdict.threshold)
+    return Verdict("adequate", (), text, verdict.threshold)
 
 
 def _matters(refit: Refit, base: Refit, tolerance: float) -> bool:

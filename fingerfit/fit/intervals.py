@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.fit.linear import Objective
 from fingerfit.model.parameters import Parameter
 
 WIDTH = 0.02
@@ -27,24 +28,19 @@ however much better another direction is known."""
 
 
 def _gradient(objective: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
-    """Central differences, shape of `at`."""
+    """Derivatives, shape of `at`; central differences where the objective does not know its own."""
+    if isinstance(objective, Objective):
+        return objective.gradient(at)
     steps = np.eye(len(at)) * WIDTH
     return np.array([(objective(at + step) - objective(at - step)) / (2 * WIDTH) for step in steps])
 
 
 def gradient_and_hessian(objective: Callable[[np.ndarray], float], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Central differences at 0: shapes (size,) and (size, size)."""
+    """Derivatives at 0, the second ones by central differences of the first: shapes (size,) and (size, size)."""
     steps = np.eye(size) * WIDTH
-    middle = objective(np.zeros(size))
-    ahead = np.array([objective(step) for step in steps])
-    behind = np.array([objective(-step) for step in steps])
-    hessian = np.diag((ahead - 2 * middle + behind) / WIDTH**2)
-    for i in range(size):
-        for j in range(i):
-            both = objective(steps[i] + steps[j]) + objective(-steps[i] - steps[j])
-            cross = (both - ahead[i] - ahead[j] - behind[i] - behind[j] + 2 * middle) / (2 * WIDTH**2)
-            hessian[i, j] = hessian[j, i] = cross
-    return (ahead - behind) / (2 * WIDTH), hessian
+    rows = [(_gradient(objective, step) - _gradient(objective, -step)) / (2 * WIDTH) for step in steps]
+    hessian = np.array(rows).reshape(size, size)
+    return _gradient(objective, np.zeros(size)), (hessian + hessian.T) / 2
 
 
 def _positive(hessian: np.ndarray) -> np.ndarray:
@@ -158,7 +154,7 @@ class Uncertainty:
     relative : ndarray, shape (parameters,)
         Standard errors in search coordinates: of the logarithm.
     mesh : ndarray, shape (parameters,)
-        Error of the mesh that is left, in search coordinates; 0 where it is not known.
+        Error of the mesh that is left, in search coordinates, as a standard deviation; 0 where it is not known.
     interval : ndarray, shape (parameters, 2)
         95 % interval, in units: noise and mesh.
     correlation : ndarray, shape (parameters, parameters)
@@ -195,19 +191,19 @@ def summarise(
     parameters, values
         What was estimated, values in units.
     mesh : ndarray, shape (parameters,), optional
-        Error of the mesh, in search coordinates.
+        Error of the mesh, in search coordinates, as a standard deviation.
     sure : float
         Curvature that is seen in any case.
     """
     # imported here, because rounds, which import `minimise`, need no scipy
-    from scipy.special import stdtrit
+    from scipy.special import ndtri, stdtrit
 
     mesh = np.zeros(len(parameters)) if mesh is None else mesh
     count = len(shifts)
     covariance = np.atleast_2d(np.cov(shifts, rowvar=False))
     spread = np.sqrt(np.diag(covariance))
     scale = np.where(spread > 0, spread, 1.0)
-    half = np.hypot(stdtrit(count - 1, 0.975) * spread, mesh)
+    half = np.hypot(stdtrit(count - 1, 0.975) * spread, ndtri(0.975) * mesh)
     interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
     return Uncertainty(
         spread,

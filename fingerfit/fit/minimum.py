@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.fit.intervals import minimise
-from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.linear import LinearModel, Objective
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
@@ -76,7 +75,8 @@ def mesh_error(problem: InverseProblem, found: Minimum, searched: Minimum) -> np
     """Error of the finest mesh that is left, by constant, shape (parameters,) in search coordinates.
 
     What the finer mesh changed, continued with the order of convergence of a glued corner (Richardson; Roache
-    1994 gives the way of reporting it). None without a finer mesh.
+    1994 gives the way of reporting it). None without a finer mesh. Constants on a logarithmic scale have their root
+    mean square: with the same mesh, one that changed little did so by chance, its changes having cancelled.
 
     Parameters
     ----------
@@ -88,6 +88,8 @@ def mesh_error(problem: InverseProblem, found: Minimum, searched: Minimum) -> np
         return None
     parameters = problem.settings.parameters()
     change = coordinates(parameters, found.values) - coordinates(parameters, searched.values)
+    alike = np.array([p.log for p in parameters], dtype=bool)
+    change[alike] = np.sqrt(np.mean(change[alike] ** 2)) if alike.any() else 0.0
     return np.abs(change) * left_over(problem)
 
 
@@ -127,7 +129,7 @@ def _by_score(problem: InverseProblem, model: LinearModel, low: np.ndarray, high
 
 
 def _constants(
-    problem: InverseProblem, score: Callable[[np.ndarray], float], delta: np.ndarray, low: np.ndarray, high: np.ndarray
+    problem: InverseProblem, score: Objective, delta: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
     """`delta`, moved to the minimum of the score along all but the numbers of effects on the observation."""
     free = np.flatnonzero(~problem.observed)
@@ -137,7 +139,8 @@ def _constants(
         found[free] += step
         return found
 
-    return at(minimise(lambda step: score(at(step)), len(free), low=(low - delta)[free], high=(high - delta)[free]))
+    along = Objective(lambda step: score(at(step)), lambda step: score.gradient(at(step))[free])
+    return at(minimise(along, len(free), low=(low - delta)[free], high=(high - delta)[free]))
 
 
 def _brightness_and_shifts(

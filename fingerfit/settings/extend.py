@@ -42,10 +42,12 @@ def extended(
     for name, numbers in model["effects"].items():
         known = {key.split(".")[1]: v for key, v in values.items() if key.split(".")[0] == name}
         numbers.update({key: _within(v, bounds.get((name, key), EVERYWHERE)) for key, v in known.items()})
-    own = {key.split(".")[1]: value for key, value in place.items()}
+    ends = effect.bounds()
+    places = {name.split(".")[1]: value for name, value in place.items()}
+    own = {name: _within(value, ends.get(name, EVERYWHERE)) for name, value in places.items()}
     for p in effect.parameters:
         edge = EDGE * p.scale
-        low, high = effect.bounds().get(p.name, EVERYWHERE)
+        low, high = ends.get(p.name, EVERYWHERE)
         own[p.name] = _within(size.get(p.name, p.null), (low + edge, high - edge))
     model["effects"][effect.name] = own
     return load_settings(data, "config.yaml")

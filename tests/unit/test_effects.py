@@ -559,6 +559,9 @@ def test_pictures_that_are_turned_stretched_and_wander():
     assert turned == pytest.approx(0.01 * (MESH.points - middle) @ np.array([[0, 1], [-1, 0]]))
     stretched = observation(stretched_pictures__across=0.01, stretched_pictures__along=-0.02).shift(2, MESH.points)
     assert stretched == pytest.approx((MESH.points - middle) * [0.01, -0.02])
+    beside = np.array([[6.0, 0.0], [0.0, 3.0], [-6.0, 0.0]])
+    barrel = observation(distorted_pictures__barrel=0.05).shift(3, middle + beside)
+    assert barrel == pytest.approx(np.array([[-0.3, 0.0], [0.0, -0.3 / 8], [0.3, 0.0]]))
     for k in (1, 4):
         wandering = observation(wandering_pictures__x=0.4).shift(k, MESH.points)
         assert wandering == pytest.approx(np.broadcast_to([0.1 * k, 0.0], MESH.points.shape))
@@ -570,6 +573,7 @@ def test_the_probe_of_the_observation_does_what_its_members_do():
         "turned_pictures": {"angle": "turn"},
         "stretched_pictures": {"across": "across", "along": "along"},
         "wandering_pictures": {"x": "growing_x", "y": "growing_y"},
+        "distorted_pictures": {"barrel": "barrel"},
     }
     for name, numbers in alike.items():
         for own, its in numbers.items():

@@ -8,7 +8,7 @@ from test_verdict import TESTS, World
 
 from fingerfit.diagnosis.families import ENOUGH, families, nominated
 from fingerfit.diagnosis.ranking import Refitted
-from fingerfit.diagnosis.reservations import of_family
+from fingerfit.diagnosis.reservations import largest_part, of_family
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, decide, nearest, to_refit
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import FAMILIES
@@ -109,3 +109,27 @@ def test_a_refit_whose_pictures_are_worse_is_no_answer():
     refits = {"tilt": refit(0.96), "onset": refit(0.96 + 0.9 * MATTERS), "relaxation": refit(0.97 + MATTERS)}
     assert set(nearest(refits)) == {"tilt", "onset"}
     assert nearest({}) == {}
+
+
+@pytest.mark.parametrize(
+    ("error", "rival", "kind"), [(3.0, 0.3, "missing"), (4.5, 0.3, "unexplained"), (3.0, 0.999, "unexplained")]
+)
+def test_the_largest_part_is_named_where_its_family_leads(error, rival, kind):
+    """Much of what is hidden is nowhere in the catalogue; a slip explains the rest, a tilt a share of it as well."""
+    world = World()
+    score_test = world.score_test(30.0 * world.signal(0) + 25.0 * world.signal(9))
+    other = rival * world.signal(0) + np.sqrt(1 - rival**2) * world.signal(8)
+    probe = np.stack([world.signal(0), world.signal(2)], axis=1)
+    ranking = world.ranking(score_test, base_slip=world.signal(0), base_probe=probe, tilt=other)
+    refits = {"base_slip": Refit(score_test.misfit - 900.0, score_test.freedom - 1, error, 1.0, {}, numbers=1)}
+    nearest = decide(score_test, ranking, refits, TESTS)
+    assert nearest.kind == "unexplained"
+    verdict = largest_part(nearest, score_test, ranking, refits, 5.0)
+    assert verdict.kind == kind
+    assert verdict.effects == (("base_slip",) if kind == "missing" else ())
+    assert ("the error falls from 5 to 3 times the noise level), more is missing" in verdict.sentence) == bool(
+        verdict.effects
+    )
+    # nobody knows what else a family has that no probe stands for
+    known = [one for one in ranking if not one.candidate.effect.probe]
+    assert largest_part(nearest, score_test, known, refits, 5.0) is nearest

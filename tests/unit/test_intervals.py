@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 from scipy.stats import t as student
 from seeds import generator
 
@@ -108,7 +109,7 @@ def test_the_error_of_the_mesh_widens_the_interval_but_not_the_standard_error():
     without, found = (summarise(shifts, A, LOG, [0.02, 0.03, 0.06], m) for m in (None, mesh))
     assert np.array_equal(found.relative, without.relative)
     half, plain = (np.log(u.interval[:, 1] / u.interval[:, 0]) / 2 for u in (found, without))
-    assert half == pytest.approx(np.hypot(plain, mesh), rel=1e-12)
+    assert half == pytest.approx(np.hypot(plain, norm.ppf(0.975) * mesh), rel=1e-10)
     entry = as_json(found, LOG, [0.02, 0.03, 0.06])["mu_c"]
     assert entry["mesh_error"] == pytest.approx(0.5 * 0.06)
     assert entry["standard_error"] == pytest.approx(found.relative[2] * 0.06)

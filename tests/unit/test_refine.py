@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fingerfit.core.errors import StateError
-from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.linear import LinearModel, Objective
 from fingerfit.fit.minimum import ORDER, Minimum, finest, mesh_error, minimum
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY
 from fingerfit.fit.refine import ADDED, around_best, refine_round
@@ -69,6 +69,15 @@ def test_the_sign_of_the_change_does_not_matter():
     there, back = (mesh_error(problem, at(a, REFINED), at(b, SEARCH)) for a, b in ((FINE, COARSE), (COARSE, FINE)))
     assert there == pytest.approx(back)
     assert (there > 0).all()
+
+
+def test_moduli_have_the_root_mean_square_of_their_changes():
+    """One whose changes cancel is as wrong as the others; a number on another scale has its own."""
+    problem = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
+    problem.settings.parameters = lambda: (*PARAMETERS, Parameter("mu_bottom", "MPa", 1e-3, 1.0, 0.1))
+    fine, coarse = ({**values, "mu_bottom": 0.06} for values in (FINE, COARSE))
+    left = mesh_error(problem, at(fine, REFINED), at(coarse, SEARCH)) * (2**1.2 - 1)
+    assert left == pytest.approx([np.log(1.1) / np.sqrt(2), 0.01 / 0.2, np.log(1.1) / np.sqrt(2)], rel=1e-12)
 
 
 def test_nearly_the_same_mesh_does_not_make_the_error_endless():
@@ -138,6 +147,9 @@ def test_a_score_near_its_base_is_that_of_the_linear_model(kind, rng):
         objective = model.objective(kind, data, 32, offset)
         for delta in (np.zeros(2), np.array([0.3, -0.2])):
             assert objective(delta) == pytest.approx(score(kind, model.at(delta, offset), data, 32), rel=1e-10)
+            steps = 1e-3 * np.eye(2)
+            wanted = [(objective(delta + one) - objective(delta - one)) / 2e-3 for one in steps]
+            assert objective.gradient(delta) == pytest.approx(wanted, rel=1e-8)
 
 
 class Body:
@@ -173,7 +185,11 @@ class Body:
         return float(((prediction.pictures - np.array([z, z**2 / 10])) ** 2).sum())
 
     def objective(self, model):
-        return lambda delta: self.score(model.at(delta))
+        def value(delta):
+            return self.score(model.at(delta))
+
+        steps = 1e-4 * np.eye(len(model.slopes))
+        return Objective(value, lambda at: np.array([(value(at + one) - value(at - one)) / 2e-4 for one in steps]))
 
     def start(self, mu):
         best = {"mu_top": mu}

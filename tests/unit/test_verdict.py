@@ -12,7 +12,7 @@ from seeds import generator
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.reservations import by_settings, doubted, traced
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import (
     LEVEL,
     TRIED,
@@ -438,6 +438,16 @@ def test_a_fall_by_one_covariance_counts_where_the_refit_explains(world, misfit,
     assert "explains 100 %" in found.sentence or kind == "adequate"
 
 
+def likely(odds):
+    """The tilt with a logarithm of the odds."""
+    return SimpleNamespace(
+        candidate=Candidate(EFFECTS["tilt"], {}),
+        finding=Finding(1.0, WIDE, 1.0, 1.0),
+        refitted=None,
+        odds=lambda spread: odds,
+    )
+
+
 @pytest.mark.parametrize(
     ("misfit", "value", "held_out", "kind"),
     [
@@ -453,9 +463,9 @@ def test_what_does_not_matter_is_a_trace(found, misfit, value, held_out, kind):
     score_test = SimpleNamespace(misfit=100 * misfit, freedom=100, common_misfit=0.0, common_freedom=0)
     base = Refit(100 * misfit, 100, 1.0, 1.0, {"mu_top": 0.1})
     refits = {"tilt": Refit(60.0, 99, 0.96, held_out, {"mu_top": value, "tilt.slope": 0.3})}
-    verdict = traced(Verdict(found, ("tilt",), "", 12.0), score_test, refits, {"tilt": "indenter tilt"}, base, 0.02)
+    verdict = traced(Verdict(found, ("tilt",), "", 12.0), score_test, [likely(20.0)], refits, base, 0.02, 20)
     assert verdict.kind == (found if kind == "missing" else kind)
-    assert ("indenter tilt" in verdict.sentence) == (kind == "adequate")
+    assert ("tilt of the indenter" in verdict.sentence) == (kind == "adequate")
     assert verdict.effects == (("tilt",) if kind == "missing" else ())
 
 
@@ -464,8 +474,19 @@ def test_without_held_out_steps_the_fitted_ones_tell():
     base = Refit(100.0, 100, 1.0, None, {"mu_top": 0.1})
     for fitted, kind in ((0.96, "adequate"), (0.94, "missing")):
         refits = {"tilt": Refit(60.0, 99, fitted, None, {"mu_top": 0.1})}
-        verdict = traced(Verdict("missing", ("tilt",), "", 12.0), score_test, refits, {"tilt": "t"}, base, 0.02)
+        verdict = traced(Verdict("missing", ("tilt",), "", 12.0), score_test, [likely(20.0)], refits, base, 0.02, 20)
         assert verdict.kind == kind
+
+
+@pytest.mark.parametrize(("misfit", "tests", "kind"), [(1.0, 1, "missing"), (1.0, 3, "adequate"), (9.0, 3, "missing")])
+def test_what_is_not_likely_after_as_many_tests_is_a_trace(misfit, tests, kind):
+    """Odds of 245 to 1 for one effect are 82 to 1 for the best of three; a model that leaves much needs none."""
+    score_test = SimpleNamespace(misfit=100.0 * misfit, freedom=100, common_misfit=0.0, common_freedom=0)
+    base = Refit(100.0 * misfit, 100, 1.0, 1.0, {"mu_top": 0.1})
+    refits = {"tilt": Refit(60.0, 99, 0.9, 0.9, {"mu_top": 0.2})}
+    verdict = traced(Verdict("missing", ("tilt",), "", 12.0), score_test, [likely(5.5)], refits, base, 0.02, tests)
+    assert verdict.kind == kind
+    assert ("odds of only 82 to 1 for it after 3 tests" in verdict.sentence) == (kind == "adequate")
 
 
 @pytest.mark.parametrize(

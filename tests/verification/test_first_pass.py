@@ -11,6 +11,7 @@ from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.first_pass import FirstPass, refit_all, widened
 from fingerfit.diagnosis.ranking import best_places
 from fingerfit.fit.minimum import finest
+from fingerfit.settings.extend import extended
 
 SHIFT = 4.0
 """Exponent 5.4 where the model has 1.4."""
@@ -65,6 +66,16 @@ def test_near_the_truth_only_those_are_refitted_that_slopes_speak_for(world):
     spoken_for = {one.candidate.effect.name for one in ranking if one.odds(1.0) > 0}
     assert {one.candidate.effect.name for one in sloped if one.refitted} == spoken_for
     assert 0 < len(spoken_for) < len(NAMES) == len([one for one in refitted if one.refitted])
+
+
+def test_few_digits_of_a_place_stay_within_its_bounds(world):
+    """A time of relaxation of 642.857 s, its bound, was rounded to 642.9, and the diagnosis ended."""
+    comparison, _, _ = world
+    settings = comparison.problem.settings
+    relaxation = settings.known_effects()["relaxation"]
+    _, upper = relaxation.refine["time"]
+    wider = extended(settings, relaxation, {"relaxation.time": upper * 1.0001}, {}, comparison.base.values)
+    assert wider.model.effects["relaxation"]["time"] == upper
 
 
 def test_a_number_at_its_bound_is_said_so(world):

@@ -141,7 +141,7 @@ def test_the_models_of_a_study_are_one_ladder(place):
 SLOW = pytest.mark.slow
 READS = [
     pytest.param(("-n",), id="a dry run"),
-    pytest.param(("--list-rules",), id="names of the rules"),
+    pytest.param(("--list-rules",), id="names of the rules", marks=SLOW),
     pytest.param(("-n", "diagnose"), id="a dry run of all", marks=SLOW),
     pytest.param(("-n", "export"), id="a dry run of the export", marks=SLOW),
     pytest.param(("--summary",), id="a summary", marks=SLOW),
