@@ -241,6 +241,25 @@ def test_an_ellipse_has_its_size_axes_and_turn():
         assert change.sum() * 0.25 == pytest.approx(np.pi * 2.5**2, rel=0.1)
 
 
+def test_borders_that_lie_elsewhere_inclined_and_bent():
+    """The same as the interface's where it is level; a border that is lower at one side and higher at the other."""
+    for border, numbers in ((1, {"upper": 0.5}), (2, {"lower": 0.5}), (1, {"upper": -0.5}), (2, {"lower": -0.5})):
+        (value,) = numbers.values()
+        one = np.log(moduli({"interface.down": value, "interface.border": border}) / plain_moduli())
+        other = np.log(moduli({f"geometry_probe.{key}": v for key, v in numbers.items()}) / plain_moduli())
+        assert np.abs(one).max() > 0.02
+        assert other == pytest.approx(one, abs=1e-4)
+    change = np.log(moduli({"geometry_probe.incline": 1.0}) / plain_moduli())
+    x, y = centres().T
+    # lower on the right: soft reaches down there; higher on the left: stiff reaches up
+    assert (change[(x > 9) & (y > 6) & (y < 8)] < 0).all()
+    assert (change[(x < 3) & (y > 8) & (y < 10)] > 0).all()
+    assert np.abs(change[(x > 9) & (y > 8)]).max() == 0
+    bent = np.log(moduli({"geometry_probe.bend": 1.0}) / plain_moduli()).reshape(-1, 4)
+    assert bent == pytest.approx(bent[:, ::-1], abs=1e-4)
+    assert np.abs(bent).max() > 0.02
+
+
 def test_fields_of_two_effects_add():
     one, two = {"gradient.slope": 0.4}, {"split_layer.contrast": 0.6, "split_layer.layer": 1}
     together = np.log(moduli(one | two) / plain_moduli())
@@ -595,6 +614,24 @@ def test_onset():
     seen = observation(onset__offset=0.15)
     assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.15, 2.15])
     assert seen.response(np.array([1.0, 2.0]), "force") == pytest.approx([1.0, 2.0])
+
+
+def test_the_probe_of_loading_does_what_its_members_do():
+    def given(values):
+        seen = Observation.of(EFFECTS.values(), values, MESH.points, 2)
+        read = np.array([1.0, 2.0])
+        return cards(deck(values), "CLOAD"), read if seen is None else seen.response(read, "displacement")
+
+    for member, probe in (
+        ({"onset.offset": 0.15}, {"loading_probe.reading": 0.15}),
+        ({"soft_frame.most": 0.2}, {"loading_probe.growing": 0.2}),
+        ({"force_offset.offset": 0.8}, {"loading_probe.load": -0.02}),
+    ):
+        ours, theirs = given(member), given(probe)
+        assert ours[1] == pytest.approx(theirs[1])
+        assert [b[0][2] for b in ours[0]] == pytest.approx([b[0][2] for b in theirs[0]])
+    # whole half way, nothing at the end
+    assert [b[0][2] for b in given({"loading_probe.midway": 0.1})[0]] == pytest.approx([-24.0, -40.0])
 
 
 # --- formulas
