@@ -92,7 +92,7 @@ RULES = (
     Rule("tilt", ("indenter",), "tilt", ("growing", "settling", "late"), 0.005, 0.06, {}, BOTH),
     Rule("curved indenter", ("indenter",), None, ("round", "hollow"), 0.05, 0.8),
     Rule("sideways motion", ("indenter",), None, ("growing", "late"), 0.03, 0.6, {}, BOTH),
-    Rule("wall", ("indenter",), None, ("right", "left", "both"), 0.01, 5.0, {"gap": (0.02, 0.06)}),
+    Rule("wall", ("indenter",), "wall", ("right", "left", "both"), 0.01, 5.0, {"gap": (0.02, 0.06)}),
     # loading and time
     Rule("relaxation", ("loading", "material"), "relaxation", ("one term", "power law"), 0.15, 0.8,
          {"time": (5.0, 60.0)}, setting={"schedule": ("uneven",)}),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 FAMILY = {
+    "band": "structure",
     "base_probe": "base",
     "base_slip": "base",
     "bias_field": "observation",
@@ -20,11 +21,13 @@ FAMILY = {
     "coarse_mesh": "numerics",
     "compressibility": "material",
     "distorted_pictures": "observation",
+    "ellipse": "structure",
     "exponential": "material",
     "fibres": "material",
     "force_gain": "loading",
     "force_offset": "loading",
     "friction": "indenter",
+    "geometry_probe": "geometry",
     "gradient": "structure",
     "inclusion": "structure",
     "inclusion_in_space": "structure",
@@ -34,6 +37,7 @@ FAMILY = {
     "intensity_drift": "observation",
     "interface": "geometry",
     "load_step": "numerics",
+    "loading_probe": "loading",
     "material_probe": "material",
     "misregistration": "observation",
     "misregistration_in_space": "observation",
@@ -55,6 +59,7 @@ FAMILY = {
     "swollen": "state",
     "tilt": "indenter",
     "turned_pictures": "observation",
+    "wall": "indenter",
     "wandering_pictures": "observation",
     "yeoh": "material",
 }
@@ -62,8 +67,8 @@ FAMILY = {
 PROBES = {name for name in FAMILY if name.endswith("_probe")}
 """Effects that stand for a family: *of no known form* is not the name of a member."""
 IN_SPACE = {"misregistration": "misregistration_in_space", "inclusion": "inclusion_in_space"}
-ALIKE = {"stiffening": {"exponential", "yeoh"}}
-"""Members that are as right: other laws of the same stiffening."""
+ALIKE = {"stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"}}
+"""Members that are as right: other laws of the same stiffening, an inclusion of any shape."""
 CLOSE = 0.05
 """Share of a constant within which it is right."""
 TRACE = 0.5

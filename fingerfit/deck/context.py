@@ -19,6 +19,7 @@ from fingerfit.deck.questions import (
     quadratic,
     rests_on,
     shares,
+    side,
     temperature,
 )
 from fingerfit.mesh.elements import ELEMENTS
@@ -73,9 +74,10 @@ def deck_context(
         ``title, mesh, dim, quadratic, thickness, control, boundary, steps, swells, increment, top, indenter, layers,
         effects, parts, follows, beside``, ``values`` for templates with parameters of their own, and what templates may
         call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block, ``areas(set)``,
-        ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``nodes(set)``, ``node(set)`` and
-        ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a sphere that
-        touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
+        ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``, ``nodes(set)``,
+        ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a
+        sphere that touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of
+        bricks.
     """
     effects = bound(catalogue() if effects is None else effects, scales(study, np.ptp(mesh.body, axis=0)))
     present = [effect for effect in effects.values() if effect.present(values)]
@@ -114,6 +116,7 @@ def deck_context(
         "elements": lambda layer=None: elements(mesh, numbers, layer),
         "lengths": lambda name: lengths(mesh, mesh.node_sets[name]),
         "shares": lambda: shares(mesh),
+        "side": lambda way: side(mesh, way),
         "nodes": lambda name: [int(node) + 1 for node in nodes_of(mesh, name)],
         "node": lambda name: only(mesh, name) + 1,
         "point": lambda name: mesh.points[only(mesh, name)].tolist(),

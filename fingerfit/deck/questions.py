@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import InputError
+from fingerfit.mesh.faces import faces_of
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.mesh.tetrahedra import nodes_on, resting
 
@@ -97,6 +98,22 @@ def elements(
         found += [(block.element, rows)] if rows else []
         first += len(block.nodes)
     return found
+
+
+def side(mesh: Mesh, way: float) -> dict[str, Any]:
+    """The body's side towards larger x, or with `way` below 0 towards smaller x.
+
+    Its ``x``, ``low`` and ``high`` in mm, and its ``faces``, pairs of element and face, both counted from 1.
+    """
+    body = mesh.body
+    x = float(body[:, 0].max() if way > 0 else body[:, 0].min())
+    there = np.abs(mesh.points[:, 0] - x) < 1e-6 * np.ptp(body[:, 0])
+    found, first = [], 1
+    for block in mesh.blocks:
+        for number, local in enumerate(faces_of(block.element), 1):
+            found += [(int(n) + first, number) for n in np.flatnonzero(there[block.nodes[:, local]].all(axis=1))]
+        first += len(block.nodes)
+    return {"x": x, "low": float(body[:, -1].min()), "high": float(body[:, -1].max()), "faces": sorted(found)}
 
 
 def temperature(swelling: np.ndarray) -> list[tuple[int | str, float]]:

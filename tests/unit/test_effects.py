@@ -213,6 +213,53 @@ def test_inclusion_is_round_and_skin_is_at_the_top():
     assert change[y < 10.5] == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_band_has_its_angle_and_width():
+    """All of the contrast inside, half of it on the edges; the points of an element lie up to 0.2 mm from its middle."""
+    mesh = layered_block(12.0, LAYERS, 24, 8, "CPE4")
+    x, y = centres(mesh).T - 6.0
+    for angle in (0.0, 30.0, -60.0, 90.0):
+        place = {"band.contrast": 1.0, "band.angle": angle, "band.above": 1.0, "band.wide": 3.0}
+        change = np.log(moduli(place, mesh) / plain_moduli(mesh))
+        away = abs(np.cos(np.deg2rad(angle)) * y - np.sin(np.deg2rad(angle)) * x - 1.0)
+        assert change[away < 0.9].min() > 0.9
+        assert change[away > 2.1].max() < 0.1
+        if angle in (0.0, 90.0):
+            assert change.sum() * 0.25 == pytest.approx(3.0 * 12.0, rel=0.02)
+
+
+def test_an_ellipse_has_its_size_axes_and_turn():
+    mesh = layered_block(12.0, LAYERS, 24, 8, "CPE4")
+    x, y = centres(mesh).T - [[4.8], [7.2]]
+    for flat, slant, turn in ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 90.0), (0.0, 1.0, 45.0)):
+        place = {"ellipse.across": 0.4, "ellipse.along": 0.6, "ellipse.radius": 2.5}
+        place |= {"ellipse.contrast": 1.0, "ellipse.flat": flat, "ellipse.slant": slant}
+        change = np.log(moduli(place, mesh) / plain_moduli(mesh))
+        c, s, ratio = np.cos(np.deg2rad(turn)), np.sin(np.deg2rad(turn)), np.exp(np.hypot(flat, slant) / 2)
+        far = np.hypot((c * x + s * y) / ratio, (c * y - s * x) * ratio) / 2.5
+        assert change[far < 0.6].min() > 0.9
+        assert change[far > 1.5].max() < 0.1
+        assert change.sum() * 0.25 == pytest.approx(np.pi * 2.5**2, rel=0.1)
+
+
+def test_borders_that_lie_elsewhere_inclined_and_bent():
+    """The same as the interface's where it is level; a border that is lower at one side and higher at the other."""
+    for border, numbers in ((1, {"upper": 0.5}), (2, {"lower": 0.5}), (1, {"upper": -0.5}), (2, {"lower": -0.5})):
+        (value,) = numbers.values()
+        one = np.log(moduli({"interface.down": value, "interface.border": border}) / plain_moduli())
+        other = np.log(moduli({f"geometry_probe.{key}": v for key, v in numbers.items()}) / plain_moduli())
+        assert np.abs(one).max() > 0.02
+        assert other == pytest.approx(one, abs=1e-4)
+    change = np.log(moduli({"geometry_probe.incline": 1.0}) / plain_moduli())
+    x, y = centres().T
+    # lower on the right: soft reaches down there; higher on the left: stiff reaches up
+    assert (change[(x > 9) & (y > 6) & (y < 8)] < 0).all()
+    assert (change[(x < 3) & (y > 8) & (y < 10)] > 0).all()
+    assert np.abs(change[(x > 9) & (y > 8)]).max() == 0
+    bent = np.log(moduli({"geometry_probe.bend": 1.0}) / plain_moduli()).reshape(-1, 4)
+    assert bent == pytest.approx(bent[:, ::-1], abs=1e-4)
+    assert np.abs(bent).max() > 0.02
+
+
 def test_fields_of_two_effects_add():
     one, two = {"gradient.slope": 0.4}, {"split_layer.contrast": 0.6, "split_layer.layer": 1}
     together = np.log(moduli(one | two) / plain_moduli())
@@ -374,6 +421,28 @@ def test_they_stiffen_at_large_strain_only(tmp_path):
         small, large = forces(values) / plain
         assert 1.0 < small < 1.02
         assert large > 1.5
+
+
+def test_a_wall_stops_the_side_that_meets_it(tmp_path, plain):
+    """Nearly rigid, its overclosure is that of a pressure of the order of the modulus: hundredths of the width."""
+    outcome = {}
+    for way in (-1, 0, 1):
+        text = deck({"wall.share": 0.98, "wall.gap": 0.3, "wall.side": way})
+        assert text.count("*CONTACT PAIR") == (2 if way == 0 else 1)
+        outcome[way] = solve(text, tmp_path)
+        assert outcome[way].displacement.shape == plain.displacement.shape
+    left, right = MESH.points[:, 0] == 0, MESH.points[:, 0] == 12.0
+    free = plain.displacement[-1, right, 0].max()
+    for way, wall in ((-1, left), (0, left), (0, right), (1, right)):
+        reached = np.abs(outcome[way].displacement[-1, wall, 0]).max()
+        assert 0.3 < reached < 0.4 < 0.3 * free
+    # away from one wall it bulges more, and between two it is stiffest
+    assert outcome[-1].displacement[-1, right, 0].max() > 1.05 * free
+    moved = {way: -one.indenter[-1, 1] for way, one in outcome.items()}
+    assert moved[0] < 0.6 * moved[1] == pytest.approx(0.6 * moved[-1], rel=1e-6)
+    # a wall that is never met changes nothing
+    far = solve(deck({"wall.share": 0.98, "wall.gap": 2.5, "wall.side": 0}), tmp_path)
+    assert far.displacement == pytest.approx(plain.displacement, abs=1e-6)
 
 
 def test_loads():
@@ -545,6 +614,24 @@ def test_onset():
     seen = observation(onset__offset=0.15)
     assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.15, 2.15])
     assert seen.response(np.array([1.0, 2.0]), "force") == pytest.approx([1.0, 2.0])
+
+
+def test_the_probe_of_loading_does_what_its_members_do():
+    def given(values):
+        seen = Observation.of(EFFECTS.values(), values, MESH.points, 2)
+        read = np.array([1.0, 2.0])
+        return cards(deck(values), "CLOAD"), read if seen is None else seen.response(read, "displacement")
+
+    for member, probe in (
+        ({"onset.offset": 0.15}, {"loading_probe.reading": 0.15}),
+        ({"soft_frame.most": 0.2}, {"loading_probe.growing": 0.2}),
+        ({"force_offset.offset": 0.8}, {"loading_probe.load": -0.02}),
+    ):
+        ours, theirs = given(member), given(probe)
+        assert ours[1] == pytest.approx(theirs[1])
+        assert [b[0][2] for b in ours[0]] == pytest.approx([b[0][2] for b in theirs[0]])
+    # whole half way, nothing at the end
+    assert [b[0][2] for b in given({"loading_probe.midway": 0.1})[0]] == pytest.approx([-24.0, -40.0])
 
 
 # --- formulas
