@@ -25,6 +25,7 @@ ROOMS = (
     ("diagnosis",),
     ("report",),
     ("check",),
+    ("start",),
     ("commands", "notebook"),
     ("cli",),
     ("__main__",),
