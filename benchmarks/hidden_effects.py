@@ -85,7 +85,7 @@ TWO: dict[str, dict[str, Any]] = {
 }
 UNKNOWN: dict[str, dict[str, Any]] = {
     "not in the catalogue: patchy": {"patchy": {"contrast": 0.8}},
-    "not in the catalogue: band": {"band": {"contrast": 1.2}},
+    "not in the catalogue: ring": {"ring": {"contrast": 1.2}},
 }
 """Described in the folder unknown/, which the tool does not see."""
 NOTHING: dict[str, dict[str, Any]] = {f"nothing, noise {seed}": {} for seed in range(1, 21)}

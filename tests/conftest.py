@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -91,6 +92,8 @@ def rng() -> np.random.Generator:
 
 
 def pytest_configure() -> None:
+    # set in many containers: each of the thousand programs that the tests start would compile all of our modules again
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     try:
         project_seed()
     except ValueError as error:

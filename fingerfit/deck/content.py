@@ -167,6 +167,8 @@ class DeckStep:
         Concentrated forces in N by (node, axis).
     pressure : dict
         Pressures in MPa by (element, face).
+    temperature : dict
+        Temperatures by (node, 0); the initial ones where there are none.
     curve : dict
         Name of the amplitude by (kind of load, key), where there is one.
     increment, largest : float
@@ -197,6 +199,7 @@ class DeckStep:
     viscous: bool = False
     relaxed: bool = False
     sudden: bool | None = None
+    temperature: dict[NodeAxis, float] = field(default_factory=dict)
     finite: bool = True
     printed: bool = False
 
@@ -215,6 +218,10 @@ class Deck:
         Strain by element at which an elastic material is free of stress.
     amplitudes : dict
         Name to times in s and factors.
+    expansion : dict
+        Linear expansion by a degree, of materials that have one.
+    temperature : dict
+        Initial temperature by node; 0 elsewhere.
     """
 
     mesh: Mesh
@@ -234,3 +241,5 @@ class Deck:
     stress: dict[int, list[float]] = field(default_factory=dict)
     strain: dict[int, list[float]] = field(default_factory=dict)
     amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    expansion: dict[str, float] = field(default_factory=dict)
+    temperature: dict[int, float] = field(default_factory=dict)

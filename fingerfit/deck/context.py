@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -9,9 +10,20 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.patch import ball, half_tube
+from fingerfit.deck.questions import (
+    areas,
+    elements,
+    lengths,
+    nodes_of,
+    only,
+    quadratic,
+    rests_on,
+    shares,
+    side,
+    temperature,
+)
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
-from fingerfit.mesh.tetrahedra import nodes_on, resting
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import CONSTANTS, Effect
 from fingerfit.model.formulas import evaluate
@@ -19,6 +31,8 @@ from fingerfit.model.observation import places
 from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
 
+TWINS = 3000001
+"""First number of elements that parts have once more."""
 STIFFNESS = 12.5
 """Pressure at which a contact is the indenter's radius deep, MPa: 5 MPa/mm for a radius of 2.5 mm, as the fingertip was
 fitted with. A stress, and a choice (docs/decisions/0017-blocks-and-shares.md)."""
@@ -57,12 +71,13 @@ def deck_context(
     Returns
     -------
     dict
-        ``title, mesh, dim, quadratic, thickness, control, boundary, steps, increment, top, indenter, layers, effects,
-        parts, follows, beside``, ``values`` for templates with parameters of their own, and what templates may call:
-        ``fills(block)`` and ``replaced(block)`` for what effects do to a block, ``areas(set)``,
-        ``aside(node)``, ``elements()``, ``lengths(set)``, ``shares()``, ``nodes(set)``, ``node(set)`` and
-        ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a sphere that
-        touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
+        ``title, mesh, dim, quadratic, thickness, control, boundary, steps, swells, increment, top, indenter, layers,
+        effects, parts, follows, beside``, ``values`` for templates with parameters of their own, and what templates may
+        call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block, ``areas(set)``,
+        ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``, ``nodes(set)``,
+        ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a
+        sphere that touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of
+        bricks.
     """
     effects = bound(catalogue() if effects is None else effects, scales(study, np.ptp(mesh.body, axis=0)))
     present = [effect for effect in effects.values() if effect.present(values)]
@@ -73,15 +88,18 @@ def deck_context(
         for number, name in enumerate(study.layer_names, 1)
     ]
     increment = _changed("increment", 1.0, {}, present, values)
+    steps = _steps(study, mesh, present, values)
+    numbers = itertools.count(TWINS)  # of one part after the other
     return {
         "title": study.title,
         "mesh": mesh_name,
         "dim": mesh.dim,
-        "quadratic": _quadratic(mesh),
+        "quadratic": quadratic(mesh),
         "thickness": study.thickness if mesh.dim == 2 else None,
         "control": study.control,
         "boundary": {"base": study.base, "indenter": study.indenter},
-        "steps": _steps(study, present, values),
+        "steps": steps,
+        "swells": any(step["temperature"] for step in steps),
         "increment": "1." if increment == 1 else f"{increment:.6g}",
         "top": [int(node) + 1 for node in mesh.node_sets["TOP"]],
         "indenter": indenter + 1,
@@ -93,15 +111,16 @@ def deck_context(
         "replaced": lambda block: any(block in effect.replaces for effect in present),
         "follows": _follows(mesh, indenter, present, values),
         "beside": {axis: float(_changed(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
-        "areas": lambda name: _areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
+        "areas": lambda name: areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
-        "elements": lambda: _elements(mesh),
-        "lengths": lambda name: _lengths(mesh, mesh.node_sets[name]),
-        "shares": lambda: _shares(mesh),
-        "nodes": lambda name: [int(node) + 1 for node in _set(mesh, name)],
-        "node": lambda name: _only(mesh, name) + 1,
-        "point": lambda name: mesh.points[_only(mesh, name)].tolist(),
-        "resting": lambda name, x, y, radius: [x, y, _resting(mesh, name, (x, y), radius)],
+        "elements": lambda layer=None: elements(mesh, numbers, layer),
+        "lengths": lambda name: lengths(mesh, mesh.node_sets[name]),
+        "shares": lambda: shares(mesh),
+        "side": lambda way: side(mesh, way),
+        "nodes": lambda name: [int(node) + 1 for node in nodes_of(mesh, name)],
+        "node": lambda name: only(mesh, name) + 1,
+        "point": lambda name: mesh.points[only(mesh, name)].tolist(),
+        "resting": lambda name, x, y, radius: [x, y, rests_on(mesh, name, (x, y), radius)],
         "ball": lambda centre, radius, count: ball(centre, radius, count, len(mesh.points) + 1),
         "half_tube": lambda axis, radius, count: half_tube(
             axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, len(mesh.points) + 1000001
@@ -187,22 +206,46 @@ def compressibility(mu: float, nu: float) -> float:
     return 2 / (2 * mu * (1 + nu) / (3 * (1 - 2 * nu)))
 
 
-def _steps(study: Study, present: list[Effect], values: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Prescribed quantities of the deck's steps; a load before the first picture is a step of its own."""
+def _steps(study: Study, mesh: Mesh, present: list[Effect], values: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Prescribed quantities of the deck's steps; what was before the first picture is a step of its own."""
     control, count = study.control, len(study.steps)
-    before = float(_changed("before", 0.0, {}, present, values))
+    largest = max((abs(getattr(step, control) or 0.0) for step in study.steps), default=0.0)
+    before = float(_changed("before", 0.0, {"largest": largest}, present, values))
+    swelling = _swelling(study, mesh, present, values)
+    warm = [temperature(row) for row in swelling] if swelling.any() else [[]] * (count + 1)
     found, last = [], 0.0
-    if before:
-        found.append({control: before, "period": None})
+    if any("before" in effect.changes for effect in present) or swelling[0].any():
+        found.append({control: before, "period": None, "temperature": warm[0]})
     for k, step in enumerate(study.steps, 1):
         period = None
         if step.time is not None:
             period, last = step.time - last, step.time
         entry: dict[str, Any] = {"force": step.force, "displacement": step.displacement, "period": period}
-        names = {"k": k, "n": count, "time": step.time or 0.0}
+        entry["temperature"] = warm[k]
+        names = {"k": k, "n": count, "time": step.time or 0.0, "largest": largest}
         if entry[control] is not None:
             entry[control] = float(_changed(control, entry[control], names, present, values)) + before
         found.append(entry)
+    return found
+
+
+def _swelling(study: Study, mesh: Mesh, present: list[Effect], values: Mapping[str, float]) -> np.ndarray:
+    """Stretches less 1 by which the material swells, shape (steps + 1, nodes): at the first picture and each step."""
+    count = len(study.steps)
+    if not any("swelling" in effect.changes for effect in present):
+        return np.zeros((count + 1, 1))
+    times = [0.0, *(step.time or 0.0 for step in study.steps)]
+    timed = all(step.time is not None for step in study.steps) and times[-1] > 0
+    low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+    found = np.zeros((count + 1, len(mesh.points)))
+    for k, time in enumerate(times):
+        names = {**places(mesh.points, low, high), "k": k, "n": count, "now": time / times[-1] if timed else k / count}
+        for effect in present:
+            volume = _changed("swelling", 0.0, names, [effect], values)
+            if np.min(volume) <= -1:
+                expected = "a change of volume above -1"
+                raise InputError(f"effect {effect.name}", "changes.swelling", f"{np.min(volume):g}", expected)
+            found[k] += np.cbrt(1 + volume) - 1
     return found
 
 
@@ -306,69 +349,6 @@ def _nodes_of(mesh: Mesh, element: int) -> np.ndarray:
     raise IndexError(element)
 
 
-def _quadratic(mesh: Mesh) -> bool:
-    """Whether elements have nodes in the middle of their edges."""
-    return any(block.nodes.shape[1] in ((6, 8) if mesh.dim == 2 else (10, 20)) for block in mesh.blocks)
-
-
-def _areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, float]]:
-    """Nodes, counted from 1, of a straight edge of a plane mesh and the area that each stands for, mm^2."""
-    order = nodes[np.argsort(mesh.points[nodes, 0])]
-    x = mesh.points[order, 0]
-    share = np.zeros(len(x))
-    if _quadratic(mesh):
-        length = x[2::2] - x[:-2:2]
-        share[:-2:2] += length / 6
-        share[2::2] += length / 6
-        share[1::2] += 2 * length / 3
-    else:
-        length = np.diff(x)
-        share[:-1] += length / 2
-        share[1:] += length / 2
-    return [(int(node) + 1, float(part * thickness)) for node, part in zip(order, share, strict=True)]
-
-
-def _lengths(mesh: Mesh, nodes: np.ndarray) -> list[tuple[int, float]]:
-    """Nodes, counted from 1, of any line of element edges of a plane mesh of linear elements, and their length, mm."""
-    length, chosen = np.zeros(len(mesh.points)), np.zeros(len(mesh.points), dtype=bool)
-    chosen[nodes] = True
-    for block in mesh.blocks:
-        pairs = np.stack([block.nodes, np.roll(block.nodes, -1, axis=1)], axis=-1).reshape(-1, 2)
-        pairs = pairs[chosen[pairs].all(axis=1)]
-        size = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
-        for side in pairs.T:
-            np.add.at(length, side, size / 2)
-    return [(int(node) + 1, float(length[node])) for node in nodes]
-
-
-def _shares(mesh: Mesh) -> list[tuple[float, list[int]]]:
-    """Areas, mm^2, that nodes of a plane mesh of linear elements stand for, and the nodes, counted from 1, of each."""
-    area = np.zeros(len(mesh.points))
-    for block in mesh.blocks:
-        x, y = np.moveaxis(mesh.points[block.nodes], -1, 0)
-        size = 0.5 * np.abs((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1))
-        for column in block.nodes.T:
-            np.add.at(area, column, size / block.nodes.shape[1])
-    sizes, which = np.unique(np.round(area, 6), return_inverse=True)
-    return [(float(a), [int(n) + 1 for n in np.flatnonzero(which == k)]) for k, a in enumerate(sizes) if a > 0]
-
-
-def _set(mesh: Mesh, name: str) -> np.ndarray:
-    """Nodes of a set."""
-    nodes = mesh.node_sets.get(name, np.zeros(0, dtype=int))
-    if not len(nodes):
-        raise InputError("mesh", f"node set {name}", "nothing", "nodes")
-    return nodes
-
-
-def _only(mesh: Mesh, name: str) -> int:
-    """The only node of a set."""
-    nodes = mesh.node_sets.get(name, np.zeros(0, dtype=int))
-    if len(nodes) != 1:
-        raise InputError("mesh", f"node set {name}", f"{len(nodes)} nodes", "one node")
-    return int(nodes[0])
-
-
 def _contact(mesh: Mesh) -> dict[str, float]:
     """Numbers of a contact that a guess may change, where nodes tell a sphere's radius; six digits as of shares."""
     touch, centre = (mesh.points[mesh.node_sets.get(name, np.empty(0, int))] for name in ("INDENTER", "INDENTER_TURN"))
@@ -376,20 +356,3 @@ def _contact(mesh: Mesh) -> dict[str, float]:
     if radius == 0:
         return {}
     return {"contact_stiffness": float(f"{STIFFNESS / radius:.6g}"), "establish": float(f"{ESTABLISHED * radius:.6g}")}
-
-
-def _resting(mesh: Mesh, name: str, at: tuple[float, float], radius: float) -> float:
-    """Height of the centre of a sphere that touches a surface from above, mm."""
-    if name not in mesh.surfaces:
-        raise InputError("mesh", f"surface {name}", "nothing", "faces")
-    return resting(mesh, nodes_on(mesh, mesh.surfaces[name]), at, radius)
-
-
-def _elements(mesh: Mesh) -> list[tuple[str, list[list[int]]]]:
-    """Elements once more, with numbers of their own: type and rows of number and nodes."""
-    found, first = [], 3000001
-    for block in mesh.blocks:
-        rows = [[first + n, *(int(node) + 1 for node in row)] for n, row in enumerate(block.nodes)]
-        found.append((block.element, rows))
-        first += len(rows)
-    return found

@@ -10,7 +10,9 @@ from fingerfit.deck.cards import Card
 from fingerfit.deck.content import Orientation, Section
 from fingerfit.deck.state import Handler, Reading
 
-_MODELS = ("OGDEN", "NEO HOOKE", "MOONEY-RIVLIN", "YEOH")
+_MODELS = ("OGDEN", "NEO HOOKE", "MOONEY-RIVLIN", "YEOH", "REDUCED POLYNOMIAL")
+_ORDERS = 6
+"""Terms of an energy at most, as in ABAQUS."""
 
 
 def on_material(reading: Reading, card: Card) -> None:
@@ -24,8 +26,10 @@ def on_hyperelastic(reading: Reading, card: Card) -> None:
     if len(chosen) != 1:
         raise card.error(", ".join(card.options) or "nothing", "one of " + ", ".join(_MODELS))
     model = chosen[0]
-    order = card.whole(card.options.get("N") or "1", card.line)
-    count = {"OGDEN": 3 * order, "NEO HOOKE": 2, "MOONEY-RIVLIN": 3, "YEOH": 6}[model]
+    order = 3 if model == "YEOH" else card.whole(card.options.get("N") or "1", card.line)
+    if not 1 <= order <= _ORDERS:
+        raise card.error(f"N={order}", f"N from 1 to {_ORDERS}")
+    count = {"OGDEN": 3 * order, "NEO HOOKE": 2, "MOONEY-RIVLIN": 3}.get(model, 2 * order)
     values = card.values()
     if len(values) != count:
         order_of = {
@@ -33,6 +37,7 @@ def on_hyperelastic(reading: Reading, card: Card) -> None:
             "NEO HOOKE": "C10, D",
             "MOONEY-RIVLIN": "C10, C01, D",
             "YEOH": "C10, C20, C30, D1, D2, D3",
+            "REDUCED POLYNOMIAL": "C10 to CN0, D1 to DN",
         }
         raise card.error(f"{len(values)} constants", f"{count}: {order_of[model]}")
     # each material is loaded when a deck names it
@@ -54,7 +59,7 @@ def on_hyperelastic(reading: Reading, card: Card) -> None:
     else:
         from fingerfit.material.yeoh import Yeoh
 
-        material = Yeoh(tuple(values[:3]), _compressibility(card, values[3:]))
+        material = Yeoh(tuple(values[:order]), _compressibility(card, values[order:]))
     reading.materials[reading.material] = _moduli(card, material)
 
 
@@ -132,6 +137,14 @@ def on_viscoelastic(reading: Reading, card: Card) -> None:
     reading.materials[reading.material] = replace(material, prony=Prony(tuple(g), tuple(tau), fast))
 
 
+def on_expansion(reading: Reading, card: Card) -> None:
+    """Expansion from the initial temperature on: of a coefficient that is constant ZERO changes nothing."""
+    card.allow("TYPE", "ZERO")
+    if card.options.get("TYPE", "ISO").upper() != "ISO":
+        raise card.error(card.options["TYPE"], "ISO")
+    reading.expansion[reading.material] = card.values(1, 1)[0]
+
+
 def on_density(reading: Reading, card: Card) -> None:
     """Statics without gravity need none."""
 
@@ -197,6 +210,7 @@ KEYWORDS: dict[str, Handler] = {
     "ELASTIC": on_elastic,
     "ANISOTROPIC HYPERELASTIC": on_anisotropic_hyperelastic,
     "VISCOELASTIC": on_viscoelastic,
+    "EXPANSION": on_expansion,
     "DENSITY": on_density,
     "ORIENTATION": on_orientation,
     "SOLID SECTION": on_solid_section,

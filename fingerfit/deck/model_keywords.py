@@ -235,11 +235,17 @@ def on_spring(reading: Reading, card: Card) -> None:
 
 
 def on_initial_conditions(reading: Reading, card: Card) -> None:
-    """Stress or, as in CalculiX, strain without stress; by element, or by integration point if those are alike."""
+    """Temperature by node; stress or, as in CalculiX, strain without stress, by element.
+
+    These may be given by integration point if those of an element are alike.
+    """
     card.allow("TYPE")
     kind = card.options.get("TYPE", "nothing").upper()
+    if kind == "TEMPERATURE":
+        reading.temperature |= reading.by_node(card)
+        return
     if squeeze(kind) not in ("STRESS", "PLASTICSTRAIN"):
-        raise card.error(kind, "TYPE=STRESS or TYPE=PLASTIC STRAIN")
+        raise card.error(kind, "TYPE=STRESS, TYPE=PLASTIC STRAIN or TYPE=TEMPERATURE")
     target = reading.stress if squeeze(kind) == "STRESS" else reading.strain
     points: set[Key] = set()
     for line, row in card.rows(least=1):

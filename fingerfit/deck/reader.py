@@ -172,6 +172,8 @@ def _finish(reading: Reading) -> Deck:
         stress,
         strain,
         reading.amplitudes,
+        reading.expansion,
+        reading.temperature,
     )
 
 

@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import CodeType
 from typing import TYPE_CHECKING, Any
 
 from fingerfit.core.errors import FingerfitError, InputError, LimitError
@@ -25,6 +26,7 @@ MEMORY = 2**31
 numbers and pieces of text takes up to ten times as much."""
 
 
+_COMPILED: dict[tuple[str, str], CodeType] = {}
 _BLOCK = re.compile(r"""\b(?:fills|replaced)\(\s*["'](\w+)["']""")
 
 
@@ -164,7 +166,18 @@ def _environment(folders: tuple[str, ...], ours: bool) -> SandboxedEnvironment:
             text = read_text(path, "template", DOCUMENT, "a template")
             return text, str(path), lambda: path.exists() and path.stat().st_mtime_ns == stamp
 
-    environment = SandboxedEnvironment(loader=Loader(), undefined=jinja2.StrictUndefined, autoescape=False)
+    class Compiled(jinja2.BytecodeCache):
+        """What was compiled in this process, for both environments: a fork has what is ours, and compiles the rest."""
+
+        def load_bytecode(self, bucket: Any) -> None:
+            bucket.code = _COMPILED.get((bucket.key, bucket.checksum))
+
+        def dump_bytecode(self, bucket: Any) -> None:
+            _COMPILED[bucket.key, bucket.checksum] = bucket.code
+
+    environment = SandboxedEnvironment(
+        loader=Loader(), undefined=jinja2.StrictUndefined, autoescape=False, bytecode_cache=Compiled()
+    )
     environment.filters["number"] = _number
     return environment
 

@@ -64,6 +64,8 @@ class Reading:
         self.ties: list[Tie] = []
         self.stress: dict[Key, list[float]] = {}
         self.strain: dict[Key, list[float]] = {}
+        self.expansion: dict[str, float] = {}
+        self.temperature: dict[int, float] = {}
         self.amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.fixed: dict[tuple[int, int], float] = {}
         self.pressures: list[dict[tuple[Key, int | None], Pressed]] = []
@@ -106,6 +108,15 @@ class Reading:
             return [self.index[key] for key in self.keys(card, text, line, self.nsets, "a node")]
         except KeyError as error:
             raise card.error(f"node {readable(error.args[0])}", "a node that is defined", line) from None
+
+    def by_node(self, card: Card) -> dict[int, float]:
+        """Numbers by zero-based node, from lines of a label or a set and a number."""
+        found = dict[int, float]()
+        for line, row in card.rows():
+            if len(row) != 2:
+                raise card.error(row, "a node and a number", line)
+            found |= dict.fromkeys(self.nodes(card, row[0], line), card.number(row[1], line))
+        return found
 
     def axis(self, card: Card, text: str, line: int) -> int:
         """Zero-based axis of a node, rotations from 3 on."""

@@ -29,6 +29,7 @@ def on_step(reading: Reading, card: Card) -> None:
     reading.finite = finite
     last = reading.steps[-1] if reading.steps else DeckStep(dict(reading.fixed))
     reading.step = DeckStep(_ends(reading, last, "U", last.displacement), _ends(reading, last, "F", last.force))
+    reading.step.temperature = _ends(reading, last, "T", last.temperature)
     reading.step.finite = finite
     reading.step.printed = last.printed
     before = reading.pressures[-1] if reading.pressures else {}
@@ -37,6 +38,7 @@ def on_step(reading: Reading, card: Card) -> None:
     }
     reading.pressures.append(ends)
     reading.older = {"BOUNDARY": set(reading.step.displacement), "CLOAD": set(reading.step.force)}
+    reading.older["TEMPERATURE"] = set(reading.step.temperature)
     for keyword in ("DLOAD", "DSLOAD"):
         reading.older[keyword] = {face for face, (_, _, by) in ends.items() if by == keyword}
     amplitude = card.options.get("AMPLITUDE", "").upper()
@@ -158,6 +160,17 @@ def on_cload(reading: Reading, card: Card) -> None:
             _remember(reading, card, "F", key, curve)
 
 
+def on_temperature(reading: Reading, card: Card) -> None:
+    card.allow("OP", "AMPLITUDE")
+    step, curve = reading.step, _curve(reading, card)
+    if step is None:
+        raise card.error("no step", "*STEP before it")
+    _renew(reading, card, step.temperature)
+    for node, value in reading.by_node(card).items():
+        step.temperature[node, 0] = value
+        _remember(reading, card, "T", (node, 0), curve)
+
+
 def on_dload(reading: Reading, card: Card) -> None:
     """Pressure on faces of elements."""
     card.allow("OP", "AMPLITUDE")
@@ -222,6 +235,7 @@ KEYWORDS: dict[str, Handler] = {
     "VISCO": on_visco,
     "BOUNDARY": on_boundary,
     "CLOAD": on_cload,
+    "TEMPERATURE": on_temperature,
     "DLOAD": on_dload,
     "DSLOAD": on_dsload,
     "NODE PRINT": on_node_print,

@@ -69,6 +69,8 @@ class _Writer:
         for name, material in deck.materials.items():
             yield f"*MATERIAL, NAME={_name(name)}"
             yield from _material(material)
+            if name in deck.expansion:
+                yield from ("*EXPANSION", _text(deck.expansion[name]))
         for name, local in deck.orientations.items():
             count = len(local.directions)
             yield f"*ORIENTATION, NAME={_name(name)}" + (f", LOCAL DIRECTIONS={count}" if count else "")
@@ -86,6 +88,9 @@ class _Writer:
             if given:
                 yield f"*INITIAL CONDITIONS, TYPE={keyword}"
                 yield from (_row(element + 1, *map(float, values)) for element, values in given.items())
+        if deck.temperature:
+            yield "*INITIAL CONDITIONS, TYPE=TEMPERATURE"
+            yield from (_row(self.label[node], float(value)) for node, value in deck.temperature.items())
         for name, law in deck.laws.items():
             yield f"*SURFACE INTERACTION, NAME={_name(name)}"
             yield from _law(law)
@@ -189,12 +194,14 @@ class _Writer:
         options = ", DIRECT" * step.fixed + ", LONG TERM" * step.relaxed
         yield ("*VISCO" if step.viscous else "*STATIC") + options
         yield f"{_text(step.increment * step.period)}, {_text(step.period)}, , {_text(step.largest * step.period)}"
-        curves = {kind: {key: name for (k, key), name in step.curve.items() if k == kind} for kind in "UFP"}
+        curves = {kind: {key: name for (k, key), name in step.curve.items() if k == kind} for kind in "UFTP"}
         held = self._ends(before, "U", before.displacement)
         operation, prescribed = _operation(step.displacement, held, curves["U"])
         yield from self._grouped("BOUNDARY", operation, prescribed, curves["U"])
         operation, forces = _operation(step.force, self._ends(before, "F", before.force), curves["F"])
         yield from self._grouped("CLOAD", operation, forces, curves["F"])
+        operation, warm = _operation(step.temperature, self._ends(before, "T", before.temperature), curves["T"])
+        yield from self._grouped("TEMPERATURE", operation, warm, curves["T"])
         operation, pressures = _operation(step.pressure, self._ends(before, "P", before.pressure), curves["P"])
         for name in [None, *dict.fromkeys(curves["P"].values())]:
             chosen = {face: value for face, value in pressures.items() if curves["P"].get(face) == name}
@@ -229,7 +236,7 @@ class _Writer:
             operation = ""
             for (of, axis, value), nodes in groups.items():
                 if of == name:
-                    axes = (axis + 1, axis + 1) if keyword == "BOUNDARY" else (axis + 1,)
+                    axes = (axis + 1,) * {"BOUNDARY": 2, "CLOAD": 1}.get(keyword, 0)
                     yield from (_row(who, *axes, value) for who in self._who(nodes))
 
     def _who(self, nodes: Iterable[int]) -> list[object]:
@@ -275,13 +282,13 @@ def _material(material: Any) -> Iterator[str]:
         yield f"*ANISOTROPIC HYPERELASTIC, HOLZAPFEL, LOCAL DIRECTIONS={len(material.directions)}{moduli}"
         yield _row(material.c10, material.d, material.k1, material.k2, material.kappa)
     else:
-        order = len(material.mu) if kind == "Ogden" else {"NeoHooke": 1, "MooneyRivlin": 1, "Yeoh": 3}[kind]
+        order = {"Ogden": lambda m: len(m.mu), "Yeoh": lambda m: len(m.c)}.get(kind, lambda m: 1)(material)
         d = [*material.d, *[0.0] * order][:order]
         name, constants = {
             "Ogden": lambda m: (f"OGDEN, N={order}", [x for pair in zip(m.mu, m.alpha, strict=True) for x in pair]),
             "NeoHooke": lambda m: ("NEO HOOKE", [m.c10]),
             "MooneyRivlin": lambda m: ("MOONEY-RIVLIN", [m.c10, m.c01]),
-            "Yeoh": lambda m: ("YEOH", list(m.c)),
+            "Yeoh": lambda m: ("YEOH" if order == 3 else f"REDUCED POLYNOMIAL, N={order}", list(m.c)),
         }[kind](material)
         yield f"*HYPERELASTIC, {name}{moduli}"
         yield from _wrapped([*constants, *d], 8)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -85,11 +86,14 @@ class Comparison:
         """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""
         columns = []
         for parameter in self.problem.settings.parameters():
-            effect, _, short = parameter.name.partition(".")
-            if effect in self.problem.effects and self.problem.effects[effect].acts == OBSERVATION:
-                columns.append(self.observed(self.problem.effects[effect], self.base.values, short))
-            else:
-                columns.append((slope or self.slope)(parameter.name))
+            name, _, short = parameter.name.partition(".")
+            effect = self.problem.effects.get(name)
+            column: Any = 0.0
+            if effect is None or effect.acts != OBSERVATION:
+                column = (slope or self.slope)(parameter.name)
+            if effect and effect.observes:
+                column = column + self.observed(effect, self.base.values, short)
+            columns.append(column)
         return np.stack(columns, axis=1)[self.residual.kept]
 
     def slope(self, name: str) -> np.ndarray:
@@ -210,6 +214,8 @@ class Comparison:
                 found = difference(self.read(asked), None, lambda: self.read(without or self.anchor), parameter.step)
                 if found is None:
                     return None
+                if effect.observes:  # it changes the deck and what is seen of its solution
+                    found = found + self.observed(effect, candidate.place, parameter.name)
                 columns.append(found)
         return np.stack(columns, axis=1)[self.residual.kept]
 

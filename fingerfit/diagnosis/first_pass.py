@@ -277,10 +277,11 @@ class _Path:
         absent = {name: value for effect in effects for name, value in effect.null().items()}
         self._base = {**absent, **comparison.base.values}
         around = {**problem.settings.fixed(), **self.start, **self._base}
+        self._linear = {e.key(p.name) for e in effects if e.acts == OBSERVATION for p in e.parameters}
         self._observed = {
             effect.key(p.name): comparison.observed(effect, around, p.name)
             for effect in effects
-            if effect.acts == OBSERVATION
+            if effect.observes
             for p in effect.parameters
         }
 
@@ -318,7 +319,7 @@ class _Path:
     def _differences(self, delta: np.ndarray) -> np.ndarray:
         columns, steps = np.zeros((self.owner.count, len(delta))), dict[int, float]()
         for n, p in enumerate(self.parameters):
-            if p.name in self._observed:
+            if p.name in self._linear:
                 columns[:, n] = -self.owner.whiten(self._observed[p.name]) * p.scale
             elif not delta.any() and p.name in self._known:
                 columns[:, n] = self._known[p.name]

@@ -153,6 +153,10 @@ class Body:
         if self.history is not None:
             self.points.increment = self.history.begin(dt, relaxed)
 
+    def swell(self, stretch: np.ndarray) -> None:
+        """Let the points swell, shape (elements * points,); 1 for not at all."""
+        self.points.swelling, self._states, self._responses = stretch, [], []
+
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Take the end of an increment into the history."""
         found = self._response(u)
@@ -220,7 +224,7 @@ class Body:
         density = self.points.energy(squared, strain.frame)
         if self.pressure is not None:
             volume = self._project(np.sqrt(squared.prod(axis=-1)))
-            density = density + self.material.volumetric(volume)[0]
+            density = density + self.points.volumetric(volume)[0]
         return float((density * self.weight.ravel()).sum())
 
     def _project(self, values: np.ndarray) -> np.ndarray:
@@ -268,7 +272,7 @@ class Body:
         if self.pressure is not None:
             jacobian = stretch.prod(axis=-1)
             volume = self._project(jacobian)
-            _, pressure, bulk = self.material.volumetric(volume)
+            _, pressure, bulk = self.points.volumetric(volume)
             pressure = self._project(pressure) * jacobian
             first += pressure[:, None]
             second += pressure[:, None, None]
@@ -352,7 +356,7 @@ class Body:
         lead, self._lead = self._lead, Lead(local, volume, slope)
         if lead is None or not (foretold := lead.at(local)).min() > 0:
             return None
-        pressure = self.material.volumetric(foretold)[1] - self.material.volumetric(volume)[1]
+        pressure = self.points.volumetric(foretold)[1] - self.points.volumetric(volume)[1]
         return self._project(pressure).reshape(self.weight.shape)
 
     def _tangent(

@@ -53,6 +53,11 @@ class Points:
         Constants of shape (points,).
     volumetric : bool
         False where the volumetric part is added by the body or by the averaged volume of nodes.
+
+    Attributes
+    ----------
+    swelling : float or ndarray, shape (points,)
+        Stretch by which the material would swell if nothing held it. Energies are per volume before that.
     """
 
     def __init__(self, material: Constitutive, volumetric: bool = True) -> None:
@@ -60,6 +65,7 @@ class Points:
         self.tensors = material.tensors()
         self.increment: Increment | None = None
         self.initial: np.ndarray | None = None
+        self.swelling: float | np.ndarray = 1.0
 
     @property
     def directed(self) -> bool:
@@ -74,7 +80,7 @@ class Points:
 
     def energy(self, squared: np.ndarray, frame: np.ndarray | None) -> np.ndarray:
         """Energy density in MPa, shape (points,), for squared stretches (points, 3) with their directions."""
-        stretch = np.sqrt(squared)
+        stretch = self._elastic(np.sqrt(squared))
         if self.increment is None:
             part = self.material.energy if self.whole else self.material.deviatoric_energy
             total = part(stretch)
@@ -88,6 +94,7 @@ class Points:
 
     def isotropic(self, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of the isotropic part by the logarithms of the stretches."""
+        stretch = self._elastic(stretch)
         if self.increment is None:
             return (self.material.derivatives if self.whole else self.material.deviatoric_derivatives)(stretch)
         first, second = self.material.deviatoric_derivatives(stretch)
@@ -99,6 +106,14 @@ class Points:
             first += (pressure * jacobian)[:, None]
             second += (pressure * jacobian + bulk * jacobian**2)[:, None, None]
         return first, second
+
+    def _elastic(self, stretch: np.ndarray) -> np.ndarray:
+        """Stretches less those by which the points swell: F = F_e s. Parts with directions see no volume."""
+        return stretch / np.asarray(self.swelling)[..., None]
+
+    def volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Energy density U of the volumetric part in MPa with its derivatives by the volume ratio, all of (points,)."""
+        return swollen(self.material, jacobian, np.asarray(self.swelling) ** 3)
 
     def directions(self, squared: np.ndarray, frame: np.ndarray) -> Directed:
         """Parts with directions; `frame` has the principal directions as columns, shape (points, 3, 3)."""
@@ -152,6 +167,14 @@ class Points:
             if np.abs(step).max() > 1e-10:
                 return None
         return np.exp(2 * logarithm)
+
+
+def swollen(
+    material: Constitutive, jacobian: np.ndarray, volume: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The volumetric energy of material that swells by a volume ratio, and its derivatives by the whole ratio."""
+    energy, pressure, bulk = material.volumetric(jacobian / volume)
+    return energy, pressure / volume, bulk / volume**2
 
 
 def _fibres(tensors: tuple, squared: np.ndarray, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

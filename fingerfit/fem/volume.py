@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.fem.assembly import Body
+from fingerfit.fem.response import swollen
 from fingerfit.fem.system import Contribution
 
 
@@ -48,6 +49,7 @@ class AveragedVolume:
         element = np.repeat(np.arange(elements), nodes)
         self.share = csr_matrix((share, (at.ravel(), element)), shape=(len(unique), elements))
         self.patch = np.asarray(self.share.sum(axis=1)).ravel()
+        self.swelling = np.ones(len(unique))
 
     @property
     def dofs(self) -> np.ndarray:
@@ -59,6 +61,10 @@ class AveragedVolume:
 
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Nothing."""
+
+    def swell(self, stretch: np.ndarray) -> None:
+        """Let the elements swell, shape (elements,)."""
+        self.swelling = (self.share @ stretch**3) / self.patch
 
     def _deformation(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Deformation gradient, stretch around the axis (1 where there is none) and volume ratio."""
@@ -72,7 +78,7 @@ class AveragedVolume:
         ratio = (self.share @ jacobian) / self.patch
         result = np.zeros((3, len(ratio)))
         for material, chosen in self.material:
-            result[:, chosen] = material.volumetric(ratio[chosen])
+            result[:, chosen] = swollen(material, ratio[chosen], self.swelling[chosen])
         return result[0], result[1], result[2]
 
     def energy(self, u: np.ndarray) -> float:

@@ -44,7 +44,7 @@ def make_deck(
         All that are known in the study.
     """
     included = f"../../meshes/{mesh_name}.inp"
-    everything = {**settings.fixed(), **values}
+    everything = {**settings.fixed(effects), **values}
     context = deck_context(study, mesh, included, everything, settings.model.material, effects)
     return render_deck(settings.model.template, context, template_folders(Path(settings.study)))
 

@@ -1,4 +1,4 @@
-"""Yeoh: W = sum_i C_i0 (I1 - 3)^i + sum_i 1 / D_i (J - 1)^(2 i), i = 1..3 (ABAQUS, *HYPERELASTIC, YEOH)."""
+"""Yeoh: W = sum_i C_i0 (I1 - 3)^i + sum_i 1 / D_i (J - 1)^(2 i) (ABAQUS, *HYPERELASTIC, YEOH or REDUCED POLYNOMIAL)."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Yeoh(Isotropic):
 
     Parameters
     ----------
-    c : tuple of three floats, or of arrays of shape (points,)
-        C10, C20, C30 in MPa; twice the first is the initial shear modulus.
+    c : tuple of floats, or of arrays of shape (points,)
+        C10, C20 and so on in MPa, three in Yeoh's own law; twice the first is the initial shear modulus.
     d : tuple of float
         Compressibilities, 1/MPa; the initial bulk modulus is 2 / d[0].
     prony : Prony or None

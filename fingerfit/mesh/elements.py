@@ -127,6 +127,19 @@ def shape(element: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return serendipity_brick(xi) if kind.nodes == 20 else linear(HEX[:8], xi)
 
 
+def from_corners(element: str) -> np.ndarray:
+    """Temperatures at the integration points of an element from those of its corners, shape (points, corners).
+
+    A linear element has their mean, a quadratic one a linear field, as in ABAQUS and CalculiX: strains are no rougher.
+    """
+    kind, (xi, _) = ELEMENTS[element], rule(element)
+    if kind.nodes == kind.corners:
+        return np.full((len(xi), kind.corners), 1 / kind.corners)
+    if kind.is_simplex:
+        return simplex(xi, False)[0]
+    return linear((QUAD if kind.dim == 2 else HEX)[: kind.corners], xi)[0]
+
+
 @cache
 def rule(element: str) -> tuple[np.ndarray, np.ndarray]:
     """Integration points and weights of an element type: shapes (points, dim) and (points,)."""

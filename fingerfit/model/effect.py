@@ -97,7 +97,8 @@ class Effect:
         Formulas for what goes into the deck: ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a factor on
         mu at a place), ``force``, ``displacement`` (prescribed), ``before`` (prescribed before the first picture),
         ``increment`` (of the solver, as a share of a step), ``follow`` (share of the indenter's way that a node under
-        it goes), ``beside_x``, ``beside_y`` (where the indenter comes down, mm from where it was said to).
+        it goes), ``beside_x``, ``beside_y`` (where the indenter comes down, mm from where it was said to),
+        ``swelling`` (change of volume at a place and step, as a share).
     observes : mapping
         Formulas for what is measured: ``displacement``, ``force`` (the one that is not prescribed), ``intensity``,
         ``shift_x``, ``shift_y``, ``shift_z`` (mm).

@@ -18,7 +18,18 @@ from fingerfit.model.effect import ACTS, CONSTANTS, FAMILIES, FAMILY_OF, MESH_ER
 from fingerfit.model.formulas import FUNCTIONS, evaluate, names_in
 from fingerfit.model.scales import IN_WORDS as SCALES
 
-CHANGES = (*CONSTANTS, "field", "force", "displacement", "before", "increment", "follow", "beside_x", "beside_y")
+CHANGES = (
+    *CONSTANTS,
+    "field",
+    "force",
+    "displacement",
+    "before",
+    "increment",
+    "follow",
+    "beside_x",
+    "beside_y",
+    "swelling",
+)
 OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 
 PLACES = 1000

@@ -6,6 +6,7 @@ a third of its time.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -91,8 +92,8 @@ class Choices:
         """Where the search starts, by the names of the parameters."""
         return {parameter.name: parameter.start for parameter in self.parameters()}
 
-    def effects(self: Any, where: Path | str = CONFIG) -> tuple[Effect, ...]:
-        """Effects of the model, in order; `where` is named in errors.
+    def effects(self: Any, where: Path | str = CONFIG, known: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:
+        """Effects of the model, in order; `where` is named in errors, and `known` are those of the study, if at hand.
 
         Raises
         ------
@@ -101,7 +102,7 @@ class Choices:
         """
         if not self.model.effects:
             return ()
-        every = self.known_effects()
+        every = self.known_effects() if known is None else known
         if not every.keys() >= self.model.effects.keys() and not Path(self.study).is_dir():
             raise InputError(where, "study", self.study, "the folder of a study")
         found = chosen(list(self.model.effects), every, where)
@@ -109,11 +110,11 @@ class Choices:
             raise problem
         return found
 
-    def fixed(self: Any) -> dict[str, float]:
-        """Numbers of effects that are not fitted: places and the like."""
+    def fixed(self: Any, known: Mapping[str, Effect] | None = None) -> dict[str, float]:
+        """Numbers of effects that are not fitted: places and the like; `known` as of `effects`."""
         return {
             effect.key(name): self.model.effects[effect.name].get(name, values[0])
-            for effect in self.effects()
+            for effect in self.effects(known=known)
             for name, values in effect.scan.items()
             if name not in effect.refine
         }

@@ -61,7 +61,7 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepRes
             if dof >= 0:
                 prescribed[dof] = True
         if loading is None:
-            loading = _start(model.system(prescribed), bool(deck.stress or deck.strain))
+            loading = _start(model, model.system(prescribed))
         elif not np.array_equal(prescribed, loading.system.prescribed):
             loading.change(model.system(prescribed))
         with np.errstate(all="ignore"):
@@ -73,10 +73,22 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepRes
             return
 
 
-def _start(system: System, stressed: bool) -> LoadPath:
-    """At rest; with initial stresses, their forces are what residuals are measured by."""
-    evaluation = system.evaluate(np.zeros(system.size), tangent=False) if stressed else None
-    return LoadPath(system, 0.0 if evaluation is None else float(np.abs(evaluation.internal).max()))
+def _start(model: Model, system: System) -> LoadPath:
+    """At rest; residuals are measured by the forces of initial stresses, and by those that keep it from swelling."""
+    deck, begun, floor = model.deck, model.temperature, 0.0
+    states = [begun] if deck.stress or deck.strain else []
+    if model.expands:
+        states += [_temperature(model, step) for step in deck.steps]
+    for state in [*states, begun]:
+        model.warm(state)
+        if evaluation := system.evaluate(np.zeros(system.size), tangent=False) if states else None:
+            floor = max(floor, float(np.abs(evaluation.internal).max()))
+    return LoadPath(system, floor)
+
+
+def _temperature(model: Model, step: DeckStep) -> np.ndarray:
+    """Temperatures of all nodes that a step names, without their amplitudes."""
+    return model.temperature_of({node: value for (node, _), value in step.temperature.items()})
 
 
 def _increments(deck: Deck, step: DeckStep) -> Increments:
@@ -104,10 +116,17 @@ def _path(model: Model, step: DeckStep, loading: LoadPath) -> Callable[[float], 
         ends.append((before, end, factors))
     from_pressure = [term.value.copy() for term, _ in model.pressures]
     to_pressure = [np.array([step.pressure.get(key, 0.0) for key in keys]) for _, keys in model.pressures]
+    from_warm, to_warm = model.temperature, _temperature(model, step)
     ramp = not step.sudden
 
     def load(share: float) -> Load:
         part = share if ramp else 1.0
+        if model.expands:
+            warm = from_warm + part * (to_warm - from_warm)
+            for (kind, (node, _)), curve in step.curve.items():
+                if kind == "T":
+                    warm[node] = to_warm[node] * np.interp(share * step.period, *amplitudes[curve])
+            model.warm(warm)
         found = []
         for before, end, factors in ends:
             now = before + part * (end - before) if part < 1.0 else end.copy()

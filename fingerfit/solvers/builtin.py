@@ -98,20 +98,22 @@ class BuiltinSolver:
         displacement, reaction, moved, iterations = [], [], [], []
         message, status = f"{len(read.steps)} steps", CONVERGED
         silent = not any(step.printed for step in read.steps)
-        top = read.mesh.node_sets.get("TOP", node)
+        top, every = (read.mesh.node_sets.get(name, default) for name, default in (("TOP", node), ("ALL", None)))
+        # without what a deck adds to its mesh: nodes of walls
+        nodes = len(read.mesh.points) if every is None else int(every.max()) + 1
         for number, (asked, step) in enumerate(zip(read.steps, run_steps(read, deck, self.averaged), strict=False), 1):
             if not step.arrived:
                 status, message = DIVERGED, f"no equilibrium in step {number} of {len(read.steps)}"
                 break
             if not (silent or asked.printed):
                 continue
-            displacement.append(step.displacement)
+            displacement.append(step.displacement[:nodes])
             reaction.append(step.internal[top].sum(axis=0))
             moved.append(step.displacement[node[0]])
             iterations.append(step.iterations)
         return Outcome(
             status,
-            np.array(displacement).reshape(-1, len(read.mesh.points), dim),
+            np.array(displacement).reshape(-1, nodes, dim),
             np.array(reaction).reshape(-1, dim),
             np.array(moved).reshape(-1, dim),
             message,

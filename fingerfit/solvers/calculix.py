@@ -33,7 +33,9 @@ ELEMENTS = frozenset({"CPE3", "CPE4", "CPE6", "CPE8", "CPE8R", "C3D4", "C3D8", "
 LACKS = frozenset(
     {
         "*ANISOTROPIC HYPERELASTIC",
+        "*ELEMENT twice in the plane",
         "*FRICTION, ROUGH",
+        "*HYPERELASTIC, REDUCED POLYNOMIAL, N=4 or more",
         "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN",
         "*INITIAL CONDITIONS, TYPE=STRESS",
         "*INSTANCE",
@@ -46,7 +48,8 @@ LACKS = frozenset(
         "*VISCOELASTIC",
     }
 )
-"""Of 2.20. Of some of these it only warns, and goes on without them; initial stress it takes by integration point."""
+"""Of 2.20. Of some of these it only warns, and goes on without them; initial stress it takes by integration point.
+Elements in the plane that lie on each other have the right answer, but 24 pairs take 100 s where 24 elements take 1."""
 ADAPTER = 3
 """Part of the identity; raised when the adapter accepts other decks or reads something else, so that old answers go."""
 TIME_LIMIT = 3600.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from fingerfit.deck.content import Deck, Rigid
 from fingerfit.fem.assembly import Body
 from fingerfit.fem.system import System
 from fingerfit.material.spread import spread, structure_of
-from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, rule
+from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, from_corners, rule
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,9 @@ class Model:
         self.bodies: list[Any] = []
         self.terms: list[Any] = []
         self.pressures: list[tuple[Any, list[tuple[int, int]]]] = []
+        self._begun = self.temperature_of(deck.temperature)
+        self.temperature = self._begun
+        self.expands: list[tuple[Any, Any, np.ndarray, np.ndarray]] = []
         self._section = self._sections()
         tied = self._settle_ties()
         self._add_rigid()
@@ -158,6 +161,11 @@ class Model:
             from fingerfit.fem.volume import AveragedVolume
 
             term = AveragedVolume(body, section, materials)
+        expansion = np.array([self.deck.expansion.get(self.deck.sections[s].material, 0.0) for s in section])
+        if expansion.any():
+            if not self.finite:
+                raise InputError(self.path, "*STEP", "no NLGEOM", "NLGEOM: materials with *EXPANSION need it")
+            self.expands.append((body, term, expansion, from_corners(element)))
         if self.finite:
             self.bodies.append(body)
             self.terms += [term] if term else []
@@ -166,6 +174,25 @@ class Model:
 
             self.bodies.append(LinearBody(body))
             self.terms += [LinearTerm(term, self.size)] if term else []
+
+    def temperature_of(self, given: Mapping[int, float]) -> np.ndarray:
+        """Temperatures of all nodes, shape (nodes,); the initial ones where none is given."""
+        found = np.zeros(len(self.deck.mesh.points))
+        for node, value in (self.deck.temperature | dict(given)).items():
+            found[node] = value
+        return found
+
+    def warm(self, temperature: np.ndarray) -> None:
+        """Let nodes have temperatures, shape (nodes,): materials swell by the change since the beginning."""
+        self.temperature = temperature
+        for body, term, expansion, weights in self.expands:
+            change = (temperature - self._begun)[body.connectivity[:, : weights.shape[1]]] @ weights.T
+            stretch = 1 + expansion[:, None] * change
+            if not stretch.min() > 0:
+                raise InputError(self.path, "*TEMPERATURE", "a body that shrinks to nothing", "a smaller change")
+            body.swell(stretch.ravel())
+            if term is not None:
+                term.swell(stretch[:, 0])
 
     def _initial(self, section: np.ndarray, numbers: np.ndarray, materials: dict[int, Any]) -> np.ndarray | None:
         """Stress in the reference state, shape (elements, 3, 3); what strains without stress make is its negative."""

@@ -6,8 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fingerfit.core.errors import InputError
 from fingerfit.deck.content import Deck
+from fingerfit.mesh.mesh import Mesh
 from fingerfit.solvers.contract import Capabilities
 
 FEATURES = frozenset(
@@ -17,13 +20,16 @@ FEATURES = frozenset(
         "*CONTACT PAIR",
         "*DLOAD",
         "*ELASTIC",
+        "*ELEMENT twice in the plane",
         "*EQUATION",
+        "*EXPANSION",
         "*FRICTION",
         "*FRICTION, ROUGH",
         "*HYPERELASTIC, MOONEY-RIVLIN",
         "*HYPERELASTIC, N=2 or more",
         "*HYPERELASTIC, NEO HOOKE",
         "*HYPERELASTIC, OGDEN",
+        "*HYPERELASTIC, REDUCED POLYNOMIAL, N=4 or more",
         "*HYPERELASTIC, YEOH",
         "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN",
         "*INITIAL CONDITIONS, TYPE=STRESS",
@@ -77,7 +83,9 @@ def require_sets(deck: Deck, path: Path, *names: str) -> None:
 
 def _model(deck: Deck) -> Iterator[tuple[str, Any]]:
     yield "*CONTACT PAIR", deck.contacts
+    yield "*ELEMENT twice in the plane", deck.mesh.dim == 2 and _doubled(deck.mesh)
     yield "*EQUATION", deck.equations
+    yield "*EXPANSION", deck.expansion
     yield "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN", deck.strain
     yield "*INITIAL CONDITIONS, TYPE=STRESS", deck.stress
     yield "*INSTANCE", any(scope for scope, _ in deck.labels)
@@ -100,11 +108,18 @@ def _model(deck: Deck) -> Iterator[tuple[str, Any]]:
         yield "*VISCO", step.viscous
 
 
+def _doubled(mesh: Mesh) -> bool:
+    """Whether two elements have the same nodes."""
+    return any(len(np.unique(block.nodes, axis=0)) < len(block.nodes) for block in mesh.blocks)
+
+
 def _material(material: Any) -> Iterator[str]:
     kind = type(material).__name__
     yield _ENERGIES[kind]
     if kind == "Ogden" and len(material.mu) > 1:
         yield "*HYPERELASTIC, N=2 or more"
+    if kind == "Yeoh" and len(material.c) > 3:
+        yield "*HYPERELASTIC, REDUCED POLYNOMIAL, N=4 or more"
     if material.prony is not None and material.prony.g:
         yield "*VISCOELASTIC"
 
@@ -142,7 +157,7 @@ def refuse_lacking(deck: Deck, path: Path, name: str, capabilities: Capabilities
             )
     for feature in sorted(needs(deck) - capabilities.features):
         keyword, _, option = feature.partition(" without ")
-        keyword = keyword.partition(",")[0].partition(" of ")[0]
+        keyword = keyword.partition(",")[0].partition(" of ")[0].partition(" twice ")[0]
         alike = {f for f in capabilities.features if f.partition(",")[0] == keyword}
         if feature in _ENERGIES.values():
             alike = set(_ENERGIES.values()) & capabilities.features

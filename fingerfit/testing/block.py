@@ -88,9 +88,17 @@ def _sprung(text: str) -> str:
     return text.replace("*MATERIAL", rows + "*MATERIAL", 1)
 
 
+def _swelling(text: str) -> str:
+    """Hardly pressed: programs subtract the strain of swelling from another one, and differ by the product of both."""
+    text = text.replace("*SOLID SECTION", "*EXPANSION, ZERO=0.\n1.\n*SOLID SECTION")
+    text = text.replace("*STEP", "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nALL, 0.\n*STEP", 1)
+    return text.replace("*BOUNDARY\nINDENTER, 2, 2, -1.0", "*TEMPERATURE\nALL, 2e-4\n*CLOAD\nINDENTER, 2, -0.005")
+
+
 CHANGES: dict[str, Callable[[str], str]] = {
     "*AMPLITUDE": _amplitude,
     "*DLOAD": _loaded,
+    "*EXPANSION": _swelling,
     "*INITIAL CONDITIONS, TYPE=STRESS": _stressed,
     "*SPRING": _sprung,
     "*VISCOELASTIC": _relaxing,

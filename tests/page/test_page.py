@@ -127,10 +127,24 @@ def test_labels_of_the_force_fit_their_axes(tmp_path, known):
     assert figure.axes[-1].get_tightbbox().y0 < 0.05 * figure.bbox.height
 
 
-def test_names_of_layers_do_not_inject(tmp_path):
-    text = page(tmp_path, names=(HOSTILE, "middle", "bottom"), done=False)
-    assert "<img src=x" not in text and html.escape(HOSTILE, quote=False)[:20] in text
-    assert data_of(text)["meshes"]["base"]["names"][0] == HOSTILE
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    """The page of the first rung, whose constants ended at their bounds; a layer has a hostile name."""
+    folder = tmp_path_factory.mktemp("first")
+    sample.write(folder, names=(HOSTILE, "middle", "bottom"), done=False)
+    rungs, diagnosis = (read_json(folder / f) for f in ("ladder.json", "base/diagnosis.json"))
+    rungs["rungs"][0]["parameters"]["mu_top"]["at_bound"] = "upper"
+    refit = next(entry["refit"] for entry in diagnosis["ranking"] if entry["effect"] == "tilt")
+    refit["at_bound"] = {"slope": "lower"}
+    keep_json(folder / "ladder.json", rungs)
+    keep_json(folder / "base/diagnosis.json", diagnosis)
+    write_page(folder, folder / "report.html")
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_names_of_layers_do_not_inject(first):
+    assert "<img src=x" not in first and html.escape(HOSTILE, quote=False)[:20] in first
+    assert data_of(first)["meshes"]["base"]["names"][0] == HOSTILE
 
 
 def test_only_compare_gives_a_page(tmp_path):
@@ -280,15 +294,6 @@ def test_models_that_are_not_on_the_ladder_are_not_shown(tmp_path):
     assert [model.name for model in read_inputs(tmp_path).models] == ["base"]
 
 
-def test_what_ended_at_its_bound_is_told(tmp_path):
-    sample.write(tmp_path)
-    rungs, diagnosis = (read_json(tmp_path / f) for f in ("ladder.json", "base/diagnosis.json"))
-    rungs["rungs"][1]["parameters"]["tilt"]["at_bound"] = "upper"
-    refit = next(entry["refit"] for entry in diagnosis["ranking"] if entry["effect"] == "tilt")
-    refit["at_bound"] = {"slope": "lower"}
-    keep_json(tmp_path / "ladder.json", rungs)
-    keep_json(tmp_path / "base/diagnosis.json", diagnosis)
-    write_page(tmp_path, tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert text.count("<br><small>at its upper bound</small>") == 1
-    assert text.count("<br><small>slope at its lower bound</small>") == 1
+def test_what_ended_at_its_bound_is_told(first):
+    assert first.count("<br><small>at its upper bound</small>") == 1
+    assert first.count("<br><small>slope at its lower bound</small>") == 1

@@ -213,6 +213,53 @@ def test_inclusion_is_round_and_skin_is_at_the_top():
     assert change[y < 10.5] == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_band_has_its_angle_and_width():
+    """All of the contrast inside, half of it on the edges; the points of an element lie up to 0.2 mm from its middle."""
+    mesh = layered_block(12.0, LAYERS, 24, 8, "CPE4")
+    x, y = centres(mesh).T - 6.0
+    for angle in (0.0, 30.0, -60.0, 90.0):
+        place = {"band.contrast": 1.0, "band.angle": angle, "band.above": 1.0, "band.wide": 3.0}
+        change = np.log(moduli(place, mesh) / plain_moduli(mesh))
+        away = abs(np.cos(np.deg2rad(angle)) * y - np.sin(np.deg2rad(angle)) * x - 1.0)
+        assert change[away < 0.9].min() > 0.9
+        assert change[away > 2.1].max() < 0.1
+        if angle in (0.0, 90.0):
+            assert change.sum() * 0.25 == pytest.approx(3.0 * 12.0, rel=0.02)
+
+
+def test_an_ellipse_has_its_size_axes_and_turn():
+    mesh = layered_block(12.0, LAYERS, 24, 8, "CPE4")
+    x, y = centres(mesh).T - [[4.8], [7.2]]
+    for flat, slant, turn in ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 90.0), (0.0, 1.0, 45.0)):
+        place = {"ellipse.across": 0.4, "ellipse.along": 0.6, "ellipse.radius": 2.5}
+        place |= {"ellipse.contrast": 1.0, "ellipse.flat": flat, "ellipse.slant": slant}
+        change = np.log(moduli(place, mesh) / plain_moduli(mesh))
+        c, s, ratio = np.cos(np.deg2rad(turn)), np.sin(np.deg2rad(turn)), np.exp(np.hypot(flat, slant) / 2)
+        far = np.hypot((c * x + s * y) / ratio, (c * y - s * x) * ratio) / 2.5
+        assert change[far < 0.6].min() > 0.9
+        assert change[far > 1.5].max() < 0.1
+        assert change.sum() * 0.25 == pytest.approx(np.pi * 2.5**2, rel=0.1)
+
+
+def test_borders_that_lie_elsewhere_inclined_and_bent():
+    """The same as the interface's where it is level; a border that is lower at one side and higher at the other."""
+    for border, numbers in ((1, {"upper": 0.5}), (2, {"lower": 0.5}), (1, {"upper": -0.5}), (2, {"lower": -0.5})):
+        (value,) = numbers.values()
+        one = np.log(moduli({"interface.down": value, "interface.border": border}) / plain_moduli())
+        other = np.log(moduli({f"geometry_probe.{key}": v for key, v in numbers.items()}) / plain_moduli())
+        assert np.abs(one).max() > 0.02
+        assert other == pytest.approx(one, abs=1e-4)
+    change = np.log(moduli({"geometry_probe.incline": 1.0}) / plain_moduli())
+    x, y = centres().T
+    # lower on the right: soft reaches down there; higher on the left: stiff reaches up
+    assert (change[(x > 9) & (y > 6) & (y < 8)] < 0).all()
+    assert (change[(x < 3) & (y > 8) & (y < 10)] > 0).all()
+    assert np.abs(change[(x > 9) & (y > 8)]).max() == 0
+    bent = np.log(moduli({"geometry_probe.bend": 1.0}) / plain_moduli()).reshape(-1, 4)
+    assert bent == pytest.approx(bent[:, ::-1], abs=1e-4)
+    assert np.abs(bent).max() > 0.02
+
+
 def test_fields_of_two_effects_add():
     one, two = {"gradient.slope": 0.4}, {"split_layer.contrast": 0.6, "split_layer.layer": 1}
     together = np.log(moduli(one | two) / plain_moduli())
@@ -314,6 +361,90 @@ def test_fibres_are_the_elements_once_more():
     assert not {row[0] for row in twins} & set(range(1, MESH.element_count + 1))
 
 
+def test_fibres_lie_at_their_angle(tmp_path, plain):
+    """Along x they bulge less; slanted ones draw the indenter's side to where they are not stretched, mirrored by the sign."""
+    assert deck({"fibres.stiffness": 0.002}) == deck({"fibres.stiffness": 0.002, "fibres.angle": 0})
+    outcome = {a: solve(deck({"fibres.stiffness": 0.01, "fibres.angle": a}), tmp_path) for a in (0, 45, -45, 90)}
+    x = MESH.points[:, 0]
+
+    def mirrored(field):
+        place = {tuple(np.round(p, 6)): n for n, p in enumerate(MESH.points.tolist())}
+        return field[[place[tuple(np.round([12.0 - p[0], p[1]], 6))] for p in MESH.points.tolist()]] * [-1, 1]
+
+    bulge = {a: one.displacement[-1, x == 12.0, 0].max() for a, one in outcome.items()}
+    assert bulge[0] < 0.9 * plain.displacement[-1, x == 12.0, 0].max()
+    assert outcome[45].displacement[-1] == pytest.approx(mirrored(outcome[-45].displacement[-1]), abs=1e-6)
+    lean = outcome[45].displacement[-1] - mirrored(outcome[45].displacement[-1])
+    assert np.abs(lean[:, 0]).max() > 0.02
+    upright = outcome[90].displacement[-1]
+    assert upright == pytest.approx(mirrored(upright), abs=1e-6)
+
+
+def test_terms_of_higher_order_are_the_elements_of_each_layer_once_more():
+    for name in ("yeoh", "exponential"):
+        prefix = {"yeoh": "YEOH", "exponential": "EXP"}[name]
+        values = {"yeoh.c2": 0.5, "yeoh.c3": 0.2} if name == "yeoh" else {"exponential.b": 2.0}
+        for more in ({}, {"gradient.slope": 0.4}):
+            text = deck(values | more)
+            twins = cards(text, f"ELEMENT, TYPE=CPE8H, ELSET={prefix}_\\w+")
+            rows = sorted(row[1:] for block in twins for row in block)
+            assert rows == sorted([n + 1.0 for n in row] for block in MESH.blocks for row in block.nodes.tolist())
+            numbers = [row[0] for block in twins for row in block]
+            assert len(set(numbers)) == len(numbers) == MESH.element_count
+            assert min(numbers) > MESH.element_count
+            assert text.count("*SOLID SECTION") == 2 * text.count("*HYPERELASTIC, OGDEN")
+    both = deck({"yeoh.c2": 0.5, "fibres.stiffness": 0.002})
+    numbers = [row[0] for block in cards(both, "ELEMENT, TYPE=CPE8H, ELSET=\\w+") for row in block]
+    assert len(set(numbers)) == 2 * MESH.element_count
+
+
+def test_the_series_is_that_of_the_exponential():
+    """Of exp(x) the seventh power is left out, and what follows: x^7 / 7! times exp(x) at most."""
+    b, strain = 2.0, 0.5
+    for block, mu in zip(
+        cards(deck({"exponential.b": b}), "HYPERELASTIC, REDUCED POLYNOMIAL"), MU.values(), strict=True
+    ):
+        constants = [x for line in block for x in line]
+        assert len(constants) == 12
+        energy = sum(c * strain**n for n, c in enumerate(constants[:6], 1)) - 1e-6 * mu * strain
+        wanted = mu / 2 * ((np.exp(b * strain) - 1) / b - strain)
+        assert energy == pytest.approx(wanted, abs=mu / (2 * b) * (b * strain) ** 7 / 5040 * np.exp(b * strain))
+        assert energy == pytest.approx(wanted, rel=1e-3)
+
+
+def test_they_stiffen_at_large_strain_only(tmp_path):
+    def forces(values):
+        return solve(deck(values, of=study("displacement", [0.2, 3.0])), tmp_path).reaction[:, 1]
+
+    plain = forces({})
+    for values in ({"yeoh.c2": 0.5}, {"yeoh.c3": 1.0}, {"exponential.b": 2.0}):
+        small, large = forces(values) / plain
+        assert 1.0 < small < 1.02
+        assert large > 1.5
+
+
+def test_a_wall_stops_the_side_that_meets_it(tmp_path, plain):
+    """Nearly rigid, its overclosure is that of a pressure of the order of the modulus: hundredths of the width."""
+    outcome = {}
+    for way in (-1, 0, 1):
+        text = deck({"wall.share": 0.98, "wall.gap": 0.3, "wall.side": way})
+        assert text.count("*CONTACT PAIR") == (2 if way == 0 else 1)
+        outcome[way] = solve(text, tmp_path)
+        assert outcome[way].displacement.shape == plain.displacement.shape
+    left, right = MESH.points[:, 0] == 0, MESH.points[:, 0] == 12.0
+    free = plain.displacement[-1, right, 0].max()
+    for way, wall in ((-1, left), (0, left), (0, right), (1, right)):
+        reached = np.abs(outcome[way].displacement[-1, wall, 0]).max()
+        assert 0.3 < reached < 0.4 < 0.3 * free
+    # away from one wall it bulges more, and between two it is stiffest
+    assert outcome[-1].displacement[-1, right, 0].max() > 1.05 * free
+    moved = {way: -one.indenter[-1, 1] for way, one in outcome.items()}
+    assert moved[0] < 0.6 * moved[1] == pytest.approx(0.6 * moved[-1], rel=1e-6)
+    # a wall that is never met changes nothing
+    far = solve(deck({"wall.share": 0.98, "wall.gap": 2.5, "wall.side": 0}), tmp_path)
+    assert far.displacement == pytest.approx(plain.displacement, abs=1e-6)
+
+
 def test_loads():
     assert [block[0][2] for block in cards(PLAIN, "CLOAD")] == [-20.0, -40.0]
     gain = cards(deck({"force_gain.gain": 0.25}), "CLOAD")
@@ -334,6 +465,74 @@ def test_preload_counts_from_the_first_picture(tmp_path, plain):
     assert seen.displacement[0] == pytest.approx(plain.displacement[1] - plain.displacement[0], abs=1e-6)
     assert seen.indenter[1] == pytest.approx(outcome.indenter[2] - outcome.indenter[0])
     assert since_first_picture(plain, 2) is plain
+
+
+def test_swelling_follows_time_or_steps(tmp_path, plain):
+    """Temperatures are stretches less 1: their cube is the change of volume."""
+    text = deck({"swelling.volume": 0.05})
+    assert "*EXPANSION, ZERO=0.\n1.\n*SOLID SECTION" in text
+    assert text.count("*EXPANSION") == len(LAYERS)
+    found = [float(value) for value in re.findall(r"\*TEMPERATURE\nALL, (.*)", text)]
+    assert [(1 + e) ** 3 for e in found] == pytest.approx([1.025, 1.05])
+    late = replace(study(), steps=tuple(replace(s, time=t) for s, t in zip(study().steps, (5.0, 20.0), strict=True)))
+    found = [float(e) for e in re.findall(r"\*TEMPERATURE\nALL, (.*)", deck({"swelling.volume": 0.05}, of=late))]
+    assert [(1 + e) ** 3 for e in found] == pytest.approx([1.0125, 1.05])
+    swelled, shrunk = (solve(deck({"swelling.volume": v}), tmp_path) for v in (0.03, -0.03))
+    side = MESH.points[:, 0] == 12.0
+    for outcome, way in ((swelled, 1), (shrunk, -1)):
+        moved = way * (outcome.displacement - plain.displacement)
+        assert moved[-1, side, 0].max() > moved[0, side, 0].max() > 0.03
+        assert moved[-1, MESH.node_sets["TOP"], 1].min() > 0.1
+
+
+def test_what_was_before_the_first_picture_is_a_step_of_its_own(tmp_path, plain):
+    for values in ({"swollen.volume": 0.05}, {"prestretch.stretch": 0.05}, {"state_probe.load": 0.1}):
+        outcome = solve(deck(values), tmp_path)
+        assert outcome.steps == 3
+        seen = since_first_picture(outcome, 2)
+        change = np.abs(seen.displacement - plain.displacement).max(axis=(1, 2))
+        assert change.min() > 2e-3
+        if "state_probe.load" not in values:  # nothing but the body itself pushes
+            assert outcome.reaction[0, 1] == pytest.approx(0.0, abs=1e-4)
+            assert np.abs(outcome.displacement[0]).max() > 0.05
+    assert "*TEMPERATURE" not in deck({"preload.force": 1.0})
+
+
+def test_a_body_that_was_stretched_draws_its_sides_in(tmp_path):
+    """What was longer along x and is released gets shorter by as much where it is far from the glued edges."""
+    wide = layered_block(36.0, [("top", 4.0), ("middle", 4.0), ("bottom", 4.0)], 12, 2, "CPE8H")
+    outcome = solve(deck({"prestretch.stretch": 0.01}, mesh=wide), tmp_path, wide)
+    side = np.isclose(wide.points[:, 0], 36.0) & np.isclose(wide.points[:, 1], 6.0)
+    assert -0.01 * 18 < outcome.displacement[0, side, 0].item() < -0.01 * 4
+
+
+def test_the_probe_of_the_state_does_what_its_members_do():
+    def given(values):
+        text = deck(values).replace("ALL, 0.\n", "")
+        found = re.findall(r"\*TEMPERATURE\n((?:[^*].*\n)*)", text)
+        loads, stress = cards(text, "CLOAD"), re.findall(r"TYPE=STRESS\n((?:[^*].*\n)*)", text)
+        return [np.array([float(line.split(",")[1]) for line in block.splitlines()]) for block in found], loads, stress
+
+    even = dict.fromkeys(("state_probe.lower", "state_probe.middle", "state_probe.upper"), 0.03)
+    warm, loads, _ = given({"swelling.volume": 0.03})
+    probed, more, _ = given(even)
+    assert np.ravel(probed) == pytest.approx(np.ravel([[0.0], *warm]))
+    assert [block[0][2] for block in more] == [0.0, *(block[0][2] for block in loads)]
+    assert np.ravel(given({"swollen.volume": 0.03})[0]) == pytest.approx(
+        np.ravel(given({"state_probe.swollen": 0.03})[0])
+    )
+    assert given({"prestretch.stretch": 0.03})[1:] == given({"state_probe.stretch": 0.03})[1:]
+    assert given({"preload.force": 4.0})[1] == given({"state_probe.load": 0.1})[1]
+    (rows, *_), _, _ = given({"state_probe.swollen": 0.01, "state_probe.upper": 0.03})
+    assert np.ptp(rows) == 0
+    last = (1 + given({"state_probe.lower": 0.03, "state_probe.upper": 0.09})[0][-1]) ** 3 - 1
+    up = MESH.points[:, 1] / 12.0
+    assert last == pytest.approx(np.interp(up, [0, 0.5, 1], [0.03, 0.0, 0.09]))
+
+
+def test_what_shrinks_to_nothing_is_refused():
+    with pytest.raises(InputError, match=r"effect swelling: changes\.swelling: found -1\.5; .*above -1"):
+        deck({"swelling.volume": -1.5})
 
 
 # --- observed
@@ -379,6 +578,9 @@ def test_pictures_that_are_turned_stretched_and_wander():
     assert turned == pytest.approx(0.01 * (MESH.points - middle) @ np.array([[0, 1], [-1, 0]]))
     stretched = observation(stretched_pictures__across=0.01, stretched_pictures__along=-0.02).shift(2, MESH.points)
     assert stretched == pytest.approx((MESH.points - middle) * [0.01, -0.02])
+    beside = np.array([[6.0, 0.0], [0.0, 3.0], [-6.0, 0.0]])
+    barrel = observation(distorted_pictures__barrel=0.05).shift(3, middle + beside)
+    assert barrel == pytest.approx(np.array([[-0.3, 0.0], [0.0, -0.3 / 8], [0.3, 0.0]]))
     for k in (1, 4):
         wandering = observation(wandering_pictures__x=0.4).shift(k, MESH.points)
         assert wandering == pytest.approx(np.broadcast_to([0.1 * k, 0.0], MESH.points.shape))
@@ -390,6 +592,7 @@ def test_the_probe_of_the_observation_does_what_its_members_do():
         "turned_pictures": {"angle": "turn"},
         "stretched_pictures": {"across": "across", "along": "along"},
         "wandering_pictures": {"x": "growing_x", "y": "growing_y"},
+        "distorted_pictures": {"barrel": "barrel"},
     }
     for name, numbers in alike.items():
         for own, its in numbers.items():
@@ -411,6 +614,24 @@ def test_onset():
     seen = observation(onset__offset=0.15)
     assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.15, 2.15])
     assert seen.response(np.array([1.0, 2.0]), "force") == pytest.approx([1.0, 2.0])
+
+
+def test_the_probe_of_loading_does_what_its_members_do():
+    def given(values):
+        seen = Observation.of(EFFECTS.values(), values, MESH.points, 2)
+        read = np.array([1.0, 2.0])
+        return cards(deck(values), "CLOAD"), read if seen is None else seen.response(read, "displacement")
+
+    for member, probe in (
+        ({"onset.offset": 0.15}, {"loading_probe.reading": 0.15}),
+        ({"soft_frame.most": 0.2}, {"loading_probe.growing": 0.2}),
+        ({"force_offset.offset": 0.8}, {"loading_probe.load": -0.02}),
+    ):
+        ours, theirs = given(member), given(probe)
+        assert ours[1] == pytest.approx(theirs[1])
+        assert [b[0][2] for b in ours[0]] == pytest.approx([b[0][2] for b in theirs[0]])
+    # whole half way, nothing at the end
+    assert [b[0][2] for b in given({"loading_probe.midway": 0.1})[0]] == pytest.approx([-24.0, -40.0])
 
 
 # --- formulas

@@ -26,7 +26,7 @@ ROOMS = (
     ("report",),
     ("check",),
     ("start",),
-    ("commands",),
+    ("commands", "notebook"),
     ("cli",),
     ("__main__",),
 )

@@ -26,6 +26,7 @@ MATERIALS = {
     "neo_hooke": NeoHooke(0.02, (0.8,)),
     "mooney_rivlin": MooneyRivlin(0.02, 0.008, (0.8,)),
     "yeoh": Yeoh((0.02, 0.004, 0.001), (0.8, 5.0, 3.0)),
+    "reduced6": Yeoh((0.02, 0.004, 0.001, 5e-4, 2e-4, 1e-4), (0.8,)),
     "elastic": Elastic(0.1, 0.3),
     "hencky": Elastic(0.1, 0.3, Prony((0.0,), (1.0,))),
     "holzapfel": Holzapfel(0.02, 0.8, 0.05, 0.9, 0.1, (AXIS,)),

@@ -17,6 +17,7 @@ from fingerfit.diagnosis.ladder import add
 from fingerfit.fit.course import next_round
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.mesh.blocks import layered_block
+from fingerfit.model.catalogue import catalogue
 from fingerfit.report.findings import write_diagnosis
 from fingerfit.settings.config import load_settings
 from fingerfit.solvers.builtin import BuiltinSolver
@@ -78,8 +79,9 @@ def test_effects_that_the_solver_lacks_are_no_candidates(tmp_path, needs_ccx):
         found, lacking = candidates(problem, {"mu": 0.05})
         names[solver] = {one.effect.name for one in found}, set(lacking)
     assert names["builtin"][1] == set()
-    assert names["calculix"][1] == {"fibres", "viscoelastic relaxation"}
-    assert names["builtin"][0] - names["calculix"][0] == {"fibres", "relaxation"}
+    lacking = {"exponential", "fibres", "prestretch", "relaxation", "yeoh"}
+    assert names["calculix"][1] == {catalogue()[name].title for name in lacking}
+    assert names["builtin"][0] - names["calculix"][0] == lacking
     assert "base_slip" in names["calculix"][0]
 
 
@@ -96,9 +98,12 @@ def test_the_diagnosis_says_so(tmp_path, monkeypatch):
     assert [(entry["title"], entry["lacks"]) for entry in diagnosis["not_tried"]] == [
         ("viscoelastic relaxation", "*VISCOELASTIC"),
         # of forces alone these cannot be tested either
+        ("band of another stiffness", "pictures or measured points"),
         ("mesh too coarse", "a finer mesh"),
+        ("inclusion of any size and shape", "pictures or measured points"),
         ("inclusion in the plane", "pictures or measured points"),
         ("tilt of the indenter", "pictures or measured points"),
+        ("wall beside the body", "pictures or measured points"),
     ]
     tested = {entry["effect"] for entry in diagnosis["ranking"]}
     assert "fibres" in tested
@@ -111,9 +116,12 @@ def test_what_was_not_measured_is_no_candidate_but_told(tmp_path):
     (tmp_path / "study/steps.csv").write_text(plain + "\n")
     problem, _ = begin(settings, tmp_path / "model")
     assert {title: str(error.found) for title, error in untestable(problem).items()} == {
+        "band of another stiffness": "pictures or measured points",
         "mesh too coarse": "a finer mesh",
+        "inclusion of any size and shape": "pictures or measured points",
         "inclusion in the plane": "pictures or measured points",
         "tilt of the indenter": "pictures or measured points",
+        "wall beside the body": "pictures or measured points",
         "viscoelastic relaxation": "a time at every step",
     }
     tested = {one.effect.title for one in candidates(problem, {"mu": 0.05})[0]}

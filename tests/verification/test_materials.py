@@ -141,6 +141,9 @@ def test_closed_forms_of_isochoric_tension(deformation, stretch, axis):
         "neo_hooke": 2 * 0.02 * (a**2 - c**2),
         "mooney_rivlin": 2 * 0.02 * (a**2 - c**2) - 2 * 0.008 * (a**-2 - c**-2),
         "yeoh": 2 * (a**2 - c**2) * (0.02 + 2 * 0.004 * (i1 - 3) + 3 * 0.001 * (i1 - 3) ** 2),
+        "reduced6": 2
+        * (a**2 - c**2)
+        * sum(n * k * (i1 - 3) ** (n - 1) for n, k in enumerate(MATERIALS["reduced6"].c, 1)),
         "ogden3": sum(
             2 * mu / alpha * (a**alpha - c**alpha)
             for mu, alpha in zip(MATERIALS["ogden3"].mu, MATERIALS["ogden3"].alpha, strict=True)

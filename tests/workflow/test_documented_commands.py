@@ -152,7 +152,7 @@ LEFT = {
     "case": {"studies/hidden/relaxation/study.yaml": ["layers"]},
 }
 """What a session leaves, and texts in it."""
-SLOW = ("tests", "run", "shared", "calculix", "diagnose", "tilt", "fingertip", "case")
+SLOW = ("tests", "run", "study", "shared", "calculix", "diagnose", "tilt", "fingertip", "case")
 INSTALLED = "tests/workflow/test_installed.py"
 FINGERTIP, FOREIGN = "benchmarks/fingertip.py", "benchmarks/foreign/run.py"
 GOAL = ('"snakemake", goal, "--cores", str(cores), "--configfile"', 'choices=("diagnose", "discover")')

@@ -50,6 +50,7 @@ def test_nothing_hidden(tmp_path):
     assert found.verdict.effects == ()
 
 
+@pytest.mark.slow
 def test_a_drift_that_the_score_of_pictures_does_not_see(tmp_path):
     first, second = rungs_of(tmp_path, {"intensity_drift": {"gain": 0.1}}, 2)
     assert (first.verdict.kind, first.verdict.effects) == ("missing", ("intensity_drift",))

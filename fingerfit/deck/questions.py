@@ -1,0 +1,123 @@
+"""What templates may ask about a mesh: nodes, what they stand for, elements once more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from fingerfit.core.errors import InputError
+from fingerfit.mesh.faces import faces_of
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.mesh.tetrahedra import nodes_on, resting
+
+
+def quadratic(mesh: Mesh) -> bool:
+    """Whether elements have nodes in the middle of their edges."""
+    return any(block.nodes.shape[1] in ((6, 8) if mesh.dim == 2 else (10, 20)) for block in mesh.blocks)
+
+
+def areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, float]]:
+    """Nodes, counted from 1, of a straight edge of a plane mesh and the area that each stands for, mm^2."""
+    order = nodes[np.argsort(mesh.points[nodes, 0])]
+    x = mesh.points[order, 0]
+    share = np.zeros(len(x))
+    if quadratic(mesh):
+        length = x[2::2] - x[:-2:2]
+        share[:-2:2] += length / 6
+        share[2::2] += length / 6
+        share[1::2] += 2 * length / 3
+    else:
+        length = np.diff(x)
+        share[:-1] += length / 2
+        share[1:] += length / 2
+    return [(int(node) + 1, float(part * thickness)) for node, part in zip(order, share, strict=True)]
+
+
+def lengths(mesh: Mesh, nodes: np.ndarray) -> list[tuple[int, float]]:
+    """Nodes, counted from 1, of any line of element edges of a plane mesh of linear elements, and their length, mm."""
+    length, chosen = np.zeros(len(mesh.points)), np.zeros(len(mesh.points), dtype=bool)
+    chosen[nodes] = True
+    for block in mesh.blocks:
+        pairs = np.stack([block.nodes, np.roll(block.nodes, -1, axis=1)], axis=-1).reshape(-1, 2)
+        pairs = pairs[chosen[pairs].all(axis=1)]
+        size = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
+        for side in pairs.T:
+            np.add.at(length, side, size / 2)
+    return [(int(node) + 1, float(length[node])) for node in nodes]
+
+
+def shares(mesh: Mesh) -> list[tuple[float, list[int]]]:
+    """Areas, mm^2, that nodes of a plane mesh of linear elements stand for, and the nodes, counted from 1, of each."""
+    area = np.zeros(len(mesh.points))
+    for block in mesh.blocks:
+        x, y = np.moveaxis(mesh.points[block.nodes], -1, 0)
+        size = 0.5 * np.abs((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1))
+        for column in block.nodes.T:
+            np.add.at(area, column, size / block.nodes.shape[1])
+    sizes, which = np.unique(np.round(area, 6), return_inverse=True)
+    return [(float(a), [int(n) + 1 for n in np.flatnonzero(which == k)]) for k, a in enumerate(sizes) if a > 0]
+
+
+def nodes_of(mesh: Mesh, name: str) -> np.ndarray:
+    """Nodes of a set."""
+    nodes = mesh.node_sets.get(name, np.zeros(0, dtype=int))
+    if not len(nodes):
+        raise InputError("mesh", f"node set {name}", "nothing", "nodes")
+    return nodes
+
+
+def only(mesh: Mesh, name: str) -> int:
+    """The only node of a set."""
+    nodes = mesh.node_sets.get(name, np.zeros(0, dtype=int))
+    if len(nodes) != 1:
+        raise InputError("mesh", f"node set {name}", f"{len(nodes)} nodes", "one node")
+    return int(nodes[0])
+
+
+def rests_on(mesh: Mesh, name: str, at: tuple[float, float], radius: float) -> float:
+    """Height of the centre of a sphere that touches a surface from above, mm."""
+    if name not in mesh.surfaces:
+        raise InputError("mesh", f"surface {name}", "nothing", "faces")
+    return resting(mesh, nodes_on(mesh, mesh.surfaces[name]), at, radius)
+
+
+def elements(
+    mesh: Mesh, numbers: Iterator[int], layer: Mapping[str, Any] | None = None
+) -> list[tuple[str, list[list[int]]]]:
+    """Elements of the body or of a layer once more, with numbers of their own: type and rows of number and nodes."""
+    chosen = np.ones(mesh.element_count, dtype=bool)
+    if layer is not None:
+        chosen[:] = False
+        chosen[[n - 1 for n in layer["elements"]] or mesh.element_sets[layer["name"]]] = True
+    found, first = [], 0
+    for block in mesh.blocks:
+        its = block.nodes[chosen[first : first + len(block.nodes)]]
+        rows = [[next(numbers), *(int(node) + 1 for node in row)] for row in its]
+        found += [(block.element, rows)] if rows else []
+        first += len(block.nodes)
+    return found
+
+
+def side(mesh: Mesh, way: float) -> dict[str, Any]:
+    """The body's side towards larger x, or with `way` below 0 towards smaller x.
+
+    Its ``x``, ``low`` and ``high`` in mm, and its ``faces``, pairs of element and face, both counted from 1.
+    """
+    body = mesh.body
+    x = float(body[:, 0].max() if way > 0 else body[:, 0].min())
+    there = np.abs(mesh.points[:, 0] - x) < 1e-6 * np.ptp(body[:, 0])
+    found, first = [], 1
+    for block in mesh.blocks:
+        for number, local in enumerate(faces_of(block.element), 1):
+            found += [(int(n) + first, number) for n in np.flatnonzero(there[block.nodes[:, local]].all(axis=1))]
+        first += len(block.nodes)
+    return {"x": x, "low": float(body[:, -1].min()), "high": float(body[:, -1].max()), "faces": sorted(found)}
+
+
+def temperature(swelling: np.ndarray) -> list[tuple[int | str, float]]:
+    """Temperatures at which a material that expands by 1 a degree swells so: of ALL, or of nodes, counted from 1."""
+    if np.ptp(swelling) == 0:
+        return [("ALL", float(swelling[0]))]
+    return [(node, float(value)) for node, value in enumerate(swelling, 1)]
