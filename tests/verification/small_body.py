@@ -35,6 +35,11 @@ MESHES = {
     "mesh": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
     "refined": {"element": "CPE8", "across": 10, "per_layer": 5, "grading": 2},
 }
+SMALL = {
+    "mesh": {"element": "CPE8", "across": 5, "per_layer": 3, "grading": 2},
+    "refined": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
+}
+"""Coarser meshes, where no place has to be found."""
 
 
 def written(folder, **own):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from small_body import config_of, written
+from small_body import SMALL, config_of, written
 
 from fingerfit.core.errors import InputError
 from fingerfit.notebook import fit
@@ -18,7 +18,7 @@ def names(tmp_path_factory):
     """What the documented lines leave behind."""
     folder = tmp_path_factory.mktemp("notebook")
     study = written(folder, effects={"tilt": {"slope": 0.02}})
-    (folder / "tilt.yaml").write_text(yaml.safe_dump(config_of(study), sort_keys=False))
+    (folder / "tilt.yaml").write_text(yaml.safe_dump(config_of(study, SMALL), sort_keys=False))
     (lines,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL)
     found = {}
     with pytest.MonkeyPatch.context() as patch:

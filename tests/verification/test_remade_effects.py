@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import yaml
 from conftest import LAYERS, MU, ROOT, phantom
-from small_body import fitted, written
+from small_body import SMALL, fitted, written
 
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
@@ -36,10 +36,6 @@ from fingerfit.study.study import Body, Layer, Noise, Step, Study
 OURS_BOUND = bound(catalogue(), {"width": 12.0, "height": 12.0, "force": 66.0, "duration": 140.0})
 NAMES = sorted(OURS_BOUND)
 MATERIAL = {"alpha": 1.4, "poisson": 0.49}
-SMALL = {
-    "mesh": {"element": "CPE8", "across": 5, "per_layer": 3, "grading": 2},
-    "refined": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
-}
 
 
 def own(name):

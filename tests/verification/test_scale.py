@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from small_body import compared, fitted, written
+from small_body import SMALL, compared, fitted, written
 
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import rank_candidates, stiffness_map
@@ -16,10 +16,6 @@ from fingerfit.diagnosis.ranking import best_places
 from fingerfit.fit.minimum import finest
 from fingerfit.imaging.pictures import read_picture, write_picture
 
-MESHES = {
-    "mesh": {"element": "CPE8", "across": 5, "per_layer": 3, "grading": 2},
-    "refined": {"element": "CPE8", "across": 8, "per_layer": 4, "grading": 2},
-}
 LARGER, SLOWER = 5.0, 3.0
 """Factors on lengths and on times; stresses stay, so that forces grow with the square of lengths."""
 FORCE = LARGER**2
@@ -78,7 +74,7 @@ def described(folder, length, force, time, picture, units=None):
 
 def examined(study, folder):
     """The study fitted, and all candidates tested: the problem, the last round, the candidates, comparison, ranking."""
-    problem, last, run, everything = fitted(study, folder, MESHES)
+    problem, last, run, everything = fitted(study, folder, SMALL)
     found = candidates(problem, finest(problem, last).values)[0]
     comparison, more = compared(problem, last, everything, found)
     return problem, last, found, comparison, rank_candidates(comparison, comparison.score_test, found), run + more
