@@ -9,7 +9,7 @@ from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError, InputError
 from fingerfit.core.files import keep_json, write_text
 from fingerfit.diagnosis.ladder import add, drop
-from fingerfit.provenance import stages
+from fingerfit.provenance import call, stages
 from fingerfit.settings.config import load_settings
 
 CONFIG = """\
@@ -281,9 +281,11 @@ def test_a_misspelt_study_is_named(config, tmp_path):
 SNAKEFILE = "rule diagnose:\n    output: touch('done')\n"
 
 
-def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, capfd):
+def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, monkeypatch, capfd):
     """Results of two models that are there already: nothing runs but a workflow that has nothing to do."""
     write_text(tmp_path / "Snakefile", SNAKEFILE)
+    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
+    monkeypatch.setattr(call, "SHIPPED", tmp_path)
     error, counted = {"fitted": 2.284, "held_out": None}, {"run": 9, "reused": 5}
     for model, effects in (("base", ["tilt", "skin"]), ("base+tilt", [])):
         folder = tmp_path / "results/study" / model
