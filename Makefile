@@ -26,7 +26,7 @@ fingertip-data: $(FINGERTIP)/subject.inp  ## make the volumes of the virtual fin
 
 $(FINGERTIP)/study.yaml: .venv/ready $(FINGERTIP)/experiment.yaml $(FINGERTIP)/anatomy.yaml
 	$(BIN)/fingerfit finger --anatomy $(FINGERTIP)/anatomy.yaml --size 1.7 --out $(FINGERTIP)/sealed/true.inp
-	$(BIN)/fingerfit experiment $(FINGERTIP)/experiment.yaml --out $(FINGERTIP)
+	$(BIN)/fingerfit experiment $(FINGERTIP)/experiment.yaml --out $(FINGERTIP) --force
 
 $(FINGERTIP)/subject.inp: $(FINGERTIP)/study.yaml
 	$(BIN)/fingerfit finger --out $(FINGERTIP)/reference.inp

@@ -1,13 +1,17 @@
+# PYTHON_ARGCOMPLETE_OK
 """The command line: the only place that prints errors and exits."""
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
+import textwrap
 import traceback
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from fingerfit import __version__, commands
 from fingerfit.core.errors import FingerfitError
@@ -20,8 +24,13 @@ def _count(text: str) -> int:
     return int(text)
 
 
-Command = Callable[[str, str], argparse.ArgumentParser]
-"""Adds a command to the command line: name and help, to the parser of its arguments."""
+Command = Callable[[str, str, str], argparse.ArgumentParser]
+"""Adds a command to the command line: name, help and an example, to the parser of its arguments."""
+DECK = "fingerfit deck show DECK"
+RESULTS = "results/phantom/base"
+"""In the examples of commands for the workflow."""
+SIM = "results/phantom/sims/NAME"
+FIT = f"{RESULTS}/settings.json --data {RESULTS}/prepared.npz --mesh {RESULTS}/mesh.inp --sims results/phantom/sims"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -29,23 +38,64 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"fingerfit {__version__}")
     subs = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    def command(name: str, text: str) -> argparse.ArgumentParser:
-        sub = subs.add_parser(name, help=text, description=text)
+    def command(name: str, text: str, example: str) -> argparse.ArgumentParser:
+        sub = subs.add_parser(name, help=text, **_described(text, example))
         sub.set_defaults(run=getattr(commands, name))
         return sub
 
+    _add_start(command)
     _add_studies(command)
     _add_models(command)
-    _add_deck(subs.add_parser("deck", help="look at a deck", description="Look at a deck."))
-    sub = command("docs", "write the schema of config.yaml, and the tables of its keys and those of experiment.yaml")
-    sub.add_argument("folder", type=Path, nargs="?", default=Path(), help="folder of the project")
+    _add_deck(subs.add_parser("deck", help="look at a deck", **_described("look at a deck", DECK)))
+    text = "write the schemas of config.yaml and study.yaml, and the tables of the keys of all files that people write"
+    sub = command("docs", text, "fingerfit docs .")
+    sub.add_argument("folder", type=Path, help="folder of the project")
     _add_workflow(command)
     return parser
 
 
+def _described(text: str, example: str) -> dict[str, Any]:
+    """What `--help` of a command says above and below its arguments."""
+    about = textwrap.fill(f"{text[0].upper()}{text[1:]}.", 100)
+    return {
+        "description": about,
+        "epilog": f"example:\n  {example}",
+        "formatter_class": argparse.RawDescriptionHelpFormatter,
+    }
+
+
+def _add_start(command: Command) -> None:
+    """What a user calls first, and last."""
+    text = "draft a study from a folder of pictures and a table of forces, or copy an example"
+    sub = command("new", text, "fingerfit new mine --pictures scans --forces forces.csv")
+    sub.add_argument("study", type=Path, help="folder of the study, which is made")
+    sub.add_argument("--pictures", type=Path, metavar="FOLDER", help="one before compression and some during it")
+    sub.add_argument("--forces", type=Path, metavar="CSV", help="a row for each step; its head names the columns")
+    sub.add_argument("--example", metavar="NAME", help="phantom, hidden-tilt or hidden-inclusion")
+
+    text = "fit a study: what is done already is not done again"
+    sub = command("run", text, "fingerfit run studies/phantom --diagnose")
+    sub.add_argument("study", type=Path, nargs="?", help="folder of the study (the one that config.yaml names)")
+    sub.add_argument("--config", type=Path, help="settings (config.yaml in the study's folder, or here)")
+    sub.add_argument("--diagnose", action="store_true", help="then say which effect the model lacks, and write a page")
+    sub.add_argument("--export", action="store_true", help="then write tables and fields for other programs")
+    sub.add_argument("--cores", type=_count, help="processors (all)")
+    sub.usage = "fingerfit run [STUDY] [--config FILE] [--diagnose] [--export] [--cores N] [-- OPTIONS OF SNAKEMAKE]"
+
+    sub = command("open", "show the page of a study in the browser", "fingerfit open studies/phantom")
+    sub.add_argument("study", type=Path, nargs="?", help="folder of the study (the one that config.yaml names)")
+    sub.add_argument("--config", type=Path, help="settings (config.yaml in the study's folder, or here)")
+
+    command("doctor", "say what fits find on this machine, and let each solver solve something", "fingerfit doctor")
+
+
 def _add_studies(command: Command) -> None:
     """What a user does before a fit: studies and meshes."""
-    sub = command("check", "say what was understood of a study, try its first simulation, and list every problem")
+    sub = command(
+        "check",
+        "say what was understood of a study, try its first simulation, and list every problem",
+        "fingerfit check studies/phantom",
+    )
     sub.add_argument("study", type=Path, help="folder of the study, or its study.yaml")
     sub.add_argument(
         "--config", type=Path, help="settings (config.yaml in the study's folder, or here where it names the study)"
@@ -53,11 +103,20 @@ def _add_studies(command: Command) -> None:
     sub.add_argument("--picture", type=Path, help="draw mesh, sets and points over the picture here (.png)")
     sub.add_argument("--no-solve", dest="solve", action="store_false", help="do not simulate the start of the search")
 
-    sub = command("experiment", "make a study by a virtual experiment")
+    sub = command(
+        "experiment",
+        "make a study by a virtual experiment",
+        "fingerfit experiment studies/phantom/experiment.yaml --out studies/virtual",
+    )
     sub.add_argument("description", type=Path, help="experiment.yaml")
     sub.add_argument("--out", type=Path, required=True, help="folder of the study")
+    sub.add_argument("--force", action="store_true", help="replace a study that is there")
 
-    sub = command("finger", "mesh a finger, the reference one or another (docs/fingertip.md)")
+    sub = command(
+        "finger",
+        "mesh a finger, the reference one or another (docs/fingertip.md)",
+        "fingerfit finger --out reference.inp",
+    )
     sub.add_argument("--out", type=Path, required=True, help="the mesh (.inp)")
     sub.add_argument(
         "--anatomy", type=Path, metavar="YAML", help="numbers of the finger where they are not the reference's"
@@ -69,7 +128,11 @@ def _add_studies(command: Command) -> None:
         "--at", type=float, nargs=2, metavar=("X", "Y"), help="where the indenter comes down, mm (the pulp)"
     )
 
-    sub = command("morph", "bring the mesh of a finger to the shape in a volume (docs/fingertip.md)")
+    sub = command(
+        "morph",
+        "bring the mesh of a finger to the shape in a volume (docs/fingertip.md)",
+        "fingerfit morph reference.inp before.nii.gz --at 25.49 0 --out subject.inp",
+    )
     sub.add_argument("reference", type=Path, help="mesh of the reference finger")
     sub.add_argument("volume", type=Path, help="subject before compression; the finger along x, its tip at the end")
     sub.add_argument("--out", type=Path, required=True, help="the subject's mesh (.inp)")
@@ -82,22 +145,27 @@ def _add_studies(command: Command) -> None:
 def _add_models(command: Command) -> None:
     """What a user does with models and effects."""
     for name, text in (("add", "add an effect to the model"), ("drop", "take an effect out of the model")):
-        sub = command(name, text)
+        sub = command(name, text, f"fingerfit {name} tilt")
         sub.add_argument("effect", help="name, as `fingerfit effects` lists them")
         sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
 
     sub = command(
         "discover",
         "fit, diagnose and add the missing effect, until the model is adequate or no known effect explains the rest",
+        "fingerfit discover --config config.yaml",
     )
     sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
     sub.add_argument("--cores", type=_count, default=2)
 
-    sub = command("export", "write fields (VTU), pictures (NIfTI) and tables (CSV) of a diagnosed model")
+    sub = command(
+        "export",
+        "write fields (VTU), pictures (NIfTI) and tables (CSV) of a diagnosed model",
+        "fingerfit export results/phantom/base",
+    )
     sub.add_argument("model", type=Path, help="results/STUDY/MODEL")
     sub.add_argument("--out", type=Path, help="folder (MODEL/export)")
 
-    sub = command("effects", "list the known effects")
+    sub = command("effects", "list the known effects", "fingerfit effects studies/phantom")
     sub.add_argument("study", type=Path, nargs="?", help="folder of a study with effects of its own")
 
 
@@ -105,7 +173,7 @@ def _add_deck(deck: argparse.ArgumentParser) -> None:
     sub = deck.add_subparsers(title="commands", required=True, metavar="COMMAND").add_parser(
         "show",
         help="write what the built-in solver understood of it",
-        description="Write a deck as the built-in solver understood it: flat, in its own numbers, as keywords.",
+        **_described("write a deck as the built-in solver understood it: flat, in its own numbers, as keywords", DECK),
     )
     sub.add_argument("deck", type=Path, metavar="DECK", help="the .inp file")
     sub.add_argument("--abaqus", action="store_true", help="its own lines as ABAQUS gets them, included files in place")
@@ -114,31 +182,48 @@ def _add_deck(deck: argparse.ArgumentParser) -> None:
 
 def _add_workflow(command: Command) -> None:
     """What the workflow's rules call."""
-    sub = command("simulate", "solve one deck (for the workflow)")
+    sub = command(
+        "simulate",
+        "solve one deck (for the workflow)",
+        f"fingerfit simulate {SIM}/deck.inp --solver {SIM}/solver.json --out solution.npz",
+    )
     sub.add_argument("deck", type=Path)
     sub.add_argument("--solver", type=Path, required=True)
     sub.add_argument("--out", type=Path, required=True)
     sub.add_argument("--threads", type=_count, default=1)
     sub.add_argument("--time-limit", type=int, default=0, help="seconds; 0: the solver's own")
 
-    sub = command("prepare", "read the measurements and make the meshes (for the workflow)")
+    sub = command(
+        "prepare",
+        "read the measurements and make the meshes (for the workflow)",
+        f"fingerfit prepare {RESULTS}/settings.json --out prepared.npz --mesh mesh.inp",
+    )
     sub.add_argument("settings", type=Path)
     sub.add_argument("--out", type=Path, help="the measurements; needs --mesh")
     sub.add_argument("--mesh", type=Path, help="the mesh of the search")
     sub.add_argument("--refined", type=Path, help="the finer mesh of the last steps")
 
-    sub = command("settings", "write what is fitted to what in one model (for the workflow)")
+    sub = command(
+        "settings",
+        "write what is fitted to what in one model (for the workflow)",
+        'fingerfit settings "$(cat settings.json)" --out checked.json',
+    )
     sub.add_argument("given", help="settings of the model as JSON")
     sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="named in errors (config.yaml)")
     sub.add_argument("--out", type=Path, required=True)
 
-    for name, text in (
-        ("propose", "propose the next guesses (for the workflow)"),
-        ("estimate", "constants with standard errors (for the workflow)"),
-        ("plot", "figures of a finished fit (for the workflow)"),
-        ("diagnose", "where a fitted model fails and which effect it lacks (for the workflow)"),
+    last = f"{FIT} --last {RESULTS}/rounds/LAST.json"
+    for name, text, options in (
+        ("propose", "propose the next guesses (for the workflow)", f"{FIT} --out 0.json"),
+        ("estimate", "constants with standard errors (for the workflow)", f"{last} --out e.json --table table.txt"),
+        ("plot", "figures of a finished fit (for the workflow)", f"{last} --out figures"),
+        (
+            "diagnose",
+            "where a fitted model fails and which effect it lacks (for the workflow)",
+            f"{last} --estimate {RESULTS}/estimate.json --out {RESULTS}/diagnosis.json",
+        ),
     ):
-        sub = command(name, text)
+        sub = command(name, text, f"fingerfit {name} {options}")
         sub.add_argument("settings", type=Path)
         sub.add_argument("--data", type=Path, required=True)
         sub.add_argument("--mesh", type=Path, required=True)
@@ -156,7 +241,11 @@ def _add_workflow(command: Command) -> None:
         if name in ("propose", "estimate", "diagnose"):
             sub.add_argument("--threads", type=_count, default=1)
 
-    sub = command("ladder", "put the rungs on the way to a model together, and write the page (for the workflow)")
+    sub = command(
+        "ladder",
+        "put the rungs on the way to a model together, and write the page (for the workflow)",
+        f"fingerfit ladder {RESULTS}/settings.json --out results/phantom/ladder.json --page report.html",
+    )
     sub.add_argument("settings", type=Path, help="settings.json of the model")
     sub.add_argument("--out", type=Path, required=True, help="ladder.json in the folder of the study's results")
     sub.add_argument("--page", type=Path, required=True)
@@ -164,7 +253,16 @@ def _add_workflow(command: Command) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; returns the exit code: 0, 1 for an error, 2 for wrong usage, 130 when interrupted."""
-    args = _parser().parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    # what follows -- is for Snakemake
+    cut = words.index("--") if words[:1] == ["run"] and "--" in words else len(words)
+    parser = _parser()
+    if "_ARGCOMPLETE" in os.environ:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    args = parser.parse_args(words[:cut])
+    args.more = words[cut + 1 :]
     return exit_code(lambda: args.run(args))
 
 
@@ -185,6 +283,10 @@ def exit_code(work: Callable[[], object], program: str = "fingerfit") -> int:
     """
     try:
         work()
+        sys.stdout.flush()
+    except BrokenPipeError:  # who reads the output has seen enough, as `head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except FingerfitError as error:
         lines = str(error).splitlines()
     except OSError as error:

@@ -130,17 +130,6 @@ def propose(args: argparse.Namespace) -> None:
     problem = _fit(args)
     current = next_round(problem, Round.load(args.last) if args.last else None, args.threads)
     current.save(args.out)
-    known = sum((args.sims / asked.sim / "solution.npz").exists() for asked in current.batch)
-    scored = current.best is not None and current.best["score"] is not None
-    best = (
-        "" if current.best is None or not scored else f"best {problem.settings.fit.score} {current.best['score']:.6f}, "
-    )
-    stop = f"; stop: {current.stop}" if current.stop else ""
-    print(
-        f"round {current.number:3d}  {current.stage:<12} {best}simulations: {known} cached,"
-        f" {len(current.batch) - known} to run{stop}",
-        flush=True,
-    )
 
 
 def estimate(args: argparse.Namespace) -> None:
@@ -167,6 +156,7 @@ def plot(args: argparse.Namespace) -> None:
 def diagnose(args: argparse.Namespace) -> None:
     """Say where a fitted model fails and which effect is missing."""
     from fingerfit.core.files import keep_json, read_record
+    from fingerfit.core.progress import Progress
     from fingerfit.diagnosis.diagnose import diagnose
     from fingerfit.fit.rounds import Round, asked_for
     from fingerfit.prepare.prepare import prepare
@@ -176,7 +166,8 @@ def diagnose(args: argparse.Namespace) -> None:
     problem, last = _fit(args, settings), Round.load(args.last)
     smooth, crop = problem.settings.fit.smooth, problem.settings.fit.crop
     everything = prepare(problem.study, problem.meshes["search"], None, smooth, crop)
-    found = diagnose(problem, last, everything, args.threads)
+    with Progress(ticks=False).working(f"diagnose {problem.settings.model.full_name}"):
+        found = diagnose(problem, last, everything, args.threads)
     estimate = read_record(args.estimate, "parameters")
     write_compare(found.comparison, args.out.parent / "compare.npz")
     study, model = args.out.parents[1], problem.settings.model
@@ -262,11 +253,73 @@ def check(args: argparse.Namespace) -> None:
     print(check_study(args.study, args.config, args.picture, args.solve))
 
 
+def run(args: argparse.Namespace) -> None:
+    """Fit a study by the workflow; this process becomes Snakemake's, so that signals and exit code are its own."""
+    import os
+
+    from fingerfit.core.errors import InputError
+    from fingerfit.core.keys import read_yaml
+    from fingerfit.provenance.call import command
+
+    config = args.config or Path("config.yaml")
+    if args.study is not None:
+        from fingerfit.check.check import settings_for
+
+        settings, config, source = settings_for(args.study, args.config)
+        if settings is None:
+            raise InputError(args.study, "settings", source, f"{args.study / 'config.yaml'}, or --config FILE")
+    read_yaml(config)  # a file that is not there is told in one line
+    goals = [name for name in ("diagnose", "export") if getattr(args, name)]
+    line = command(goals, config, args.cores, args.more)
+    sys.stdout.flush()
+    os.execv(line[0], line)
+
+
+def new(args: argparse.Namespace) -> None:
+    """Draft a study, or copy an example."""
+    from fingerfit.core.errors import InputError
+    from fingerfit.start.draft import draft, example
+
+    if args.example and not (args.pictures or args.forces):
+        lines, then = example(args.study, args.example), f"fingerfit run {args.study}"
+    elif args.pictures and args.forces and not args.example:
+        lines, then = draft(args.study, args.pictures, args.forces), f"fingerfit check {args.study} --picture mesh.png"
+    else:
+        raise InputError("new", "options", "no data, or too many", "--pictures and --forces, or --example")
+    print(*lines, f"then: {then}", sep="\n")
+
+
+def doctor(args: argparse.Namespace) -> None:
+    """Say what of this machine a fit finds, and let each solver solve something."""
+    from fingerfit.core.errors import FingerfitError
+    from fingerfit.start.machine import look
+
+    wrong: list[str] = []
+    for line in look(wrong):
+        print(line, flush=True)
+    if wrong:
+        raise FingerfitError("\n".join(wrong))
+
+
+def open(args: argparse.Namespace) -> None:
+    """Show the page of a study, or say where it is."""
+    from fingerfit.start.results import page, show
+
+    path = page(args.study, args.config)
+    print(path)
+    show(path)
+
+
 def experiment(args: argparse.Namespace) -> None:
     """Make a study by a virtual experiment."""
+    from fingerfit.core.errors import InputError
+    from fingerfit.core.progress import Progress
     from fingerfit.virtual.experiment import run_experiment
 
-    run_experiment(args.description, args.out)
+    if (args.out / "study.yaml").exists() and not args.force:
+        raise InputError(args.out / "study.yaml", "file", "a study", "none yet, or --force to replace it")
+    with Progress(ticks=False).working("experiment"):
+        run_experiment(args.description, args.out)
 
 
 def finger(args: argparse.Namespace) -> None:

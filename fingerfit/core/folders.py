@@ -1,4 +1,4 @@
-"""Where our sources are, and templates of decks and effects: in a study's folder, ours, those of installed packages."""
+"""Where our files are, in a clone and installed; and templates: in a study's folder, ours, those of other packages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from pathlib import Path
 from fingerfit.core.errors import InputError
 
 PACKAGE = Path(__file__).resolve().parents[1]
-OURS = PACKAGE.parent / "templates"
+CLONE = not (PACKAGE / "shipped").is_dir()
+SHIPPED = PACKAGE.parent if CLONE else PACKAGE / "shipped"
+"""Folder of Snakefile, workflow, templates and examples: the root of a clone, which setup.py puts into the package."""
+OURS = SHIPPED / "templates"
 GROUP = "fingerfit.effects"
 
 

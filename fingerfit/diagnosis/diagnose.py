@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
+from fingerfit.core.progress import tell
 from fingerfit.diagnosis.candidates import candidates, untestable
 from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import separation
@@ -151,6 +152,7 @@ class _Tested:
 
 def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: int) -> _Tested:
     found, lacking = candidates(problem, finest(problem, last).values)
+    tell(f"slopes of {len({candidate.effect.name for candidate in found})} effects")
     run = solve_missing(
         problem, [anchor_of(problem, last), *(asked for candidate in found for asked in candidate.asked)], threads
     )
@@ -195,6 +197,8 @@ def _refits(
             continue  # bodies without a solution explain nothing
         if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
             enough = max(enough, ENOUGH * ranked.odds(spread))
+        effect, share = ranked.candidate.effect, min(1.0, max(0.0, explained_share(found.score_test, refit)))
+        tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
         yield ranked, refit, run
 
 

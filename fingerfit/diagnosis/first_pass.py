@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from fingerfit.core.errors import StateError
+from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.ranking import Ranked, Refitted, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
@@ -200,6 +201,7 @@ def refit_all(
         run += there.simulations
         there = replace(there, simulations=there.simulations + (one.refitted.simulations if one.refitted else 0))
         fall = max(0.0, base.misfit - there.misfit)
+        tell(f"tried {effect.name}: explains {min(100, 100 * fall / excess):.0f} %; {there.simulations} simulations")
         size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
         finding = replace(one.finding, fall=fall, size=size)
         return replace(one, finding=finding, refitted=replace(there, share=fall / excess))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +11,13 @@ from typing import Any
 
 from fingerfit.core.errors import FingerfitError, InputError, SolverError
 from fingerfit.core.files import read_record, write_text
-from fingerfit.core.folders import PACKAGE
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck, refusal, with_effect
 from fingerfit.model.catalogue import chosen
 from fingerfit.model.effect import Effect
 from fingerfit.prepare.prepare import make_mesh
+from fingerfit.provenance.call import command
 from fingerfit.provenance.results import model_folder, study_folder
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, Settings, load_settings
@@ -68,8 +67,8 @@ def drop(config: Path, name: str) -> str:
 
 def run_again(config: Path) -> str:
     """The command that fits and diagnoses the model of a config file."""
-    chosen = "" if config == Path(CONFIG) else f" --configfile {config}"
-    return f"snakemake --cores 2 diagnose{chosen}"
+    chosen = "" if config == Path(CONFIG) else f" --config {config}"
+    return f"fingerfit run{chosen} --diagnose"
 
 
 def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
@@ -83,7 +82,7 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         When the workflow fails.
     """
     for _ in range(RUNGS):
-        if subprocess.run(_workflow(config, cores), check=False).returncode:
+        if subprocess.run(command(["diagnose"], config, cores), check=False).returncode:
             raise FingerfitError(f"{config}: the workflow failed; its messages are above")
         settings = load_settings(config)
         say(_told(read_record(model_folder(settings) / "rung.json", "model", "error", "simulations", "sentence")))
@@ -95,15 +94,6 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
             say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
         say(add(config, first))
     return say(f"stopped after {RUNGS} models; the last effect is added but not fitted: {run_again(config)}")
-
-
-def _workflow(config: Path, cores: int) -> list[str]:
-    """The workflow of the folder where this was called; where there is none, the one beside the package."""
-    own = [Path("Snakefile"), Path("workflow/Snakefile")]
-    file = [] if any(path.exists() for path in own) else ["--snakefile", str(PACKAGE.parent / "Snakefile")]
-    return [
-        sys.executable, "-m", "snakemake", "diagnose", *file, "--cores", str(cores), "--configfile", str(config),
-    ]  # fmt: skip
 
 
 def _told(rung: dict[str, Any]) -> str:

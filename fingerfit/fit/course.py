@@ -64,7 +64,8 @@ def next_round(problem: InverseProblem, last: Round | None, threads: int = 1) ->
         batch = [problem.ask(dict(zip(names, point, strict=True))) for point in proposal.batch]
         if last is None:
             _refuse(problem, batch[0].values)
-        return Round(stage=proposal.stage, stop=None, batch=batch, **base)
+        told = {name: [*numbers] for name, numbers in proposal.tolerances.items()}
+        return Round(stage=proposal.stage, stop=None, batch=batch, tolerances=told, **base)
     if best is None:
         return Round(stage=proposal.stage, stop="no guess has a solution", **base)
     return around_best(problem, base, best["values"], proposal.stop)

@@ -126,6 +126,8 @@ class Round:
         How often slopes were taken so far.
     rough : bool
         Whether the slopes are by one side of each constant only: others follow.
+    tolerances : dict
+        By the name of the tolerance what the search reached and what is wanted, where it asks by a simplex.
     """
 
     number: int
@@ -139,6 +141,7 @@ class Round:
     reason: str | None = None
     slopes: int = 0
     rough: bool = False
+    tolerances: dict[str, list[float]] = field(default_factory=dict)
 
     def save(self, path: Path) -> None:
         """Write as JSON, whole or not at all."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from fingerfit.core.errors import FingerfitError, InputError
 from fingerfit.core.units import LENGTHS
@@ -89,6 +87,9 @@ def _pieces_apart(mesh: Mesh) -> list[np.ndarray]:
     A template knows a piece by its surfaces, or by node sets beside those of base and indenter. A solver may find an
     answer without it: nothing pushes it, so that it stays where it is.
     """
+    from scipy.sparse import coo_array  # most commands, and Snakemake, need nothing else of scipy
+    from scipy.sparse.csgraph import connected_components
+
     count = len(mesh.points)
     pairs = np.concatenate([
         np.stack([np.broadcast_to(block.nodes[:, :1], block.nodes.shape), block.nodes], axis=-1).reshape(-1, 2)

@@ -20,6 +20,8 @@ _BEFORE = re.compile(
 SMALL = 1 << 20
 """Bytes that are left on a disk where results no longer fit: those of the smallest studies are of this size."""
 _DUMPS = ("RuleException:", "Exiting because a job execution failed", "WorkflowError:\nAt least one job")
+_ASIDE = ("Workflow defines that rule", "Assuming unrestricted shared filesystem")
+"""Beginnings of messages that say what is right for nearly everybody."""
 
 
 def why(rule: str, logs: Sequence[str], status: int = 0) -> list[str]:
@@ -86,7 +88,7 @@ class Failures(logging.Handler):
     def shown(record: logging.LogRecord) -> bool:
         """Whether a message of Snakemake's is still to be shown: the ends of commands that failed are not."""
         message = record.getMessage()
-        return not (message.startswith(_DUMPS) or _BEFORE.search(message))
+        return not (message.startswith(_DUMPS + _ASIDE) or _BEFORE.search(message))
 
 
 def _status(messages: Sequence[str]) -> int:

@@ -9,7 +9,7 @@ from typing import IO, Any
 
 from fingerfit.core.contents import Contents
 from fingerfit.core.errors import InputError, StateError
-from fingerfit.core.files import digest
+from fingerfit.core.files import digest, read_record
 from fingerfit.provenance import results, stages
 from fingerfit.settings.config import CONFIG, RUNS, Settings
 from fingerfit.settings.runs import load_runs
@@ -158,3 +158,18 @@ def _refuse_same_place(runs: Sequence[Run]) -> None:
 def damaged(runs: Sequence[Run]) -> list[str]:
     """A line for each result that is damaged; nothing is removed."""
     return list(dict.fromkeys(line for run in runs for line in results.mend(run.settings, run.contents, False)))
+
+
+def shown(runs: Sequence[Run]) -> list[str]:
+    """What to show of finished models: their tables, and what to open."""
+    tables = [path for run in runs if (path := Path(run.folder, "table.txt")).exists()]
+    lines = [path.read_text(encoding="utf-8") for path in tables]
+    lines += [f"table: {path}; pictures of the fit: {path.parent / 'figures'}" for path in tables]
+    for run in runs:
+        page, made = Path(run.study, "report.html"), Path(run.folder, "diagnosis.json")
+        # results have times in their order: a page before its diagnosis is of an earlier one
+        if made.exists() and page.exists() and page.stat().st_mtime >= made.stat().st_mtime:
+            lines += [f"verdict: {read_record(Path(run.folder, 'rung.json'), 'sentence')['sentence']}", f"page: {page}"]
+        export = Path(run.folder, "export")
+        lines += [f"export: {export}"] * export.is_dir()
+    return list(dict.fromkeys(lines))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -110,14 +110,8 @@ def figure_search(last: Round, kind: str) -> Figure:
     return figure
 
 
-def plot_fit(problem: InverseProblem, last: Round, folder: Path, only: str = "") -> None:
-    """All figures of a finished fit, or `only` the one of that name, into a folder.
-
-    Raises
-    ------
-    InputError
-        Where the fit has no figure of that name.
-    """
+def figures_of(problem: InverseProblem, last: Round) -> dict[str, Callable[[], Figure]]:
+    """What draws each figure of a finished fit, by name."""
     shown = finest(problem, last)
     outcome, prediction, data = problem.outcome(shown), problem.prediction(shown), problem.data
     mesh = problem.meshes[problem.mesh_of(shown)]
@@ -131,8 +125,30 @@ def plot_fit(problem: InverseProblem, last: Round, folder: Path, only: str = "")
     if mesh.dim == 3 and len(data.measured):
         figures["deformed_mesh"] = lambda: figure_sections(data, mesh, outcome, steps)
         figures["pictures"] = lambda: figure_slices(data, prediction.pictures, chosen_slices(data, mesh))
-    if only and only not in figures:
-        raise InputError("--figure", "name", only, f"one of {', '.join(figures)}")
-    for name, draw in figures.items():
-        if only in ("", name):
-            save(draw(), folder / f"{name}.png")
+    return figures
+
+
+def chosen_figure(figures: Mapping[str, Callable[[], Figure]], name: str) -> Figure:
+    """The figure of a name.
+
+    Raises
+    ------
+    InputError
+        Where the fit has no figure of that name.
+    """
+    if name not in figures:
+        raise InputError("--figure", "name", name, f"one of {', '.join(figures)}")
+    return figures[name]()
+
+
+def plot_fit(problem: InverseProblem, last: Round, folder: Path, only: str = "") -> None:
+    """All figures of a finished fit, or `only` the one of that name, into a folder.
+
+    Raises
+    ------
+    InputError
+        Where the fit has no figure of that name.
+    """
+    figures = figures_of(problem, last)
+    for name in [only] if only else figures:
+        save(chosen_figure(figures, name), folder / f"{name}.png")

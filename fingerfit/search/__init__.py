@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -58,6 +58,8 @@ class Proposal:
         Why it ended.
     used : int
         Evaluations on the path of the search.
+    tolerances : dict
+        By the name of the tolerance what the simplex reached and what is wanted; empty without a simplex.
     """
 
     batch: tuple[Point, ...]
@@ -66,6 +68,7 @@ class Proposal:
     best: Point | None
     stop: str | None
     used: int
+    tolerances: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def propose(history: Sequence[Evaluation], parameters: tuple[Parameter, ...], plan: Plan) -> Proposal:
@@ -93,7 +96,9 @@ def propose(history: Sequence[Evaluation], parameters: tuple[Parameter, ...], pl
                 likely = [space.point(z) for z in request.likely]
                 extra = [p for p in dict.fromkeys(likely) if p not in known and p not in missing]
                 batch = tuple(missing + extra[: max(0, plan.batch - len(missing))])
-                return Proposal(batch, stage.name, iteration, space.point(best), None, len(used))
+                reached = zip(("tolx", "tolf"), request.spread or (), (stage.tolx, stage.tolf), strict=False)
+                told = {name: (value, wanted) for name, value, wanted in reached}
+                return Proposal(batch, stage.name, iteration, space.point(best), None, len(used), told)
             used.update(needed)
             if len(used) > plan.max_evaluations:
                 return Proposal((), stage.name, iteration, space.point(best), "evaluations used up", len(used))

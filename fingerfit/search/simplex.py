@@ -16,10 +16,13 @@ class Request:
     ----------
     needed, likely : tuple of ndarray
         Points in search coordinates, shape (dim,) each.
+    spread : (float, float) or None
+        How far the best vertex and its score are from the others, as the tolerances measure it; None without a simplex.
     """
 
     needed: tuple[np.ndarray, ...]
     likely: tuple[np.ndarray, ...] = ()
+    spread: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

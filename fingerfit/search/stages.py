@@ -226,7 +226,7 @@ def _simplexes(
     count = 0
     while True:
         watch = _Watch(stage, space)
-        simplex = yield from _relay(downhill(first(best), watch.finished, space.clip, space.flattened), lift)
+        simplex = yield from _relay(downhill(first(best), watch.finished, space.clip, space.flattened), lift, watch)
         if not np.isfinite(simplex.values[0]):
             return best, NO_SOLUTION
         best, reason = simplex.points[0], MET if watch.met else NO_SMALLER
@@ -261,6 +261,7 @@ class _Watch:
     def __init__(self, stage: Stage, space: Space) -> None:
         self.stage, self.space = stage, space
         self.met = self.touched = False
+        self.spread: tuple[float, float] | None = None
 
     def finished(self, simplex: Simplex) -> bool:
         """Whether the tolerances are met, or no vertex has a solution: then there is nothing to go by."""
@@ -275,18 +276,18 @@ class _Watch:
         points = simplex.points
         if self.stage.tolx_in == UNIT:
             points = np.array([self.space.point(z) for z in points])
-        spread = simplex.values[-1] - simplex.values[0]
-        return bool(np.abs(points - points[0]).max() <= self.stage.tolx and spread <= self.stage.tolf)
+        self.spread = float(np.abs(points - points[0]).max()), float(simplex.values[-1] - simplex.values[0])
+        return self.spread[0] <= self.stage.tolx and self.spread[1] <= self.stage.tolf
 
 
 def _relay(
-    asking: Generator[Request, list[float], Simplex], lift: Callable[[np.ndarray], np.ndarray]
+    asking: Generator[Request, list[float], Simplex], lift: Callable[[np.ndarray], np.ndarray], watch: _Watch
 ) -> Generator[tuple[Request, int], list[float], Simplex]:
     """Pass a simplex's requests on in full coordinates."""
     count = 0
     request = next(asking)
     while True:
-        full = Request(tuple(lift(z) for z in request.needed), tuple(lift(z) for z in request.likely))
+        full = Request(tuple(lift(z) for z in request.needed), tuple(lift(z) for z in request.likely), watch.spread)
         values = yield full, count
         count += 1
         try:

@@ -12,6 +12,7 @@ import numpy as np
 from fingerfit.core.errors import FingerfitError, InputError, LimitError, SolverError
 from fingerfit.core.files import digest, write_text
 from fingerfit.core.folders import template_folders
+from fingerfit.core.progress import tell
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
 from fingerfit.deck.render import render_deck
@@ -143,6 +144,7 @@ def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, th
         write_text(folder / "deck.inp", deck)
         known = folder / f"{simulation_name(deck, solver.identity())}.npz"
         if not known.exists():
+            tell(f"{truth.solver}: {len(study.steps)} steps on {len(mesh.points)} nodes")
             solver.solve(folder / "deck.inp", folder, threads).save(known)
         outcome = Outcome.load(known)
     except InputError as error:
@@ -315,7 +317,7 @@ def _study_in_space(truth: Truth, solved: Solved, folder: Path) -> str:
 
 
 def run_experiment(description: Path, out: Path) -> None:
-    """Make the study of a described experiment.
+    """Make the study of a described experiment, and tell how far it is.
 
     Raises
     ------
@@ -327,3 +329,4 @@ def run_experiment(description: Path, out: Path) -> None:
     truth = read_truth(description)
     with tempfile.TemporaryDirectory() as folder:
         write_study(truth, solve(truth, Path(folder)), out)
+    tell(f"{out}: written")

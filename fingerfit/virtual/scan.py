@@ -11,6 +11,7 @@ import numpy as np
 
 from fingerfit.core.errors import LimitError
 from fingerfit.core.files import free_memory
+from fingerfit.core.progress import tell
 from fingerfit.forward.predict import positions
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.warp import backward_map, sample, spline_coefficients
@@ -87,6 +88,7 @@ def take_pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation 
     intensity = _intensities(truth, mesh)
     pictures = np.zeros((1 + outcome.steps, *frame.values.shape), frame.values.dtype)
     for k, u in enumerate([np.zeros(mesh.points.shape), *outcome.displacement]):
+        tell(f"picture {k + 1} of {1 + outcome.steps}")
         shown = u if seen is None or k == 0 else u + seen.shift(k, mesh.points + u)
         flat = pictures[k].reshape(-1)
         for place in places:

@@ -25,7 +25,8 @@ ROOMS = (
     ("diagnosis",),
     ("report",),
     ("check",),
-    ("commands",),
+    ("start",),
+    ("commands", "notebook"),
     ("cli",),
     ("__main__",),
 )

@@ -45,14 +45,19 @@ def written(folder, **own):
     return folder / "study"
 
 
-def fitted(study, folder, meshes=MESHES):
-    """The problem, its last round, how many simulations were run, and the data with all pictures."""
+def config_of(study, meshes=MESHES):
+    """What config.yaml says for a study of `written`."""
     mu = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
     model = {"material": DESCRIPTION["material"], **meshes, "parameters": {"mu_top": mu, "mu_bottom": mu}}
     stages = [{"name": "grid", "kind": "grid", "points": 3}]
     stages += [{"name": "independent", "kind": "independent", "tolx": 0.2, "tolf": 2e-2}]
     fitting = {"score": "nmi", "bins": 16, "steps": [2, 4], "stages": stages}
-    problem, everything = begin(load_settings({"study": str(study), "model": model, "fit": fitting}), folder)
+    return {"study": str(study), "model": model, "fit": fitting}
+
+
+def fitted(study, folder, meshes=MESHES):
+    """The problem, its last round, how many simulations were run, and the data with all pictures."""
+    problem, everything = begin(load_settings(config_of(study, meshes)), folder)
     return problem, *run_fit(problem, 1), everything
 
 

@@ -71,6 +71,7 @@ def test_other_processes_change_no_digit(decks, alone):
             process.wait()
 
 
+@pytest.mark.slow
 def test_two_threads_change_no_digit(decks, alone):
     assert solve(2, decks) == alone
     assert solve(2, decks) == alone

@@ -1,9 +1,10 @@
-"""Every command that README.md and docs/*.md show is run: here as it stands there, or by the file that a table names.
+"""Every command that README.md, docs/*.md and `--help` show is run: here as it stands, or by the file that a table names.
 
 What is run here are sessions of a shell in a copy of the project, in the order of the documents, with a coarse mesh and
 a short search in config.yaml. A command that a document shows and that is neither in a session nor in the table fails.
 """
 
+import argparse
 import importlib.util
 import os
 import re
@@ -16,7 +17,7 @@ import pytest
 import yaml
 from seeds import seed_of
 
-from fingerfit.cli import main
+from fingerfit.cli import _parser, main
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -42,7 +43,27 @@ def shown():
             for part in re.sub(r"\s+# .*", "", line).split("; "):
                 if COMMAND.fullmatch(part.strip()):
                     found.setdefault(part.strip(), path.name)
+    return found | dict.fromkeys(examples().values(), "--help")
+
+
+def examples():
+    """The example of each command's help, by the words of the command."""
+    found = {}
+
+    def look(parser):
+        for action in parser._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                for sub in action.choices.values():
+                    found[sub.prog] = (sub.epilog or "").removeprefix("example:\n").strip()
+                    look(sub)
+
+    look(_parser())
     return found
+
+
+def examples_of(*names):
+    """Examples of commands for the workflow, which are long."""
+    return [examples()[f"fingerfit {name}"] for name in names]
 
 
 PLACES = {
@@ -50,14 +71,22 @@ PLACES = {
     "DESCRIPTION.yaml": "small.yaml",
     "DECK": "$(ls results/mine/sims/*/deck.inp | head -1)",
     "results/STUDY/MODEL": "results/phantom/base",
+    "sims/NAME": "sims/$(ls results/phantom/sims | head -1)",
+    "rounds/LAST": "rounds/$(($(ls results/phantom/base/rounds | wc -l) - 1))",
     "STUDY/": "studies/mine/",
     "STUDY": "studies/mine",
 }
 """What a command names that a user has elsewhere."""
 SESSIONS = {
     "look": [
-        "source .venv/bin/activate", "make help", "make setup", "fingerfit effects", "fingerfit docs", "fingerfit add tilt",
-        "fingerfit drop tilt",
+        "source .venv/bin/activate", "make help", "make setup", "fingerfit effects", "fingerfit docs .", "fingerfit add tilt",
+        "fingerfit drop tilt", "fingerfit effects studies/phantom", "fingerfit check studies/phantom", "fingerfit doctor",
+    ],
+    "new": [
+        "> cp -r studies/phantom/pictures scans; cut -d, -f2,3 studies/phantom/steps.csv > forces.csv",
+        "fingerfit new mine --pictures scans --forces forces.csv",
+        "> sed -i 's/thickness:/thickness: 70/' mine/study.yaml",
+        "fingerfit check mine --picture mesh.png",
     ],
     "tests": ["make test", "> make test-all"],
     "fast": ["make fast"],
@@ -72,7 +101,8 @@ SESSIONS = {
         "fingerfit check studies/mine",
         "fingerfit check STUDY --config STUDY/config.yaml --picture mesh.png",
         "fingerfit effects studies/mine",
-        "snakemake --cores 2 --configfile mine.yaml",
+        "fingerfit run studies/mine --config mine.yaml",
+        "snakemake --configfile mine.yaml",
         "fingerfit deck show DECK",
     ],
     "shared": [
@@ -90,15 +120,23 @@ SESSIONS = {
     ],
     "case": ["python benchmarks/hidden_effects.py --only relaxation --write studies/hidden"],
     "experiment": [
+        "> rm studies/mine/study.yaml",
         "fingerfit experiment DESCRIPTION.yaml --out STUDY",
         "fingerfit experiment studies/phantom/experiment.yaml --out studies/virtual",
     ],
     "calculix": ["snakemake --cores 2 --configfile studies/phantom/calculix.yaml"],
-    "diagnose": ["snakemake --cores 2 diagnose", "snakemake --cores 2 export", "fingerfit export results/STUDY/MODEL"],
+    "diagnose": [
+        "fingerfit run studies/phantom --diagnose", "snakemake --cores 2 export", "fingerfit export results/STUDY/MODEL",
+        "fingerfit export results/phantom/base", "fingerfit open studies/phantom", *examples_of("simulate", "prepare", "propose"),
+        *examples_of("estimate", "plot", "diagnose", "ladder"),
+        "> python -c 'import json, yaml; print(json.dumps(yaml.safe_load(open(\"config.yaml\"))))' > settings.json",
+        *examples_of("settings"),
+    ],
     "tilt": [
-        "sed 's,studies/phantom,studies/hidden-tilt,' config.yaml > tilt.yaml",
-        "snakemake diagnose --cores 2 --configfile tilt.yaml",
-        "fingerfit add tilt --config tilt.yaml",
+        "fingerfit new tilt --example hidden-tilt",
+        "> sed s,studies/phantom,tilt, config.yaml > tilt/config.yaml",
+        "fingerfit run tilt -- --dry-run", "fingerfit run tilt", "fingerfit run tilt --diagnose", "fingerfit open tilt",
+        "fingerfit add tilt --config tilt/config.yaml",
     ],
 }  # fmt: skip
 """What is run here; lines that begin with ``>`` are what the documents say in words."""
@@ -108,19 +146,26 @@ LEFT = {
     "experiment": {"studies/mine/steps.csv": ["step"], "studies/virtual/study.yaml": ["layers"]},
     "diagnose": {"results/phantom/report.html": ["<html"], "results/phantom/base/export/error_by_step.csv": ["step"]},
     "calculix": {"results/phantom/calculix/table.txt": ["solver calculix"]},
-    "tilt": {"tilt.yaml": ["tilt: {slope:"], "results/hidden-tilt/base/diagnosis.json": ["verdict"]},
+    "tilt": {"tilt/config.yaml": ["tilt: {slope:"], "results/tilt/base/diagnosis.json": ["verdict"]},
+    "new": {"mesh.png": [], "mine/config.yaml": ["# CHECK"]},
     "fingertip": {"subject.inp": ["C3D10H"], "studies/fingertip-coarse/subject.inp": ["C3D4"]},
     "case": {"studies/hidden/relaxation/study.yaml": ["layers"]},
 }
 """What a session leaves, and texts in it."""
-SLOW = ("tests", "run", "shared", "calculix", "diagnose", "tilt", "fingertip", "case")
+SLOW = ("tests", "run", "study", "shared", "calculix", "diagnose", "tilt", "fingertip", "case")
+INSTALLED = "tests/workflow/test_installed.py"
 FINGERTIP, FOREIGN = "benchmarks/fingertip.py", "benchmarks/foreign/run.py"
 GOAL = ('"snakemake", goal, "--cores", str(cores), "--configfile"', 'choices=("diagnose", "discover")')
 CONFIGFILE = '"snakemake", "--cores", "2", "--configfile", str(folder / "config.yaml")'
 ELSEWHERE = {
-    "snakemake --cores 2 discover": ("tests/workflow/test_hidden.py", ('"--cores", "2"]', 'snakemake(place, "discover")')),
-    "snakemake discover --cores 2 --configfile tilt.yaml": (FOREIGN, GOAL),
-    "snakemake --cores 2 diagnose --configfile mine.yaml": (FOREIGN, GOAL),
+    "fingerfit discover --config tilt/config.yaml": (FOREIGN, GOAL),
+    "fingerfit run studies/mine --config mine.yaml --diagnose": (FOREIGN, GOAL),
+    "fingerfit discover --config config.yaml": ("tests/workflow/test_hidden.py", ('snakemake(place, "discover")',)),
+    "fingerfit run mine": (INSTALLED, ('"run", "mine"',)),
+    "python3 -m venv env": (INSTALLED, ('"-m", "venv"',)),
+    "source env/bin/activate": (INSTALLED, ('programs / "fingerfit"',)),
+    "pip install .": (INSTALLED, ('"-m", "pip", "wheel"', '"install", *OFFLINE')),
+    "pip install ./fingerfit": (INSTALLED, ('"-m", "pip", "wheel"', '"install", *OFFLINE')),
     "snakemake --cores 2 results/subject2/coarse/table.txt": (
         "tests/workflow/test_runs.py", ('run(place, f"{FOLDERS[1]}/table.txt")',)
     ),

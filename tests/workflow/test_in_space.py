@@ -28,6 +28,7 @@ from fingerfit.report.volumes import chosen_slices, frame_of
 from fingerfit.settings.config import load_settings
 from fingerfit.study.data import Data
 
+pytestmark = pytest.mark.slow
 TRUTH = {"mu_top": 0.03, "mu_bottom": 0.012}
 DESCRIPTION = {
     "title": "a block of two layers with a dark cord in it",

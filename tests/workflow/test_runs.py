@@ -62,13 +62,25 @@ def made(studies):
     return studies
 
 
+@pytest.fixture(scope="module")
+def first(studies, tmp_path_factory):
+    """The first of these models alone, fitted."""
+    place = tmp_path_factory.mktemp("first")
+    shutil.copytree(studies / "studies", place / "studies")
+    configure(place, {**SHARED, "runs": RUNS[:1]})
+    run(place, cores=2)
+    return place
+
+
 @pytest.fixture
-def place(made, tmp_path):
-    """A copy of that, times kept."""
-    shutil.copytree(made, tmp_path / "copy", symlinks=True)
+def place(request, tmp_path):
+    """A copy of that, times kept: in slow tests with all models, in others with the first one."""
+    slow = request.node.get_closest_marker("slow")
+    shutil.copytree(request.getfixturevalue("made" if slow else "first"), tmp_path / "copy", symlinks=True)
     return tmp_path / "copy"
 
 
+@pytest.mark.slow
 def test_two_studies_and_two_models_of_each_run_side_by_side(made):
     first = {folder: (made / folder / "rounds/0.json").stat().st_mtime for folder in FOLDERS}
     last = {folder: (made / folder / "estimate.json").stat().st_mtime for folder in FOLDERS}
@@ -116,6 +128,7 @@ def test_one_changed_model_runs_alone(place):
     assert [path for path in estimates if after[path] != before[path]] == estimates[3:]
 
 
+@pytest.mark.slow
 def test_a_file_of_one_model_is_a_target(place):
     (place / FOLDERS[1] / "table.txt").unlink()
     (place / FOLDERS[3] / "table.txt").unlink()

@@ -8,22 +8,17 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from fingerfit.core.errors import FingerfitError
+from fingerfit.core.folders import CLONE, PACKAGE
+from fingerfit.core.progress import Progress
 from fingerfit.fit.rounds import Walk
-from fingerfit.provenance import runs, stages
+from fingerfit.provenance import runs
 from fingerfit.provenance.failures import Failures
+from fingerfit.provenance.watch import Watch, heard_by
 
 # jobs run the Python and the fingerfit that read this, or those of a conda environment and this fingerfit
-PATHS = {"PATH": Path(sys.executable).parent, "PYTHONPATH": stages.PACKAGE.parent}
+PATHS = {"PATH": Path(sys.executable).parent} | ({"PYTHONPATH": PACKAGE.parent} if CLONE else {})
 os.environ.update({name: os.pathsep.join(filter(None, [str(path), os.getenv(name)])) for name, path in PATHS.items()})
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-
-# why a job failed, in a line of its own; Snakemake's words on it are shown to those who did not ask for quiet
-if workflow.is_main_process:
-    FAILURES = Failures(partial(print, file=sys.stderr, flush=True))
-    if {"RULES", "ALL"} & {about.name for about in workflow.output_settings.quiet}:
-        for handler in list(logger.handlers):
-            handler.addFilter(FAILURES.shown)
-    logger.addHandler(FAILURES)
 
 # the file that errors name
 CONFIG = Path((workflow.configfiles or ["config.yaml"])[-1])
@@ -42,6 +37,18 @@ if DISCOVERS and len(RUNS) > 1:
     raise WorkflowError(f"discover adds effects to one model; {CONFIG} has {len(RUNS)} runs")
 if DAMAGED:
     raise WorkflowError("\n".join(DAMAGED))
+
+# what is said while it runs, and why a job failed; Snakemake's words are shown to those who did not ask for quiet
+PROGRESS = Progress()
+if workflow.is_main_process and workflow.modifier.is_main_snakefile():
+    QUIET = {"RULES", "ALL"} & {about.name for about in workflow.output_settings.quiet or ()}
+    FAILURES = Failures(partial(print, file=sys.stderr, flush=True))
+    if QUIET:
+        for handler in list(logger.handlers):
+            handler.addFilter(FAILURES.shown)
+    watch = Watch(PROGRESS, lambda: runs_now() and finished(), len(RUNS) > 1)
+    heard_by(logger, watch, lambda: QUIET and runs_now())
+    logger.addHandler(FAILURES)
 
 BY_FOLDER = {run.folder: run for run in RUNS}
 STUDIES = list(dict.fromkeys(run.study for run in RUNS))
@@ -232,8 +239,8 @@ def rungs(wildcards):
     return [f"{run.folder}/rung.json" for run in RUNS if run.study == wildcards.study]
 
 
-def show_tables():
-    for run in RUNS:
-        table = Path(run.folder) / "table.txt"
-        if table.exists():
-            print(table.read_text())
+def finished():
+    """The tables of all models, and what to open."""
+    PROGRESS.stop()
+    if not DISCOVERS:  # whose last model has shown its own
+        print(*runs.shown(RUNS), sep="\n", flush=True)

@@ -42,7 +42,13 @@ rule ladder:
         rungs=rungs,
     output:
         ladder="{study}/ladder.json",
-        page="{study}/report.html",
+        page=report(
+            "{study}/report.html",
+            caption="../report/page.rst",
+            category="{study}",
+            subcategory="all models",
+            labels={"result": "diagnosis"},
+        ),
     log:
         "{study}/ladder.log",
     conda:

@@ -8,7 +8,13 @@ rule estimate:
         data="{study}/{model}/prepared.npz",
     output:
         estimate="{study}/{model}/estimate.json",
-        table="{study}/{model}/table.txt",
+        table=report(
+            "{study}/{model}/table.txt",
+            caption="../report/table.rst",
+            category="{study}",
+            subcategory="{model}",
+            labels={"result": "constants"},
+        ),
     log:
         "{study}/{model}/logs/estimate.log",
     conda:
@@ -37,7 +43,13 @@ rule plot:
         data="{study}/{model}/prepared.npz",
         last=last_round,
     output:
-        figure="{study}/{model}/figures/{figure}.png",
+        figure=report(
+            "{study}/{model}/figures/{figure}.png",
+            caption="../report/figure.rst",
+            category="{study}",
+            subcategory="{model}",
+            labels={"result": "{figure}"},
+        ),
     log:
         "{study}/{model}/logs/plot/{figure}.log",
     conda:

@@ -1,0 +1,87 @@
+"""What a long command says while it works: plain lines, and on a terminal a bar below them."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+_LOG = logging.getLogger("fingerfit.progress")
+
+
+def tell(text: str) -> None:
+    """Say what was done, to whoever listens: see `Progress.working`."""
+    _LOG.info(text)
+
+
+class Progress:
+    """Lines on the standard output; on a terminal also a bar that counts the time since it was shown first.
+
+    Parameters
+    ----------
+    ticks : bool
+        Whether the bar moves by itself. That takes a thread, which a process that forks must not have.
+    """
+
+    def __init__(self, ticks: bool = True) -> None:
+        self._bar: Any = None
+        self._ticks = ticks
+        self.began = time.monotonic()
+
+    def line(self, text: str) -> None:
+        """Say something, above the bar."""
+        if self._bar is None:
+            print(text, flush=True)
+        else:
+            self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def show(self, text: str, done: float = 0.0, total: float | None = None) -> None:
+        """Say what is being done, on the bar only; without a total it is not known how much is left."""
+        if not sys.stdout.isatty():
+            return
+        if self._bar is None:
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+            self._bar = Progress(*columns, transient=True, auto_refresh=self._ticks)
+            self._bar.add_task(text)
+            self._bar.start()
+        self._bar.update(self._bar.task_ids[0], description=text, completed=done, total=total, refresh=True)
+
+    def stop(self) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+    @contextmanager
+    def working(self, text: str) -> Iterator[None]:
+        """Say what `tell` is told, with a bar, until the work is done."""
+
+        def said(record: logging.LogRecord) -> None:
+            self.line(f"{in_words(time.monotonic() - self.began):>6}  {record.getMessage()}")
+
+        handler = logging.Handler()
+        handler.emit = said  # type: ignore[method-assign]
+        _LOG.addHandler(handler)
+        _LOG.setLevel(logging.INFO)
+        self.show(text)
+        try:
+            yield
+        finally:
+            _LOG.removeHandler(handler)
+            self.stop()
+
+
+def in_words(seconds: float) -> str:
+    """A time: 9 s, 2 min, 1.5 h.
+
+    >>> in_words(9.3), in_words(130), in_words(5400)
+    ('9 s', '2 min', '1.5 h')
+    """
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.2g} h"

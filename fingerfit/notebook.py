@@ -1,0 +1,212 @@
+"""For notebooks and scripts: a study fitted and diagnosed in this process, with tables of pandas and figures.
+
+The commands of the workflow call the same functions; here nothing is kept but simulations.
+
+    from fingerfit.notebook import add, diagnose, fit
+
+    result = fit("config.yaml", threads=2)
+    result.constants
+    found = diagnose(result, threads=2)
+    better = add(result, found, "tilt")
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fingerfit.diagnosis.diagnose import Diagnosis, added
+from fingerfit.diagnosis.diagnose import diagnose as diagnosis_of
+from fingerfit.diagnosis.ranking import summary
+from fingerfit.fit.estimate import estimate_of
+from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.rounds import Round
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.report.plots import chosen_figure, figures_of
+from fingerfit.settings.config import load_settings
+from fingerfit.study import reader
+from fingerfit.study.data import Data
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from fingerfit.study.study import Study
+
+__all__ = ["Found", "Result", "add", "diagnose", "fit", "load_study"]
+
+FOLDER = Path("results/notebook")
+"""Where simulations are kept, in a folder of its own for each model of a study."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished fit.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+        Settings, measurements, meshes.
+    last : Round
+        The last round of the search.
+    everything : Data
+        The measurements with all pictures, fitted or not.
+    run : int
+        Simulations that were not known before.
+    """
+
+    problem: InverseProblem
+    last: Round
+    everything: Data
+    run: int
+
+    @cached_property
+    def estimate(self) -> dict[str, Any]:
+        """What estimate.json of the workflow holds."""
+        return estimate_of(self.problem, self.last)
+
+    @property
+    def constants(self) -> pd.DataFrame:
+        """Constants and numbers of effects, one in each row: value, unit, errors, ends of the 95 % interval."""
+        import pandas as pd
+
+        rows = {
+            name: {
+                "value": entry["value"],
+                "unit": entry["unit"],
+                "standard_error": entry["standard_error"],
+                "mesh_error": entry["mesh_error"],
+                "low95": entry["interval95"][0],
+                "high95": entry["interval95"][1],
+            }
+            for name, entry in self.estimate["parameters"].items()
+        }
+        return pd.DataFrame.from_dict(rows, orient="index")
+
+    @property
+    def correlation(self) -> pd.DataFrame:
+        """Correlations of their errors."""
+        import pandas as pd
+
+        found = self.estimate["correlation"]
+        return pd.DataFrame(found["matrix"], index=found["names"], columns=found["names"])
+
+    @property
+    def search(self) -> pd.DataFrame:
+        """Guesses of the search in their order, with their scores; without one where there was no solution."""
+        import pandas as pd
+
+        return pd.DataFrame([{**guess["values"], "score": guess["score"]} for guess in self.last.history])
+
+    def figure(self, name: str) -> Figure:
+        """A figure: ``force``, ``search``, ``deformed_mesh`` or ``pictures``.
+
+        Raises
+        ------
+        InputError
+            Where the fit has no figure of that name.
+        """
+        return chosen_figure(figures_of(self.problem, self.last), name)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a diagnosis found.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    """
+
+    diagnosis: Diagnosis
+
+    @property
+    def verdict(self) -> str:
+        """``adequate``, ``missing``, ``indistinguishable`` or ``unexplained``."""
+        return self.diagnosis.verdict.kind
+
+    @property
+    def sentence(self) -> str:
+        """The same for a person."""
+        return self.diagnosis.verdict.sentence
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that are named, the best first."""
+        return self.diagnosis.verdict.effects
+
+    @property
+    def candidates(self) -> pd.DataFrame:
+        """All candidates, the best first: family, explained share of the misfit beyond the noise, odds (logarithm)."""
+        import pandas as pd
+
+        entries = summary(self.diagnosis.score_test, self.diagnosis.ranking)
+        rows = [
+            {
+                "effect": entry["effect"],
+                "family": one.candidate.effect.family,
+                "explained": entry["share_of_excess"],
+                "log_odds": entry["first_pass"]["log_odds"] if entry["first_pass"] else None,
+                "refitted": entry["effect"] in self.diagnosis.refits,
+            }
+            for entry, one in zip(entries, self.diagnosis.ranking, strict=True)
+        ]
+        return pd.DataFrame(rows).set_index("effect")
+
+
+def load_study(folder: Path | str) -> Study:
+    """Read a study from its folder, or from its study.yaml.
+
+    Raises
+    ------
+    FingerfitError
+        For a study that is wrong, with one line for each problem.
+    """
+    return reader.load_study(Path(folder))
+
+
+def fit(config: Path | str | Mapping[str, Any], folder: Path | str = FOLDER, threads: int = 1) -> Result:
+    """Fit a study as a config says.
+
+    Parameters
+    ----------
+    config : Path, str or mapping
+        config.yaml, or what stands in it.
+    folder : Path or str
+        Where simulations are kept: what is known there is not run again.
+    threads : int
+        Simulations beside each other.
+
+    Raises
+    ------
+    FingerfitError
+        For a config or a study that is wrong, with one line for each problem.
+    """
+    settings = load_settings(Path(config) if isinstance(config, str) else config)
+    place = Path(folder).resolve() / Path(settings.study).resolve().name / settings.model.full_name
+    problem, everything = begin(settings, place)
+    return _fitted(problem, everything, threads)
+
+
+def diagnose(result: Result, threads: int = 1) -> Found:
+    """Which effect a fitted model lacks."""
+    return Found(diagnosis_of(result.problem, result.last, result.everything, threads))
+
+
+def add(result: Result, found: Found, name: str, threads: int = 1) -> Result:
+    """The fit of the model with an effect that was named: it starts where its refit did and runs nothing again.
+
+    Raises
+    ------
+    KeyError
+        For an effect that was not refitted.
+    """
+    return _fitted(added(result.problem, result.last, found.diagnosis, name), result.everything, threads)
+
+
+def _fitted(problem: InverseProblem, everything: Data, threads: int) -> Result:
+    last, run = run_fit(problem, threads)
+    return Result(problem, last, everything, run)

@@ -1,0 +1,121 @@
+"""What the workflow says while it runs, instead of Snakemake's words: a line for each round."""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fingerfit.core.errors import FingerfitError
+from fingerfit.core.progress import Progress, in_words
+from fingerfit.fit.rounds import Round
+
+_ROUND = re.compile(r"/rounds/\d+\.json$")
+_NOTHING = "Nothing to be done"
+
+
+class Watch(logging.Handler):
+    """Follows Snakemake's records of its jobs.
+
+    Parameters
+    ----------
+    progress : Progress
+    finished : callable
+        Called where Snakemake finds nothing to do.
+    several : bool
+        Whether lines have to say whose they are.
+    """
+
+    def __init__(self, progress: Progress, finished: Callable[[], object], several: bool) -> None:
+        super().__init__(logging.INFO)
+        self._progress, self._finished, self._several = progress, finished, several
+        self._jobs: dict[int, tuple[str, float]] = {}
+        self._seconds: list[float] = []
+        self._asked = self._solved = 0
+        self._stages: dict[Path, tuple[str, float, float]] = {}
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Note the start of a job, tell what its end says, and leave the screen to errors."""
+        event, job = str(getattr(getattr(record, "event", None), "value", "")), record.__dict__
+        if event == "job_info":
+            self._begin(int(job["jobid"]), str((job.get("output") or [""])[0]), str(job["rule_name"]))
+        elif event == "job_finished" and job["job_id"] in self._jobs:
+            self._end(*self._jobs.pop(job["job_id"]))
+        elif record.levelno >= logging.WARNING:
+            self._progress.stop()
+        elif record.getMessage().startswith(_NOTHING):
+            self._finished()
+
+    def _begin(self, number: int, output: str, rule: str) -> None:
+        self._jobs[number] = output, time.monotonic()
+        if output.endswith("diagnosis.json"):
+            self._progress.stop()  # it has a bar of its own
+        elif output.endswith("solution.npz"):
+            self._progress.show("simulate", self._solved, self._asked or None)
+        elif not _ROUND.search(output):
+            self._progress.show(rule)
+
+    def _end(self, output: str, began: float) -> None:
+        if output.endswith("solution.npz"):
+            self._seconds.append(time.monotonic() - began)
+            self._solved += 1
+            self._progress.show("simulate", self._solved, self._asked or None)
+        elif _ROUND.search(output):
+            try:
+                self._tell(Path(output), Round.load(Path(output)))
+            except FingerfitError:
+                return  # who reads it next says what is wrong with it
+
+    def _tell(self, path: Path, current: Round) -> None:
+        sims = path.parents[2] / "sims"
+        names = dict.fromkeys(asked.sim for asked in current.batch)
+        known = sum((sims / name / "solution.npz").exists() for name in names)
+        self._asked, self._solved = len(names) - known, 0
+        best = current.best["score"] if current.best is not None else None
+        parts = [
+            f"{in_words(time.monotonic() - self._progress.began)}",
+            f"simulations: {known} known, {len(names) - known} to run"
+            + (f" ({sum(self._seconds) / len(self._seconds):.2g} s each)" if self._seconds else ""),
+            *([] if best is None else [f"best score {best:.6f}"]),
+            *self._left(path.parent, current),
+            *([f"stop: {current.stop}"] if current.stop else []),
+        ]
+        who = f"{path.parents[2].name}/{path.parents[1].name} " if self._several else ""
+        self._progress.line(f"{who}round {current.number:3d}  {current.stage:<12} {', '.join(parts)}")
+
+    def _left(self, where: Path, current: Round) -> list[str]:
+        """Tolerances that were reached against those that are wanted, and the time that this leaves for the stage.
+
+        The differences between the vertices of a simplex fall by a factor in each round, so the logarithm of the worst
+        of them tells the time.
+        """
+        if not current.tolerances:
+            return []
+        told, worst = [], 0.0
+        for name, (reached, wanted) in current.tolerances.items():
+            told.append(f"{name} {reached:.2g} ({wanted:.2g})")
+            worst = max(worst, reached / wanted)
+        now, text = time.monotonic(), ", ".join(told)
+        stage, first, began = self._stages.get(where, ("", 0.0, now))
+        if stage != current.stage:
+            self._stages[where] = current.stage, worst, now
+        elif 1 < worst < first:
+            left = math.log(worst) / math.log(first / worst) * (now - began)
+            text += f", {in_words(left)} left in this stage"
+        return [text]
+
+
+def heard_by(logger: Any, watch: Watch, quiet: Callable[[], bool]) -> None:
+    """Have a watch hear Snakemake's records before they are shown, and those that are no errors not shown while it is
+    quiet."""
+    handlers = list(logger.handlers)
+    for handler in handlers:
+        logger.removeHandler(handler)
+    for handler in [watch, *handlers]:
+        logger.addHandler(handler)
+    for handler in handlers:
+        handler.addFilter(lambda record: record.levelno >= logging.WARNING or not quiet())

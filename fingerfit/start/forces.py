@@ -1,0 +1,110 @@
+"""A table of forces as a testing machine writes it: which column is what, and in which unit."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fingerfit.core.errors import InputError
+from fingerfit.core.files import read_text
+from fingerfit.core.units import UNITS
+
+MOST = 200
+"""Rows of a table that are taken for steps: more is the record of a machine, of which someone has to choose."""
+_KINDS = {"force": "force", "displacement": "length", "time": "time", "step": ""}
+_WORDS = {
+    "force": r"force|load|(?<![a-z])f(?![a-z])",
+    "displacement": r"displ|extension|travel|stroke|position|compression|indentation|depth",
+    "time": r"time|(?<![a-z])t(?![a-z])",
+    "step": r"step|frame|number",
+}
+_UNIT = re.compile(r"[\[(/_ ]\s*([a-zA-Zµμ]+)\s*[\])]?$")
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What was read of a table.
+
+    Parameters
+    ----------
+    columns : dict
+        force, displacement, time and step, as far as they were found: numbers of all rows.
+    heads : dict
+        What the table calls them.
+    units : dict
+        Units that the heads name, by length, force and time.
+    remarks : tuple of str
+        What was done to the numbers.
+    """
+
+    columns: Mapping[str, list[float]]
+    heads: Mapping[str, str]
+    units: Mapping[str, str]
+    remarks: tuple[str, ...] = ()
+
+
+def read_forces(path: Path) -> Forces:
+    """Read a table with a head: commas, semicolons (then with decimal commas) or tabs between its cells.
+
+    Raises
+    ------
+    InputError
+        For a table without a head or a column of forces, for cells that are no numbers, and for too many rows.
+    """
+    lines = [line for line in read_text(path, "table").splitlines() if line.strip()]
+    mark = max(";\t,", key=(lines[0] if lines else "").count)
+    head, *rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=mark)] or [[]]
+    places, units = _columns(head)
+    if "force" not in places:
+        raise InputError(path, "columns", ", ".join(head) or "an empty table", "a head with a column force or load")
+    if not 1 <= len(rows) <= MOST:
+        raise InputError(path, "rows", len(rows), f"1 to {MOST}: one for each step of the compression")
+    columns = {name: _numbers(path, rows, place, head[place], mark) for name, place in places.items()}
+    columns, remarks = _tidy(columns)
+    return Forces(columns, {name: head[place] for name, place in places.items()}, units, remarks)
+
+
+def _columns(head: Sequence[str]) -> tuple[dict[str, int], dict[str, str]]:
+    """Places of the columns that are known by their name, the first of each, and their units where they are named."""
+    places: dict[str, int] = {}
+    units: dict[str, str] = {}
+    for place, cell in enumerate(head):
+        unit = _UNIT.search(cell)
+        name = cell[: unit.start()] if unit else cell
+        kind = next((kind for kind, words in _WORDS.items() if re.search(words, name.lower() or cell.lower())), "")
+        if not kind or kind in places:
+            continue
+        places[kind] = place
+        known = {u.lower(): u for u in UNITS.get(_KINDS[kind], {})} | {"µm": "um", "μm": "um"}
+        if unit and (unit[1] in known.values() or unit[1].lower() in known):
+            units[_KINDS[kind]] = unit[1] if unit[1] in known.values() else known[unit[1].lower()]
+    return places, units
+
+
+def _numbers(path: Path, rows: Sequence[Sequence[str]], place: int, head: str, mark: str) -> list[float]:
+    found = []
+    for number, row in enumerate(rows, 2):
+        text = row[place] if place < len(row) else ""
+        try:
+            found.append(float(text.replace(",", ".") if mark != "," else text))
+        except ValueError:
+            raise InputError(path, f"row {number}, {head}", text or "nothing", "a number") from None
+    return found
+
+
+def _tidy(columns: Mapping[str, list[float]]) -> tuple[dict[str, list[float]], tuple[str, ...]]:
+    """Compression counted as positive, and the row before compression left out."""
+    found, remarks = dict(columns), []
+    for name in ("force", "displacement"):
+        values = found.get(name, [])
+        if values and sum(values) < 0:
+            found[name] = [-value for value in values]
+            remarks.append(f"{name} was negative: its sign is changed, compression is positive")
+    first = found.get("displacement", found["force"])[0]
+    if first == 0 and len(found["force"]) > 1:
+        found = {name: values[1:] for name, values in found.items()}
+        remarks.append("the first row was before compression and is left out")
+    return found, tuple(remarks)

@@ -1,0 +1,91 @@
+"""What the workflow says while it runs."""
+
+import logging
+from types import SimpleNamespace
+
+from fingerfit.core.progress import Progress, tell
+from fingerfit.fit.rounds import Asked, Round
+from fingerfit.provenance.watch import Watch, heard_by
+
+
+class Said(Progress):
+    def __init__(self):
+        super().__init__()
+        self.lines = []
+
+    def line(self, text):
+        self.lines.append(text)
+
+
+def record(event, level=logging.INFO, text="x", **extra):
+    return logging.makeLogRecord({"msg": text, "levelno": level, "event": SimpleNamespace(value=event), **extra})
+
+
+def one_round(folder, number, reached, **others):
+    asked = [Asked({"mu": 1.0}, name, "m", "") for name in ("known", "new")]
+    path = folder / f"results/s/base/rounds/{number}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    tolerances = {"tolx": [reached, 0.02], "tolf": [1e-4, 1e-3]}
+    best = {"values": {"mu": 1.0}, "score": -1.25}
+    Round(number, "independent", None, {}, {}, [], asked, best, tolerances=tolerances, **others).save(path)
+    return str(path)
+
+
+def test_a_round_is_one_line_with_what_is_reached_and_what_is_left(tmp_path, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    said = Said()
+    watch = Watch(said, said.stop, several=False)
+    (tmp_path / "results/s/sims/known").mkdir(parents=True)
+    (tmp_path / "results/s/sims/known/solution.npz").touch()
+
+    def job(number, output, seconds):
+        watch.handle(record("job_info", jobid=number, output=[output], rule_name="a"))
+        now[0] += seconds
+        watch.handle(record("job_finished", job_id=number))
+
+    job(1, one_round(tmp_path, 3, 0.32), 1.0)
+    job(2, str(tmp_path / "results/s/sims/new/solution.npz"), 4.0)
+    job(3, one_round(tmp_path, 4, 0.16), 1.0)
+    start = (
+        "independent  {}, simulations: 1 known, 1 to run{}, best score -1.250000, tolx {} (0.02), tolf 0.0001 (0.001)"
+    )
+    assert said.lines == [
+        "round   3  " + start.format("1 s", "", 0.32),
+        # a half in 5 s, three halves to go
+        "round   4  " + start.format("6 s", " (4 s each)", 0.16) + ", 15 s left in this stage",
+    ]
+
+
+def test_a_finished_run_is_shown_and_errors_have_the_screen():
+    shown, stopped = [], []
+    said = Said()
+    said.stop = lambda: stopped.append(True)
+    watch = Watch(said, lambda: shown.append(True), several=True)
+    watch.handle(record("", text="Nothing to be done (all requested files are present and up to date)."))
+    assert (shown, stopped) == ([True], [])
+    watch.handle(record("job_error", logging.ERROR))
+    assert stopped == [True]
+
+
+def test_only_errors_of_others_are_shown_while_it_is_quiet():
+    logger, seen, quiet = logging.Logger("a"), [], [True]
+    handler = logging.Handler()
+    handler.emit = lambda one: seen.append(one.getMessage())
+    logger.addHandler(handler)
+    watch = Watch(Said(), lambda: None, several=False)
+    heard_by(logger, watch, lambda: quiet[0])
+    assert logger.handlers == [watch, handler]
+    logger.info("Select jobs to execute...")
+    logger.error("wrong")
+    quiet[0] = False
+    logger.info("dry")
+    assert seen == ["wrong", "dry"]
+
+
+def test_what_is_told_is_said_in_plain_lines_where_there_is_no_terminal(capsys):
+    with Progress(ticks=False).working("diagnose"):
+        tell("tried tilt")
+    assert capsys.readouterr().out == "   0 s  tried tilt\n"
+    tell("nobody listens")
+    assert capsys.readouterr().out == ""

@@ -1,0 +1,143 @@
+"""The wheel, installed where no clone is: it has all that a clone has, fits a study, and serves as a Snakemake module."""
+
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+import yaml
+
+from fingerfit.solvers.registry import get_solver
+
+ROOT = Path(__file__).resolve().parents[2]
+SHIPPED = ("workflow", "templates", "studies/phantom", "studies/hidden-tilt", "Snakefile", "config.yaml")
+OFFLINE = ("--quiet", "--no-deps", "--no-index", "--disable-pip-version-check")
+MODULE = """\
+from fingerfit.core.folders import SHIPPED
+
+configfile: "mine.yaml"
+
+module fingerfit:
+    snakefile:
+        str(SHIPPED / "Snakefile")
+    config:
+        config
+
+use rule * from fingerfit as fit_*
+
+rule thesis:
+    default_target: True
+    input:
+        rules.fit_all.input[1],
+    output:
+        "thesis.txt",
+    shell:
+        "cp {input} {output}"
+"""
+
+
+def called(folder, *command):
+    """Run without anything of the clone: neither its path nor the programs of this environment are known."""
+    known = {"PATH": "/usr/bin:/bin", "HOME": str(folder), "OMP_NUM_THREADS": "1"}
+    return subprocess.run([*map(str, command)], cwd=folder, env=known, capture_output=True, text=True)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The sdist, and the wheel that is made from it."""
+    folder = tmp_path_factory.mktemp("built")
+    source = folder / "source"
+    source.mkdir()
+    for name in (*SHIPPED, "fingerfit", "setup.py", "pyproject.toml", "README.md", "LICENSE"):
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(ROOT / name, source / name)
+    code = f"import setuptools.build_meta as b; print(b.build_sdist({str(folder)!r}))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=source, capture_output=True, text=True)
+    sdist = folder / done.stdout.splitlines()[-1]
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder, filter="data")
+    unpacked = folder / sdist.name.removesuffix(".tar.gz")
+    command = [sys.executable, "-m", "pip", "wheel", *OFFLINE, "--no-build-isolation", "-w", str(folder), str(unpacked)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def programs(built, tmp_path_factory):
+    """The programs of a fresh environment with the wheel, which sees what this environment has installed beside it."""
+    folder = tmp_path_factory.mktemp("environment")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
+    command = [sys.executable, "-m", "pip", "--python", str(folder / "bin/python"), "install", *OFFLINE, str(built)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (site,) = folder.glob("lib/python*/site-packages")
+    (site / "others.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    return folder / "bin"
+
+
+def coarse(path, **others):
+    """Settings of a fit of seconds."""
+    config = yaml.safe_load(path.read_text(encoding="utf-8"))
+    config["model"] |= {"parameters": {"mu": {"unit": "MPa", "start": 0.035, "lower": 0.01, "upper": 0.1}}}
+    config["model"]["mesh"] |= {"across": 4, "per_layer": 1}
+    del config["model"]["refined"]
+    stage = {"name": "one", "kind": "independent", "step": 0.1, "tolx": 0.5, "tolf": 1.0}
+    config["fit"] |= {"stages": [stage], "replicates": 20, "steps": [3, 7]}
+    return yaml.safe_dump({**config, **others}, sort_keys=False)
+
+
+def test_it_has_what_a_clone_has(built):
+    with zipfile.ZipFile(built) as archive:
+        inside = {name: archive.read(name) for name in archive.namelist()}
+    expected = {f"fingerfit/{p.relative_to(ROOT / 'fingerfit')}": p for p in (ROOT / "fingerfit").rglob("*.py")}
+    for name in SHIPPED:
+        found = [ROOT / name] if (ROOT / name).is_file() else [p for p in (ROOT / name).rglob("*") if p.is_file()]
+        expected |= {f"fingerfit/shipped/{p.relative_to(ROOT)}": p for p in found if "__pycache__" not in p.parts}
+    assert len(expected) > 300
+    assert [name for name, path in expected.items() if inside.get(name) != path.read_bytes()] == []
+    assert {name.split("/")[0] for name in inside} == {"fingerfit", "fingerfit-0.1.0.dist-info"}
+
+
+def test_a_study_is_fitted_where_no_clone_is(programs, tmp_path):
+    made = called(tmp_path, programs / "fingerfit", "new", "mine", "--example", "phantom")
+    assert made.returncode == 0, made.stderr
+    config = tmp_path / "mine/config.yaml"
+    config.write_text(coarse(config), encoding="utf-8")
+    done = called(tmp_path, programs / "fingerfit", "run", "mine", "--cores", "2")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^round +0  one .*simulations: 0 known, \d to run", done.stdout, re.MULTILINE)
+    *_, last = done.stdout.splitlines()
+    assert last == "table: results/mine/base/table.txt; pictures of the fit: results/mine/base/figures"
+    assert len((done.stdout + done.stderr).splitlines()) < 30
+    # asked again, it shows the same
+    again = called(tmp_path, programs / "fingerfit", "run", "mine")
+    table = (tmp_path / "results/mine/base/table.txt").read_text(encoding="utf-8")
+    assert again.stdout == f"{table}\n{last}\n", again.stderr
+    # what names simulations is the same as in a clone, so both make and find the same ones
+    solver = yaml.safe_load(next(tmp_path.glob("results/mine/sims/*/solver.json")).read_text(encoding="utf-8"))
+    solver.pop("includes")
+    assert solver == get_solver("builtin").identity()
+
+
+@pytest.mark.slow
+def test_it_is_a_module_of_another_workflow(programs, tmp_path):
+    made = called(tmp_path, programs / "fingerfit", "new", "mine", "--example", "phantom")
+    assert made.returncode == 0, made.stderr
+    (tmp_path / "mine.yaml").write_text(coarse(tmp_path / "mine/config.yaml"), encoding="utf-8")
+    (tmp_path / "Snakefile").write_text(MODULE, encoding="utf-8")
+    done = called(tmp_path, programs / "python", "-m", "snakemake", "--cores", "2")
+    assert done.returncode == 0, done.stderr
+    assert "mu " in (tmp_path / "thesis.txt").read_text(encoding="utf-8")
+
+
+def test_the_module_is_the_one_of_the_documentation():
+    assert MODULE in (ROOT / "docs/install.md").read_text(encoding="utf-8")
