@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 LENGTH = 2000
-"""Characters of a formula; the longest of ours has 120. Python's parser crashes on much longer nested ones."""
+"""Characters of a formula; the longest of ours has 900. Python's parser crashes on much longer nested ones."""
 DEEP = 100
-"""Operations within operations; the deepest of ours has 9. Python takes four frames for each, of which it has 1000."""
+"""Operations within operations; the deepest of ours has 20. Python takes four frames for each, of which it has 1000."""
 
 _SHOWN = 100
 """Characters of a formula that errors repeat: their lines are cut after 200."""

@@ -113,13 +113,13 @@ def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
     text = format_mesh(mesh)
     included = f"{digest(text)}.inp"
     write_text(folder / included, text)
-    # a load before the first picture is a force: the forces of the test itself are found without it
-    loaded_before = {e.name for e in _present(truth) if e.control == "force" and "before" in e.changes}
-    without = replace(truth, effects={name: own for name, own in truth.effects.items() if name not in loaded_before})
-    outcome = _run(without, study, mesh, included, folder, threads)
+    # before the first picture a force holds the body, or none: the forces of the test itself are found without that
+    begun = {e.name for e in _present(truth) if e.control != "displacement" and "before" in e.changes}
+    without = replace(truth, effects={name: own for name, own in truth.effects.items() if name not in begun})
+    outcome = since_first_picture(_run(without, study, mesh, included, folder, threads), len(steps))
     force = -outcome.reaction[:, -1]
-    if loaded_before:
-        # what the load before the first picture does is seen when the same forces are prescribed
+    if begun:
+        # what was before the first picture is seen when the same forces are prescribed
         loaded = tuple(replace(step, force=float(f)) for step, f in zip(steps, force, strict=True))
         outcome = _run(truth, replace(study, control="force", steps=loaded), mesh, included, folder, threads)
         outcome = since_first_picture(outcome, len(steps))
@@ -174,13 +174,19 @@ def _in_description(truth: Truth, folder: Path, included: str, error: InputError
 
 
 def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
-    """What a faulty sensor shows: effects tell, in a straight line, the force that is there from the one shown."""
+    """What a faulty sensor shows: effects tell, in a straight line, the force that is there from the one shown.
+
+    Shares of the largest force are of the largest one that is there.
+    """
+    count = len(force)
+    names = {"k": np.arange(1, count + 1), "n": count, "time": np.array(truth.time or [0.0] * count)}
+    names["largest"] = np.abs(force).max()
     for effect in _present(truth):
         if "force" in effect.changes:
             own = effect.own(truth.values)
             try:
-                zero, one = (float(evaluate(effect.changes["force"], {"force": f, **own})) for f in (0.0, 1.0))
-                if one == zero:
+                zero, one = (evaluate(effect.changes["force"], {**names, "force": f, **own}) for f in (0.0, 1.0))
+                if np.any(one == zero):
                     raise ValueError("no force moves what the sensor shows")
             except (ValueError, TypeError) as error:
                 raise InputError(f"effect {effect.name}", "changes.force", error, "a straight line in force") from error

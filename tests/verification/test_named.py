@@ -1,0 +1,69 @@
+"""What is hidden in a small body is named by the first pass, among members of its own and of other families."""
+
+import pytest
+from small_body import compared, fitted, written
+
+from fingerfit.diagnosis.candidates import candidates
+from fingerfit.diagnosis.comparison import rank_candidates
+from fingerfit.diagnosis.families import families
+from fingerfit.diagnosis.first_pass import refit_all
+from fingerfit.diagnosis.ranking import best_places
+from fingerfit.fit.minimum import finest
+
+RIVALS = {"inclusion", "tilt", "compressibility", "base_slip", "wandering_pictures"}
+PROBES = {
+    "state": "state_probe",
+    "material": "material_probe",
+    "structure": "structure_probe",
+    "indenter": "indenter_probe",
+    "loading": "loading_probe",
+    "geometry": "geometry_probe",
+}
+LAW = {"exponential", "yeoh", "stiffening", "material_probe"}
+"""Laws that stiffen: which one does, the noise of these pictures does not tell."""
+FURTHER = {"displacement": [0.75, 1.5, 2.25, 3.0]}
+CASES = {
+    "swelling": ("state", {"swelling": {"volume": 0.03}}, {"swelling"}, {}),
+    "loads": ("loading", {"loading_probe": {"midway": 0.15, "reading": 0.2}}, {"loading_probe"}, {}),
+}
+MORE = {
+    "wall": ("indenter", {"wall": {"share": 0.9, "gap": 0.3, "side": 1}}, {"wall"}, {}),
+    "fibres": ("material", {"fibres": {"stiffness": 0.02, "angle": 35}}, {"fibres"}, {}),
+    "ellipse": (
+        "structure",
+        {"ellipse": {"contrast": 1.0, "across": 0.4, "along": 0.6, "radius": 2.5, "flat": 0.5, "slant": 0.8}},
+        {"ellipse"},
+        {},
+    ),
+    "band": ("structure", {"band": {"contrast": 1.0, "angle": 30, "above": 1.0, "wide": 2.0}}, {"band"}, {}),
+    "prestretch": ("state", {"prestretch": {"stretch": 0.08}}, {"prestretch"}, {}),
+    "uneven swelling": ("state", {"state_probe": {"lower": 0.08, "upper": -0.05}}, {"state_probe"}, {}),
+    "yeoh": ("material", {"yeoh": {"c2": 0.4, "c3": 0.5}}, LAW, FURTHER),
+    "exponential": ("material", {"exponential": {"b": 3.0}}, LAW, FURTHER),
+    "borders": ("geometry", {"geometry_probe": {"upper": 1.0, "incline": 2.0}}, {"geometry_probe"}, {}),
+}
+
+
+def named(folder, family, hidden, known, own):
+    """The likeliest effect, its refit, and the likeliest family."""
+    problem, last, _, everything = fitted(written(folder, effects=hidden, **own), folder / "model")
+    wanted = {*known, *hidden, PROBES[family], *RIVALS}
+    found = [one for one in candidates(problem, finest(problem, last).values)[0] if one.effect.name in wanted]
+    assert wanted - RIVALS <= {one.effect.name for one in found}
+    comparison, _ = compared(problem, last, everything, found)
+    ranking = best_places(rank_candidates(comparison, comparison.score_test, found))
+    ranking, _ = refit_all(comparison, ranking)
+    ((first, (best, _)), *_) = families(comparison.score_test, ranking).items()
+    return first, best.candidate.effect.name, best.refitted
+
+
+@pytest.mark.parametrize("case", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in MORE)])
+def test_it_is_named(case, tmp_path):
+    family, hidden, names, own = {**CASES, **MORE}[case]
+    first, name, refit = named(tmp_path, family, hidden, names, own)
+    assert first == family
+    assert name in names
+    assert refit.share > 0.9
+    if name in hidden:  # its first number says how much there is of it; the mesh is coarser than that of the data
+        number, value = next(iter(hidden[name].items()))
+        assert refit.values[f"{name}.{number}"] == pytest.approx(value, rel=0.3)
