@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fit.linear import Objective
 from fingerfit.model.parameters import Parameter
 
 WIDTH = 0.02
@@ -28,19 +27,24 @@ however much better another direction is known."""
 
 
 def _gradient(objective: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
-    """Derivatives, shape of `at`; central differences where the objective does not know its own."""
-    if isinstance(objective, Objective):
-        return objective.gradient(at)
+    """Central differences, shape of `at`."""
     steps = np.eye(len(at)) * WIDTH
     return np.array([(objective(at + step) - objective(at - step)) / (2 * WIDTH) for step in steps])
 
 
 def gradient_and_hessian(objective: Callable[[np.ndarray], float], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives at 0, the second ones by central differences of the first: shapes (size,) and (size, size)."""
+    """Central differences at 0: shapes (size,) and (size, size)."""
     steps = np.eye(size) * WIDTH
-    rows = [(_gradient(objective, step) - _gradient(objective, -step)) / (2 * WIDTH) for step in steps]
-    hessian = np.array(rows).reshape(size, size)
-    return _gradient(objective, np.zeros(size)), (hessian + hessian.T) / 2
+    middle = objective(np.zeros(size))
+    ahead = np.array([objective(step) for step in steps])
+    behind = np.array([objective(-step) for step in steps])
+    hessian = np.diag((ahead - 2 * middle + behind) / WIDTH**2)
+    for i in range(size):
+        for j in range(i):
+            both = objective(steps[i] + steps[j]) + objective(-steps[i] - steps[j])
+            cross = (both - ahead[i] - ahead[j] - behind[i] - behind[j] + 2 * middle) / (2 * WIDTH**2)
+            hessian[i, j] = hessian[j, i] = cross
+    return (ahead - behind) / (2 * WIDTH), hessian
 
 
 def _positive(hessian: np.ndarray) -> np.ndarray:

@@ -10,27 +10,7 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.forward.score import Prediction, deviations, score, weights
-from fingerfit.imaging.similarity import nmi_slope
 from fingerfit.study.data import Data
-
-
-@dataclass(frozen=True)
-class Objective:
-    """A score to be minimised, with its derivatives.
-
-    Parameters
-    ----------
-    value : callable
-        Of a distance, shape (parameters,).
-    gradient : callable
-        The same; gives shape (parameters,).
-    """
-
-    value: Callable[[np.ndarray], float]
-    gradient: Callable[[np.ndarray], np.ndarray]
-
-    def __call__(self, delta: np.ndarray) -> float:
-        return self.value(delta)
 
 
 @dataclass(frozen=True)
@@ -68,13 +48,12 @@ class LinearModel:
             raise StateError("the slopes by the prescribed quantity were not asked for")
         return self.control.by_step(relative, data)
 
-    def objective(self, kind: str, data: Data, bins: int, offset: Prediction | None = None) -> Objective:
+    def objective(
+        self, kind: str, data: Data, bins: int, offset: Prediction | None = None
+    ) -> Callable[[np.ndarray], float]:
         """Score against `data` as a function of delta; but for ``nmi`` it is a quadratic one, by inner products."""
         if kind == "nmi":
-            return Objective(
-                lambda delta: score(kind, self.at(delta, offset), data, bins),
-                lambda delta: self._gradient_of_nmi(self.at(delta, offset), data, bins),
-            )
+            return lambda delta: score(kind, self.at(delta, offset), data, bins)
         base = self.base if offset is None else self.base + offset
         pictures, others = weights(kind, data)
         left = base.pictures - data.measured
@@ -86,18 +65,7 @@ class LinearModel:
             columns = np.array([deviations(base + slope, data) - away for slope in self.slopes])
             middle += others * _inner(away, away)
             gradient, curvature = gradient + others * columns @ away, curvature + others * columns @ columns.T
-        return Objective(
-            lambda delta: middle + float(2.0 * gradient @ delta + delta @ curvature @ delta),
-            lambda delta: 2.0 * (gradient + curvature @ delta),
-        )
-
-    def _gradient_of_nmi(self, there: Prediction, data: Data, bins: int) -> np.ndarray:
-        """Derivatives of the score by delta, shape (parameters,): of each picture by its values, and these by delta."""
-        found = np.zeros(len(self.slopes))
-        for n, (measured, picture) in enumerate(zip(data.measured, there.pictures, strict=True)):
-            by_value = nmi_slope(measured, picture, bins, limits=(0.0, 1.0))
-            found -= [_inner(by_value, slope.pictures[n]) for slope in self.slopes]
-        return found / max(len(data.measured), 1)
+        return lambda delta: middle + float(2.0 * gradient @ delta + delta @ curvature @ delta)
 
     @cached_property
     def _products(self) -> np.ndarray:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.fit.intervals import minimise
-from fingerfit.fit.linear import LinearModel, Objective
+from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
@@ -129,7 +130,7 @@ def _by_score(problem: InverseProblem, model: LinearModel, low: np.ndarray, high
 
 
 def _constants(
-    problem: InverseProblem, score: Objective, delta: np.ndarray, low: np.ndarray, high: np.ndarray
+    problem: InverseProblem, score: Callable[[np.ndarray], float], delta: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
     """`delta`, moved to the minimum of the score along all but the numbers of effects on the observation."""
     free = np.flatnonzero(~problem.observed)
@@ -139,8 +140,7 @@ def _constants(
         found[free] += step
         return found
 
-    along = Objective(lambda step: score(at(step)), lambda step: score.gradient(at(step))[free])
-    return at(minimise(along, len(free), low=(low - delta)[free], high=(high - delta)[free]))
+    return at(minimise(lambda step: score(at(step)), len(free), low=(low - delta)[free], high=(high - delta)[free]))
 
 
 def _brightness_and_shifts(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import digest, write_text
 from fingerfit.core.processes import side_by_side
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
-from fingerfit.fit.linear import LinearModel, Objective
+from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.rounds import Asked, simulation_name
 from fingerfit.forward.decks import make_deck, refusal
 from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
@@ -201,7 +201,7 @@ class InverseProblem:
         """Score of a prediction."""
         return score(self.settings.fit.score, prediction, self.data, self.settings.fit.bins)
 
-    def objective(self, model: LinearModel) -> Objective:
+    def objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
         """Score of a linear model at a distance of shape (parameters,) from its base."""
         return model.objective(self.settings.fit.score, self.data, self.settings.fit.bins)
 

@@ -6,12 +6,13 @@ force or displacement and on the quantities measured beside; its score is the ve
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
-from fingerfit.fit.linear import LinearModel, Objective
+from fingerfit.fit.linear import LinearModel
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
@@ -50,7 +51,7 @@ class Replicates:
         self.model, self.data, self.maps, self.kind, self.bins = model, data, maps, kind, bins
         self.rng, self._pool = np.random.default_rng(seed), ThreadPoolExecutor(threads)
 
-    def draw(self) -> Objective:
+    def draw(self) -> Callable[[np.ndarray], float]:
         """Score of one repetition as a function of delta, shape (parameters,)."""
         data, base = self.data, self.model.base
         relative = self._control_noise()

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-_LEAST = 1e-3
-"""Pairs that an empty bin counts as in a slope: a logarithm has no end."""
-
 
 def ssd(a: np.ndarray, b: np.ndarray) -> float:
     """Mean squared difference of two pictures of the same shape."""
@@ -39,10 +36,12 @@ def joint_histogram(
     ndarray, shape (bins, bins)
         Sums to 1.
     """
+    places = [_places(picture.ravel(), bins, smooth, limits) for picture in (a, b)]
     if not smooth:
-        low, high = (_places(picture.ravel(), bins, smooth, limits) for picture in (a, b))
-        return np.bincount(low * bins + high, minlength=bins * bins).reshape(bins, bins) / a.size
-    (ia, fa), (ib, fb) = (_shared(picture.ravel(), bins, limits) for picture in (a, b))
+        low = places[0] * bins + places[1]
+        return np.bincount(low, minlength=bins * bins).reshape(bins, bins) / a.size
+    ia, ib = (np.minimum(p.astype(np.int64), bins - 2) for p in places)
+    fa, fb = places[0] - ia, places[1] - ib
     # the lower corner of each pair's four bins; what goes to the others is moved there bin by bin, not pair by pair
     corner = ia * bins + ib
     many = bins * bins
@@ -53,13 +52,6 @@ def joint_histogram(
     for offset, shares in ((1, second), (bins, first), (bins + 1, both)):
         total[offset:] += shares[:-offset]
     return total.reshape(bins, bins) / a.size
-
-
-def _shared(values: np.ndarray, bins: int, limits: tuple[float, float] | None) -> tuple[np.ndarray, np.ndarray]:
-    """The lower of the two bins that share each value, and the share of the upper one."""
-    places = _places(values, bins, True, limits)
-    lower = np.minimum(places.astype(np.int64), bins - 2)
-    return lower, places - lower
 
 
 def _places(values: np.ndarray, bins: int, smooth: bool, limits: tuple[float, float] | None) -> np.ndarray:
@@ -94,31 +86,6 @@ def nmi(
     """
     joint = joint_histogram(a, b, bins, smooth, limits)
     return (_entropy(joint.sum(axis=0)) + _entropy(joint.sum(axis=1))) / _entropy(joint.ravel())
-
-
-def nmi_slope(a: np.ndarray, b: np.ndarray, bins: int, limits: tuple[float, float]) -> np.ndarray:
-    """Derivative of `nmi` by each value of `b`, with the linear Parzen window and limits that do not move.
-
-    Parameters
-    ----------
-    a, b, bins, limits
-        As for `nmi`.
-
-    Returns
-    -------
-    ndarray, shape of `b`
-        0 where `b` is beyond the limits.
-    """
-    joint = joint_histogram(a, b, bins, True, limits)
-    both = _entropy(joint.ravel())
-    ratio = (_entropy(joint.sum(axis=0)) + _entropy(joint.sum(axis=1))) / both
-    # what the sums of rows contribute cancels, because a pair stays in its row
-    logs, of_columns = (np.log(np.maximum(share, _LEAST / b.size)) for share in (joint, joint.sum(axis=0)))
-    by_bin = (ratio * logs - of_columns) / both
-    rise = np.diff(by_bin, axis=1)
-    (ia, fa), (ib, _) = (_shared(picture.ravel(), bins, limits) for picture in (a, b))
-    slope = ((1.0 - fa) * rise[ia, ib] + fa * rise[ia + 1, ib]) * (bins - 1) / (limits[1] - limits[0]) / b.size
-    return np.where((b >= limits[0]) & (b <= limits[1]), slope.reshape(b.shape), 0.0)
 
 
 def _entropy(share: np.ndarray) -> float:

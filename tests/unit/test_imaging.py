@@ -9,7 +9,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.imaging.noise import add_rician, estimate_noise, noise_of_repeats
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.imaging.preprocess import smooth
-from fingerfit.imaging.similarity import joint_histogram, nmi, nmi_slope, ssd
+from fingerfit.imaging.similarity import joint_histogram, nmi, ssd
 from fingerfit.imaging.warp import Probe, backward_map, sample, spline_coefficients, warp
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.mesh.mesh import Block, Mesh
@@ -26,19 +26,6 @@ def test_nmi_by_hand():
     marginal_a, marginal_b = 2 * half, quarter - 0.75 * np.log(0.75)
     joint = quarter + quarter + half
     assert nmi(a, b, bins=2, smooth=False) == pytest.approx((marginal_a + marginal_b) / joint, rel=1e-14)
-
-
-def test_the_slope_of_nmi_is_that_of_its_differences(rng):
-    """Along what makes two noisy pictures of one thing more alike, and along chance; 0 beyond the limits."""
-    same = 1.2 * smooth(rng.random((80, 80)), 2.0)
-    a, b = (np.clip(same + 0.03 * rng.normal(size=same.shape), 0.0, 1.0) for _ in range(2))
-    b[0] = 1.3
-    slope = nmi_slope(a, b, 32, (0.0, 1.0))
-    assert not slope[0].any()
-    for way in (a - b, smooth(rng.normal(size=a.shape), 2.0)):
-        wanted = (nmi(a, b + 1e-6 * way, 32, limits=(0, 1)) - nmi(a, b - 1e-6 * way, 32, limits=(0, 1))) / 2e-6
-        # bins with less than a thousandth of a pair have no end
-        assert float((slope * way).sum()) == pytest.approx(wanted, rel=1e-2, abs=1e-4)
 
 
 def test_nmi_is_that_of_scikit_image(rng):
