@@ -71,7 +71,7 @@ benchmark-warp: setup  ## volumes warped and scored: benchmarks/warp.md (one min
 benchmark-hidden: setup  ## hidden effects, found or not: benchmarks/hidden_effects.md (two hours)
 	$(BIN)/python benchmarks/hidden_effects.py
 
-benchmark-faults: setup  ## all bad inputs and faults: benchmarks/faults.md (half an hour)
+benchmark-faults: setup  ## all bad inputs and faults: benchmarks/faults.md (20 minutes)
 	FINGERFIT_FAULTS=benchmarks/faults.md $(BIN)/python -m pytest tests/faults -m slow -n $(CORES)
 
 lint: setup  ## style, types, rules

@@ -18,7 +18,7 @@ ALL = [(module.AREA, fault) for module in MODULES for fault in module.FAULTS]
 CHOSEN = [n for n in range(len(ALL)) if (n - project_seed()) % 12 in (0, 2, 3, 5, 7, 10)]
 """Half of all faults, of each way of damage and of ending as many: which ones, the seed of the tests says."""
 FAULTS = ALL if FILE in os.environ else [ALL[n] for n in CHOSEN]
-"""All for the table (half an hour on two cores)."""
+"""All for the table (a quarter of an hour on two cores)."""
 
 
 @pytest.fixture(scope="session")
