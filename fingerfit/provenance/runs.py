@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -169,7 +170,9 @@ def shown(runs: Sequence[Run]) -> list[str]:
         page, made = Path(run.study, "report.html"), Path(run.folder, "diagnosis.json")
         # results have times in their order: a page before its diagnosis is of an earlier one
         if made.exists() and page.exists() and page.stat().st_mtime >= made.stat().st_mtime:
-            lines += [f"verdict: {read_record(Path(run.folder, 'rung.json'), 'sentence')['sentence']}", f"page: {page}"]
+            with contextlib.suppress(StateError):  # of a diagnosis of before, not what this call has made
+                rung = read_record(Path(run.folder, "rung.json"), "sentence")
+                lines += [f"verdict: {rung['sentence']}", f"page: {page}"]
         export = Path(run.folder, "export")
         lines += [f"export: {export}"] * export.is_dir()
     return list(dict.fromkeys(lines))

@@ -149,7 +149,7 @@ class Sensor:
         path = place / "study/effects/sensor.yaml"
         path.write_text(yaml.safe_dump({**EFFECT, "acts": "loading", "changes": {"force": formula}}))
         self.effects = {"sensor": catalogue(place / "study")["sensor"]}
-        self.values = {"sensor.size": 0.5}
+        self.values, self.time = {"sensor.size": 0.5}, None
 
 
 @pytest.mark.parametrize("formula", ["0 * force", "1 / (force - 1)", "nonsense"])

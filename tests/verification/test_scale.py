@@ -23,6 +23,8 @@ LENGTHS = {
     "onset.offset": LARGER, "soft_frame.most": LARGER, "interface.down": LARGER, "tilt.slope": 1 / LARGER,
     **{f"{name}.{axis}": LARGER for name in ("misregistration", "wandering_pictures") for axis in "xy"},
     **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
+    **{f"loading_probe.{name}": LARGER for name in ("reading", "growing")},
+    **{f"geometry_probe.{name}": LARGER for name in ("upper", "lower", "incline", "bend")},
 }  # fmt: skip
 SIZES = {
     **LENGTHS, "base_slip.compliance": LARGER, "indenter_slip.compliance": LARGER,
@@ -30,7 +32,10 @@ SIZES = {
     "indenter_probe.slope": 1 / LARGER, "indenter_probe.curve": 1 / LARGER**2,
 }  # fmt: skip
 """Factors on numbers of effects; those that are not here have none."""
-PLACES = {"skin.thickness": LARGER, "relaxation.time": SLOWER}
+PLACES = {
+    "skin.thickness": LARGER, "relaxation.time": SLOWER, "ellipse.radius": LARGER, "wall.gap": LARGER,
+    "band.above": LARGER, "band.wide": LARGER,
+}  # fmt: skip
 
 
 SINGLE = 2.0**-24
@@ -105,6 +110,7 @@ def factor(keyword, row, column):
         ("CLOAD", 2): FORCE, ("SOLID SECTION", 0): LARGER, ("VISCOELASTIC", 2): SLOWER,
         ("SPRING", 0): LARGER if row == 1 else 1.0,  # area over compliance; the line above is the direction
         **{("VISCO", n): SLOWER for n in range(4)},
+        ("SURFACE BEHAVIOR", 0): 1 / LARGER, **{(kind, n): LARGER for kind in ("NODE", "SURFACE") for n in (1, 2)},
     }.get((keyword, column), 1.0)  # fmt: skip
 
 
