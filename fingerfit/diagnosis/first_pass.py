@@ -39,6 +39,8 @@ MOVES, FIRST_MOVES, FEWEST = 12, 4, 6
 candidates goes on, but so many at least (successive halving: Jamieson and Talwalkar 2016)."""
 LIKELY = 0.5
 """Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
+NEARER = (1.0, 0.25, -0.25)
+"""Shares of the first step at which a candidate starts, the next one where the body has no solution."""
 GRID = 5
 """Decimals of a distance: sums in another order must not ask for other simulations."""
 
@@ -195,7 +197,7 @@ def refit_all(
             else:
                 there = first.refit(wider, one.refitted.values, effect, MOVES - FIRST_MOVES)
         except StateError:
-            return None  # bodies without a solution explain nothing
+            return None
         finally:
             problem.asked.update(wider.asked)
         run += there.simulations
@@ -213,9 +215,11 @@ def refit_all(
         if effect.acts == NUMERICS or set(effect.observes) == {"intensity"} or not spoken_for:
             found.append(one)
             continue
-        its = wider[effect.name] = widened(problem, base.values, _just_present(one))
-        if there := tried(one, its):
-            found.append(there)
+        for share in NEARER:
+            its = wider[effect.name] = widened(problem, base.values, _just_present(one, share))
+            if there := tried(one, its):
+                found.append(there)
+                break
 
     def by_odds() -> list[Ranked]:
         spread = spread_of(base.misfit, found, first.count)
@@ -230,10 +234,12 @@ def refit_all(
     return by_odds(), run
 
 
-def _just_present(one: Ranked) -> Ranked:
-    """A candidate a first step off its absent value, to the side that its slopes point to."""
+def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
+    """A candidate a share of its first step off its absent value, to the side that its slopes point to."""
     sizes = zip(one.candidate.effect.parameters, one.finding.size, strict=True)
-    steps = [np.clip(np.copysign(p.step, size or p.step), p.lower - p.null, p.upper - p.null) for p, size in sizes]
+    steps = [
+        np.clip(share * np.copysign(p.step, size or p.step), p.lower - p.null, p.upper - p.null) for p, size in sizes
+    ]
     return replace(one, finding=replace(one.finding, size=np.array(steps)))
 
 

@@ -52,6 +52,23 @@ def test_the_refit_ends_at_the_minimum_of_what_it_fits(world):
     assert again.misfit == pytest.approx(ranking[0].refitted.misfit, rel=2 * first_pass.FALL)
 
 
+def test_where_the_first_step_has_no_solution_a_shorter_one_is_taken(world, monkeypatch):
+    comparison, ranking, _ = world
+    (tilt,) = (one for one in ranking if one.candidate.effect.name == "tilt")
+    (slope,) = tilt.candidate.effect.parameters
+    solved, known = comparison.read, FirstPass(comparison)
+
+    def read(asked):
+        return None if abs(asked.values.get("tilt.slope", 0.0)) > 0.9 * slope.step else solved(asked)
+
+    monkeypatch.setattr(comparison, "read", read)
+    wider = widened(comparison.problem, comparison.base.values, first_pass._just_present(tilt))
+    with pytest.raises(StateError, match="no solution"):
+        known.refit(wider, wider.settings.starts())
+    ((found,), _) = refit_all(comparison, [tilt])
+    assert found.refitted is not None
+
+
 def test_one_that_does_not_end_says_so(world):
     comparison, ranking, _ = world
     stiffening = next(one for one in ranking if one.candidate.effect.name == "stiffening")
