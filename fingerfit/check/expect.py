@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fingerfit.fit.jobs import ITERATIONS
 from fingerfit.fit.refine import AGAIN, SOLUTIONS
 from fingerfit.search import Evaluation, Match, propose
 from fingerfit.search.stages import Point, Space, Tie
@@ -48,8 +49,17 @@ class Expected:
     finest: tuple[int, int]
 
 
-def expected(settings: Settings, refined: bool) -> Expected:
-    """What a fit of these settings will probably ask for; `refined` where there is a finer mesh."""
+def expected(settings: Settings, refined: bool, short: bool = False) -> Expected:
+    """What a fit of these settings will probably ask for.
+
+    Parameters
+    ----------
+    settings : Settings
+    refined : bool
+        Whether there is a finer mesh.
+    short : bool
+        Whether one round makes several iterations of the search (`fingerfit.fit.jobs.next_job`).
+    """
     count = len(settings.parameters())
     # with a finer mesh each solution there is compared with one on that of the search
     pair = 2 if refined else 1
@@ -58,7 +68,7 @@ def expected(settings: Settings, refined: bool) -> Expected:
         # first slopes by one side of each, and again where they lead
         rounds, simulations, first = (0, 0), (pair + count, pair + count), 1
     else:
-        found = np.array([_searched(settings, bowl) for bowl in bowls(settings)])
+        found = np.array([_searched(settings, bowl, ITERATIONS if short else 1) for bowl in bowls(settings)])
         low, high = np.quantile(found, (0.25, 0.75), axis=0)
         rounds, simulations, first = (int(low[0]), int(high[0])), (int(low[1]), int(high[1])), 0
     # slopes by the prescribed quantity, two simulations, come with the first solution after the slopes
@@ -113,13 +123,15 @@ class Bowl:
         return np.asarray(along + (away - along) / np.sqrt(self.shape))
 
 
-def _searched(settings: Settings, bowl: Bowl) -> tuple[int, int]:
-    """Rounds and simulations of a search."""
+def _searched(settings: Settings, bowl: Bowl, most: int) -> tuple[int, int]:
+    """Rounds, of at most so many iterations of one stage, and simulations of a search."""
     history: list[Evaluation] = []
-    rounds = 0
+    rounds, stage, iterations = 0, "", 0
     while True:
         proposal = propose(history, settings.parameters(), settings.plan())
         if proposal.stop is not None:
             return rounds, len(history)
         history += [Evaluation(point, bowl(point), bowl.match(point)) for point in proposal.batch]
-        rounds += 1
+        iterations += 1
+        if proposal.stage != stage or iterations >= most:
+            rounds, stage, iterations = rounds + 1, proposal.stage, 0
