@@ -58,12 +58,13 @@ def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: b
     current = next_round(problem, last, threads)
     if not solve or last is None or not is_short(problem):
         return current
-    number = current.number
+    number, solved = current.number, list[Asked]()
     for _ in range(ITERATIONS - 1):
         if current.stage != last.stage or current.reason or current.stop:
             break
         solve_missing(problem, current.batch, threads)
-        current = replace(next_round(problem, current, threads), number=number)
+        solved += current.batch
+        current = replace(next_round(problem, current, threads), number=number, solved=list(solved))
     return current
 
 

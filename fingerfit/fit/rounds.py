@@ -98,6 +98,9 @@ class Asked:
     role: str = "search"
 
 
+_ASKED = ("batch", "solved")
+
+
 @dataclass(frozen=True)
 class Round:
     """What is known after a round and what it asks for.
@@ -127,7 +130,9 @@ class Round:
     rough : bool
         Whether the slopes are by one side of each constant only: others follow.
     tolerances : dict
-        By the name of the tolerance what the search reached and what is wanted, where it asks by a simplex.
+        By the name of the tolerance what the search reached and what is wanted, where there is something to compare.
+    solved : list of Asked
+        Guesses of iterations that the job of this round made itself (`fingerfit.fit.jobs.next_job`).
     """
 
     number: int
@@ -142,10 +147,16 @@ class Round:
     slopes: int = 0
     rough: bool = False
     tolerances: dict[str, list[float]] = field(default_factory=dict)
+    solved: list[Asked] = field(default_factory=list)
+
+    @property
+    def everything(self) -> list[Asked]:
+        """All guesses that were asked for since the round before, solved already or to be simulated."""
+        return [*self.solved, *self.batch]
 
     def save(self, path: Path) -> None:
         """Write as JSON, whole or not at all."""
-        data = {**self.__dict__, "batch": [asked.__dict__ for asked in self.batch]}
+        data = {**self.__dict__, **{key: [asked.__dict__ for asked in getattr(self, key)] for key in _ASKED}}
         keep_json(path, data)
 
     @classmethod
@@ -159,20 +170,19 @@ class Round:
         """
         data = read_json(path)
         try:
-            return cls(**{**data, "batch": [Asked(**asked) for asked in data["batch"]]})
+            return cls(**{**data, **{key: [Asked(**asked) for asked in data.get(key, ())] for key in _ASKED}})
         except (TypeError, KeyError) as error:
             raise StateError(f"{path}: is not a round of a search: {error}") from error
 
 
 def asked_for(last: Path) -> list[str]:
     """Names of the simulations that the rounds of a fit asked for, as often, up to the one in the file `last`."""
-    end = Round.load(last)
-    rounds = [*(Round.load(last.parent / f"{number}.json") for number in range(end.number)), end]
-    # a job may make several iterations of a search: the history has them all
-    found = [guess["sim"] for guess in end.history]
+    rounds = [Round.load(last.parent / f"{number}.json") for number in range(Round.load(last).number + 1)]
+    found: list[str] = []
     before: list[Asked] = []
-    for one in (one for one in rounds if one.reason is not None):
-        # these rounds repeat the batch of the one before and add to it
+    for one in rounds:
+        found += [asked.sim for asked in one.solved]
+        # the last rounds repeat the batch of the one before and add to it
         new = one.batch[len(before) :] if one.batch[: len(before)] == before else one.batch
         found += [asked.sim for asked in new]
         before = one.batch
@@ -243,12 +253,12 @@ class Walk:
         return self._round(path).stop is not None
 
     def batch(self, path: str | Path, write: bool = True) -> list[str]:
-        """Names of the simulations that a round asks for; with `write`, their decks where they are missing."""
+        """Names of a round's simulations; with `write`, their decks where they are missing."""
         current = self._round(path)
         if not write:
-            return list(dict.fromkeys(asked.sim for asked in current.batch))
+            return list(dict.fromkeys(asked.sim for asked in current.everything))
         meshes = {name: self.model / file for name, file in current.meshes.items()}
-        return write_folders(self.study, current.batch, current.solver, meshes)
+        return write_folders(self.study, current.everything, current.solver, meshes)
 
     def sim_inputs(self, sim: str) -> list[str]:
         """Deck, identity of the solver and mesh of a simulation; nothing where they are not written."""

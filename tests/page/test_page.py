@@ -51,6 +51,32 @@ def test_sections_and_numbers(whole):
     assert "44 reused" in whole and "held out" in whole
 
 
+def test_it_begins_with_the_constants_and_their_intervals(whole, tmp_path):
+    def top(text):
+        return re.search(r'<table class="found">(.*?)</table>', text, re.S)[1]
+
+    assert whole.index('<table class="found">') < whole.index('<section id="compare">')
+    rows = re.findall(r"<td>(\w+).*?<b>(.*?)</b>.*?<td>(.*?)</td>", top(whole))
+    assert [name for name, *_ in rows] == ["mu_top", "mu_middle", "mu_bottom", "tilt"]
+    assert rows[0][1] == "0.0212"
+    low, high = map(float, rows[0][2].split(" to "))
+    assert low < 0.0212 < high
+    assert "assume" not in top(whole)
+    assert "their intervals assume that it is right, and it is not" in top(page(tmp_path, done=False))
+
+
+def test_focus_is_seen_and_phones_have_buttons_for_thumbs(whole):
+    """WCAG 2.2: 3 to 1 between a focus ring and what is around it; 44 px, its enhanced size of targets."""
+    colours = dict(re.findall(r"--(\w+): (#\w{6})", whole))
+    ring = re.search(r":focus-visible \{ outline: (\d)px solid var\(--(\w+)\)", whole)
+    channels = [int(colours[ring[2]][n : n + 2], 16) / 255 for n in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    assert 1.05 / (float(np.dot(linear, (0.2126, 0.7152, 0.0722))) + 0.05) > 3
+    assert int(ring[1]) >= 2
+    narrow = whole[whole.index("@media (max-width: 760px)") :]
+    assert re.search(r"button, button\.row, [^{]*\{ min-height: 44px; \}", narrow)
+
+
 def test_the_lines_to_type_are_understood(whole):
     """By the programs that they start, as they stand on the page."""
     from snakemake.cli import parse_args
