@@ -32,9 +32,10 @@ from fingerfit.core.files import write_text
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import render_deck
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import minimum
 from fingerfit.fit.refine import around_best
-from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.fit.simulate import begin
 from fingerfit.provenance.results import model_folder
 from fingerfit.settings.config import load_settings
 from fingerfit.solvers.builtin import BuiltinSolver

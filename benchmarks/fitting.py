@@ -10,9 +10,10 @@ from typing import Any
 
 from fingerfit.fit.course import next_round
 from fingerfit.fit.estimate import estimate_of
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
-from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.fit.simulate import begin
 from fingerfit.settings.config import load_settings
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -231,6 +231,8 @@ def _add_workflow(command: Command) -> None:
         sub.add_argument("--sims", type=Path, required=True)
         sub.add_argument("--last", type=Path, required=name != "propose")
         sub.add_argument("--out", type=Path, required=True)
+        if name == "propose":
+            sub.add_argument("--solve", type=int, choices=(0, 1), default=0, help="1: solve short simulations here (0)")
         if name == "estimate":
             sub.add_argument("--table", type=Path, required=True)
         if name == "diagnose":

@@ -124,12 +124,11 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseP
 
 def propose(args: argparse.Namespace) -> None:
     """Score the last round and ask for the next guesses."""
-    from fingerfit.fit.course import next_round
+    from fingerfit.fit.jobs import next_job
     from fingerfit.fit.rounds import Round
 
-    problem = _fit(args)
-    current = next_round(problem, Round.load(args.last) if args.last else None, args.threads)
-    current.save(args.out)
+    last = Round.load(args.last) if args.last else None
+    next_job(_fit(args), last, args.threads, bool(args.solve)).save(args.out)
 
 
 def estimate(args: argparse.Namespace) -> None:

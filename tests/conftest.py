@@ -17,9 +17,9 @@ from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import render_deck
 from fingerfit.fit.course import next_round
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
-from fingerfit.fit.simulate import solve_missing
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.study.study import Body, Layer, Noise, Step, Study

@@ -22,7 +22,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from PIL import Image
 
-from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.simulate import begin
 from fingerfit.report.drawing import draw_mesh, extent, save
 from fingerfit.settings.config import load_settings
 

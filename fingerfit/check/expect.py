@@ -7,14 +7,15 @@ places within the bounds, some narrow, some wide, some long in the direction tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fingerfit.fit.jobs import ITERATIONS
 from fingerfit.fit.refine import AGAIN, SOLUTIONS
-from fingerfit.search import Evaluation, propose
+from fingerfit.search import Evaluation, Match, propose
 from fingerfit.search.stages import Point, Space, Tie
 
 if TYPE_CHECKING:
@@ -48,8 +49,17 @@ class Expected:
     finest: tuple[int, int]
 
 
-def expected(settings: Settings, refined: bool) -> Expected:
-    """What a fit of these settings will probably ask for; `refined` where there is a finer mesh."""
+def expected(settings: Settings, refined: bool, short: bool = False) -> Expected:
+    """What a fit of these settings will probably ask for.
+
+    Parameters
+    ----------
+    settings : Settings
+    refined : bool
+        Whether there is a finer mesh.
+    short : bool
+        Whether one round makes several iterations of the search (`fingerfit.fit.jobs.next_job`).
+    """
     count = len(settings.parameters())
     # with a finer mesh each solution there is compared with one on that of the search
     pair = 2 if refined else 1
@@ -58,7 +68,7 @@ def expected(settings: Settings, refined: bool) -> Expected:
         # first slopes by one side of each, and again where they lead
         rounds, simulations, first = (0, 0), (pair + count, pair + count), 1
     else:
-        found = np.array([_searched(settings, bowl) for bowl in bowls(settings)])
+        found = np.array([_searched(settings, bowl, ITERATIONS if short else 1) for bowl in bowls(settings)])
         low, high = np.quantile(found, (0.25, 0.75), axis=0)
         rounds, simulations, first = (int(low[0]), int(high[0])), (int(low[1]), int(high[1])), 0
     # slopes by the prescribed quantity, two simulations, come with the first solution after the slopes
@@ -70,7 +80,7 @@ def expected(settings: Settings, refined: bool) -> Expected:
     )
 
 
-def bowls(settings: Settings) -> Iterator[Callable[[Point], float]]:
+def bowls(settings: Settings) -> Iterator[Bowl]:
     """Scores with a known lowest point, for the parameters of settings."""
     from scipy.stats import qmc
 
@@ -85,26 +95,43 @@ def bowls(settings: Settings) -> Iterator[Callable[[Point], float]]:
         lowest = low + (0.25 + 0.5 * share) * (high - low)
         for curvature in _CURVATURE[settings.fit.score]:
             for shape in _SHAPES:
-                yield _bowl(tie, lowest, curvature, shape)
+                yield Bowl(tie, lowest, curvature, shape)
 
 
-def _bowl(tie: Tie, lowest: np.ndarray, curvature: float, shape: float) -> Callable[[Point], float]:
-    def score(point: Point) -> float:
-        away = tie.space.coordinates(point) - lowest
-        along = np.where(tie.tied, away[tie.tied].mean(), away)
-        between = away - along
-        return float(curvature / 2 * (along @ along + between @ between / shape))
+@dataclass(frozen=True)
+class Bowl:
+    """A score by its lowest point, and by its curvatures along the mean of tied parameters and between them."""
 
-    return score
+    tie: Tie
+    lowest: np.ndarray
+    curvature: float
+    shape: float
+
+    def __call__(self, point: Point) -> float:
+        """The score."""
+        away = self._deviations(point)
+        return float(self.curvature / 2 * away @ away)
+
+    def match(self, point: Point) -> Match:
+        """The same for least squares: displacements that are one over the modulus."""
+        size, moved = np.sqrt(self.curvature), np.exp(-self._deviations(point))
+        return Match(size * moved, size * (1.0 - moved), np.ones(len(moved)))
+
+    def _deviations(self, point: Point) -> np.ndarray:
+        away = self.tie.space.coordinates(point) - self.lowest
+        along = np.where(self.tie.tied, away[self.tie.tied].mean(), away)
+        return np.asarray(along + (away - along) / np.sqrt(self.shape))
 
 
-def _searched(settings: Settings, score: Callable[[Point], float]) -> tuple[int, int]:
-    """Rounds and simulations of a search."""
+def _searched(settings: Settings, bowl: Bowl, most: int) -> tuple[int, int]:
+    """Rounds, of at most so many iterations of one stage, and simulations of a search."""
     history: list[Evaluation] = []
-    rounds = 0
+    rounds, stage, iterations = 0, "", 0
     while True:
         proposal = propose(history, settings.parameters(), settings.plan())
         if proposal.stop is not None:
             return rounds, len(history)
-        history += [Evaluation(point, score(point)) for point in proposal.batch]
-        rounds += 1
+        history += [Evaluation(point, bowl(point), bowl.match(point)) for point in proposal.batch]
+        iterations += 1
+        if proposal.stage != stage or iterations >= most:
+            rounds, stage, iterations = rounds + 1, proposal.stage, 0

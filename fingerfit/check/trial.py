@@ -14,6 +14,7 @@ from fingerfit.check.expect import expected
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.files import write_text
 from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.fit.jobs import is_short
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, write_folders
 from fingerfit.forward.decks import make_deck
@@ -55,7 +56,7 @@ def try_out(settings: Settings, study: Study, mesh: Mesh, data: Data, solve: boo
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name:
         problem = _fit(settings, study, mesh, data, Path(name))
         lines = [_solver(problem), *_deck(problem)]
-        expects = expected(settings, REFINED in problem.meshes)
+        expects = expected(settings, REFINED in problem.meshes, is_short(problem))
         low, high = expects.simulations
         finer = f", {expects.finest[0]} to {expects.finest[1]} of them on the finer mesh" if expects.finest[1] else ""
         words = f"about {low} to {high} simulations in {expects.rounds[0]} to {expects.rounds[1]} rounds{finer}"

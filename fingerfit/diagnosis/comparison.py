@@ -12,13 +12,14 @@ from fingerfit.core.errors import StateError
 from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked
-from fingerfit.diagnosis.residual import Patches, Reader, Residual, common_modes, flat, points_by_patch, residual_of
+from fingerfit.diagnosis.residual import Residual, common_modes, residual_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.minimum import best_values, finest, left_over
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, difference
+from fingerfit.forward.patches import Patches, Reader, flat, points_by_patch
 from fingerfit.forward.predict import Predictor, positions
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.registration import means
@@ -69,9 +70,8 @@ class Comparison:
             raise StateError(f"{problem.sims / self.base.sim}: no solution for all steps at the estimate")
         self.prediction = made.prediction
         self.residual: Residual = residual_of(everything, made.prediction, made.maps, self.patches)
-        self._readers = {
-            name: Reader(everything, mesh, self.patches, self.residual) for name, mesh in problem.meshes.items()
-        }
+        places = self.residual.places, self.residual.place_patch
+        self._readers = {name: Reader(everything, mesh, self.patches, places) for name, mesh in problem.meshes.items()}
         self._read: dict[str, np.ndarray | None] = {}
 
     def read(self, asked: Asked) -> np.ndarray | None:

@@ -12,9 +12,9 @@ from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
-from fingerfit.fit.simulate import solve_missing
 from fingerfit.fit.slopes import STEP, difference, neighbours
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.study.study import Study, with_gain

@@ -33,10 +33,11 @@ from fingerfit.diagnosis.verdict import (
     threshold,
     to_refit,
 )
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.simulate import run_fit, solve_missing
+from fingerfit.fit.simulate import run_fit
 from fingerfit.fit.slopes import moved
 from fingerfit.study.data import Data
 

@@ -21,9 +21,9 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.ranking import Ranked, Refitted, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.intervals import bound_of
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked
-from fingerfit.fit.simulate import solve_missing
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
 from fingerfit.imaging.registration import FARTHEST
 from fingerfit.model.effect import NUMERICS, OBSERVATION, Effect

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fingerfit.forward.patches import Patches, flat, owners_of, points_by_patch
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import reach_of, smooth
-from fingerfit.imaging.registration import FEWEST, Registration, means, register
-from fingerfit.imaging.warp import BackwardMap, Probe, spline_coefficients, warp
-from fingerfit.mesh.mesh import Mesh
-from fingerfit.solvers.contract import Outcome
+from fingerfit.imaging.registration import Registration, means, register
+from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
 from fingerfit.study.data import Data
 
 DISPLACEMENT, BRIGHTNESS, RESPONSE = "residual_displacement", "brightness", "response"
@@ -23,60 +22,6 @@ PLACES = 32
 """Points of a patch in space at which solutions are read, at most."""
 
 Registrations = tuple[Registration, ...]
-
-
-@dataclass(frozen=True)
-class Patches:
-    """A grid of patches of material.
-
-    Parameters
-    ----------
-    centre : ndarray, shape (patches, dim)
-        Reference positions, mm.
-    low : ndarray, shape (dim,)
-        Lower corner of the grid, mm.
-    size : ndarray, shape (dim,)
-        Of a patch, mm.
-    count : tuple of int
-        Patches along each axis.
-    """
-
-    centre: np.ndarray
-    low: np.ndarray
-    size: np.ndarray
-    count: tuple[int, ...]
-
-    @classmethod
-    def over(cls, mesh: Mesh, across: int = 10, spacing: np.ndarray | None = None) -> Patches:
-        """The same over a mesh."""
-        return cls.around(mesh.body, across, spacing)
-
-    @classmethod
-    def around(cls, points: np.ndarray, across: int = 10, spacing: np.ndarray | None = None) -> Patches:
-        """Patches over the box around points, nearly square, `across` along the first axis.
-
-        With the `spacing` of pictures, mm, there are fewer where each would hold less than twice the pixels it needs.
-        """
-        low, high = points.min(axis=0), points.max(axis=0)
-        flat = high <= low
-        if flat.any():  # as points on a line: one layer of patches, as thick as the others are wide
-            thick = float((high - low).max() or 1.0) / across
-            low, high = np.where(flat, low - thick / 2, low), np.where(flat, high + thick / 2, high)
-            across = 1 if flat[0] else across
-        if spacing is not None and spacing.any():
-            smallest = float(spacing.max()) * (2 * FEWEST) ** (1 / points.shape[1])
-            across = max(1, min(across, int((high[0] - low[0]) / smallest)))
-        count = np.maximum(1, np.rint((high - low) / ((high[0] - low[0]) / across))).astype(int)
-        size = (high - low) / count
-        index = np.stack([i.ravel() for i in np.indices(tuple(count))], axis=1)
-        return cls(low + (index + 0.5) * size, low, size, tuple(int(c) for c in count))
-
-    def of(self, points: np.ndarray) -> np.ndarray:
-        """Patch of reference points, shape (points,); -1 outside."""
-        index = np.floor((points - self.low) / self.size).astype(int)
-        inside = ((index >= 0) & (index < np.array(self.count))).all(axis=1)
-        flat = np.ravel_multi_index(tuple(np.clip(index, 0, np.array(self.count) - 1).T), self.count)
-        return np.where(inside, flat, -1)
 
 
 @dataclass(frozen=True)
@@ -118,11 +63,6 @@ class Residual:
     def vector(self) -> np.ndarray:
         """All known values, shape (kept,)."""
         return flat(self.value, self.response)[self.kept]
-
-
-def flat(value: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """One vector of displacements, brightness and response."""
-    return np.concatenate([value.ravel(), response])
 
 
 def common_modes(residual: Residual, entry_step: np.ndarray, control: np.ndarray) -> np.ndarray:
@@ -167,7 +107,7 @@ def residual_of(
     """
     frame = Picture(data.before, data.spacing, data.origin, data.direction)
     count, dim = len(patches.centre), data.before.ndim
-    owners = [_owners(data, frame, way, patches) for way in maps]
+    owners = [owners_of(data, frame, way, patches) for way in maps]
     pairs = list(zip(prediction.pictures, data.measured, owners, strict=True))
     fits = tuple(register(s, m, owner, count) for s, m, owner in pairs)
     value = np.full((len(maps), count, dim + 1), np.nan)
@@ -216,16 +156,6 @@ def _places(
     return frame.to_points(index[chosen] + off[owner]), owner
 
 
-def points_by_patch(data: Data, values: np.ndarray, patches: Patches) -> np.ndarray:
-    """Mean displacement of the points of each patch, shape (steps with points, patches, dim + 1); the last is NaN."""
-    steps, owner = np.unique(data.points_step), patches.of(data.points)
-    found = np.full((len(steps), len(patches.centre), values.shape[1] + 1), np.nan)
-    for n, step in enumerate(steps):
-        own = (data.points_step == step) & (owner >= 0)
-        found[n, :, :-1] = means(values[own], owner[own], len(patches.centre))
-    return found
-
-
 def _add_points_noise(covariance: np.ndarray, data: Data, patches: Patches) -> None:
     """Put the noise of points into the covariance: their own at all steps, and the shift of all points of a step."""
     steps, dim = np.unique(data.points_step), data.points.shape[1]
@@ -240,15 +170,6 @@ def _add_points_noise(covariance: np.ndarray, data: Data, patches: Patches) -> N
             for m, other in enumerate(steps):
                 share = between[step, other] / np.sqrt(np.maximum(number[n] * number[m], 1))
                 covariance[here, rows[m, :, axis]] += share
-
-
-def _owners(data: Data, frame: Picture, way: BackwardMap, patches: Patches) -> np.ndarray:
-    """Patch of each pixel well inside the deformed body, like a picture; -1 elsewhere."""
-    owner = np.full(data.before.size, -1)
-    owner[way.pixel] = patches.of(frame.to_points(way.index))
-    found = owner.reshape(data.before.shape)
-    deep = smooth((found >= 0).astype(float), max(data.smooth, 1.0)) > 0.98
-    return np.where(deep, found, -1)
 
 
 def _noise(
@@ -350,46 +271,3 @@ def _joined(own: np.ndarray, first: np.ndarray, fits: Registrations, scale: np.n
                 block[n, :, m] += root[n] @ root[m].T
         found[patch] = block.reshape(pictures * size, -1)
     return found
-
-
-class Reader:
-    """Reads solutions as such vectors.
-
-    Parameters
-    ----------
-    data : Data
-    mesh : Mesh
-        Of the solutions.
-    patches : Patches
-    residual : Residual, optional
-        Its places are those where a patch is read, if it has some; else points within each patch.
-    """
-
-    def __init__(self, data: Data, mesh: Mesh, patches: Patches, residual: Residual | None = None) -> None:
-        self.data = data
-        self._points = Probe(mesh, data.points)
-        self._patches = patches
-        if residual is not None and len(residual.places):
-            points, self._owner = residual.places, residual.place_patch
-        else:
-            offsets = np.stack([o.ravel() for o in np.meshgrid(*[(-0.25, 0.25)] * mesh.dim)], axis=1)
-            points = (patches.centre[:, None] + offsets * patches.size).reshape(-1, mesh.dim)
-            self._owner = np.repeat(np.arange(len(patches.centre)), len(offsets))
-        self._probe = Probe(mesh, points)
-
-    def read(self, outcome: Outcome) -> np.ndarray:
-        """Displacements (mm), brightness 0, and the response of a solution since the first picture."""
-        data, found = self.data, []
-        for step in data.picture_step:
-            u = self._probe.read(outcome.displacement[step])
-            known = np.isfinite(u[:, 0])  # in the mesh; a patch without any such place has 0
-            u = np.nan_to_num(means(u[known], self._owner[known], len(self._patches.centre)))
-            found.append(np.concatenate([u, np.zeros((len(u), 1))], axis=1))
-        if len(data.points_step):
-            at = np.empty_like(data.points_displacement)
-            for step in np.unique(data.points_step):
-                own = data.points_step == step
-                at[own] = self._points.read(outcome.displacement[step])[own]
-            found += list(points_by_patch(data, at, self._patches))
-        response = outcome.indenter if data.control == "force" else outcome.reaction
-        return flat(np.array(found), -response[: len(data.step), -1])

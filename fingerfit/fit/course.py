@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from fingerfit.core.processes import side_by_side
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.refine import ADDED, around_best, refine_round
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.forward.predict import Predictor
-from fingerfit.search import Evaluation, propose
+from fingerfit.search import Evaluation, Match, propose
 
 
 def next_round(problem: InverseProblem, last: Round | None, threads: int = 1) -> Round:
@@ -49,10 +51,13 @@ def next_round(problem: InverseProblem, last: Round | None, threads: int = 1) ->
     history = list(last.history) if last else []
     if last:
         history += _evaluate_all(problem, last.batch, threads)
-    evaluations = [Evaluation(tuple(e["values"][n] for n in names), e["score"]) for e in history]
+    evaluations = [Evaluation(tuple(e["values"][n] for n in names), e["score"], _match(e)) for e in history]
     proposal = propose(evaluations, parameters, problem.settings.plan())
     scored = [e for e in history if e["score"] is not None]
     best = min(scored, key=lambda e: e["score"]) if scored else None
+    if proposal.stop is not None and problem.descends:
+        # where the least squares ended, not a guess beside it: its slopes are known
+        best = next((e for e in scored if proposal.best == tuple(e["values"][n] for n in names)), best)
     base = {
         "number": last.number + 1 if last else 0,
         "solver": problem.solver,
@@ -71,6 +76,15 @@ def next_round(problem: InverseProblem, last: Round | None, threads: int = 1) ->
     return around_best(problem, base, best["values"], proposal.stop)
 
 
+def _as_json(values: np.ndarray) -> list[float | None]:
+    return [float(f"{value:.6g}") if math.isfinite(value) else None for value in values]
+
+
+def _match(entry: Mapping[str, Any]) -> Match | None:
+    """What an entry of the history says of displacements."""
+    return Match(**{k: np.array(v, dtype=float) for k, v in entry["match"].items()}) if "match" in entry else None
+
+
 def _refuse(problem: InverseProblem, values: Mapping[str, float]) -> None:
     """Ask the solver about the first deck, on each mesh, before anything runs."""
     for role in (SEARCH, *[FINAL] * (REFINED in problem.mesh_files)):
@@ -85,6 +99,8 @@ def _meshes(problem: InverseProblem) -> dict[str, str]:
 
 def _evaluate_all(problem: InverseProblem, batch: list[Asked], threads: int) -> list[dict[str, Any]]:
     predictor = problem.predictor(SEARCH)
+    if problem.descends:
+        problem.matcher  # noqa: B018 - made once
     problem.seen({})  # what is read here is not read again by each process
     return side_by_side(lambda asked: _evaluate(problem, asked, predictor), batch, threads)
 
@@ -100,6 +116,9 @@ def _evaluate(problem: InverseProblem, asked: Asked, predictor: Predictor) -> di
     if not math.isfinite(score):  # of huge displacements or tiny noise: worse than all others
         return {**entry, "message": f"a score of {score}"}
     entry = {**entry, "score": score, "message": ""}
+    if problem.descends:
+        match = problem.matcher.match(outcome, made)
+        entry["match"] = {name: _as_json(values) for name, values in match.__dict__.items()}
     if made.inverted or made.overlaps:
         entry["message"] = f"{made.inverted} inverted elements, {made.overlaps} pixels covered twice"
     return entry

@@ -23,12 +23,14 @@ from fingerfit.forward.score import Prediction, score
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.model.observation import Observation
+from fingerfit.search.stages import LEAST_SQUARES
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
 from fingerfit.study.study import Study, with_gain
 
 if TYPE_CHECKING:
+    from fingerfit.forward.match import Matcher
     from fingerfit.settings.config import Settings
 
 SEARCH, REFINED = "search", "refined"
@@ -93,6 +95,18 @@ class InverseProblem:
         blind = self.settings.fit.score != "likelihood"
         mine = {e.key(p.name) for e in self.effects.values() if e.acts == OBSERVATION for p in e.parameters}
         return np.array([blind and p.name in mine for p in self.settings.parameters()], dtype=bool)
+
+    @property
+    def descends(self) -> bool:
+        """Whether a stage of the search is one of least squares, for which displacements are registered."""
+        return any(stage.kind == LEAST_SQUARES for stage in self.settings.fit.stages)
+
+    @cached_property
+    def matcher(self) -> Matcher:
+        """Matches of guesses on the mesh of the search."""
+        from fingerfit.forward.match import Matcher
+
+        return Matcher(self.data, self.meshes[SEARCH])
 
     def predictor(self, mesh: str) -> Predictor:
         """Predictor of solutions on a mesh."""

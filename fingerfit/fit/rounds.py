@@ -166,11 +166,13 @@ class Round:
 
 def asked_for(last: Path) -> list[str]:
     """Names of the simulations that the rounds of a fit asked for, as often, up to the one in the file `last`."""
-    rounds = [Round.load(last.parent / f"{number}.json") for number in range(Round.load(last).number + 1)]
-    found: list[str] = []
+    end = Round.load(last)
+    rounds = [*(Round.load(last.parent / f"{number}.json") for number in range(end.number)), end]
+    # a job may make several iterations of a search: the history has them all
+    found = [guess["sim"] for guess in end.history]
     before: list[Asked] = []
-    for one in rounds:
-        # the last rounds repeat the batch of the one before and add to it
+    for one in (one for one in rounds if one.reason is not None):
+        # these rounds repeat the batch of the one before and add to it
         new = one.batch[len(before) :] if one.batch[: len(before)] == before else one.batch
         found += [asked.sim for asked in new]
         before = one.batch

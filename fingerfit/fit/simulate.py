@@ -1,21 +1,18 @@
-"""Simulations that one job asks for itself: solved beside each other, kept under the same names as all others."""
+"""Fits in one process."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Sequence
 from pathlib import Path
 
 from fingerfit.core.files import write_text
-from fingerfit.core.processes import side_by_side
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_data
 from fingerfit.fit.course import next_round
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
-from fingerfit.fit.rounds import Asked, Round, write_folders
+from fingerfit.fit.rounds import Round
 from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.settings.config import Settings
-from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
 from fingerfit.study.reader import load_study
 
@@ -41,22 +38,6 @@ def begin(settings: Settings, folder: Path) -> tuple[InverseProblem, Data]:
     )
     check_data(settings, study, fitted)
     return InverseProblem(settings, fitted, files, folder / "sims"), everything
-
-
-def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int) -> int:
-    """Solve what has no solution yet; returns how many that were."""
-    problem.asked.update(a.sim for a in asked)
-    batch = [a for a in asked if not (problem.sims / a.sim / "solution.npz").exists()]
-    meshes = {problem.mesh_names[name]: path for name, path in problem.mesh_files.items()}
-    missing = write_folders(problem.sims.parent, batch, problem.solver, meshes)
-    solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
-    side_by_side(solve, missing, threads)
-    return len(missing)
-
-
-def _solve(sims: Path, solver: str, limit: int | None, sim: str) -> None:
-    folder = sims / sim
-    get_solver(solver, limit).solve(folder / "deck.inp", folder, 1).save(folder / "solution.npz")
 
 
 def run_fit(problem: InverseProblem, threads: int) -> tuple[Round, int]:

@@ -8,12 +8,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fingerfit.model.parameters import Parameter, round_value
+from fingerfit.search.descent import STEP
 
 Measured = TypeVar("Measured", bound=Any)
 """What a solution leads to: a prediction, or an array."""
-STEP = 0.03
-"""Step of the sensitivities: in the logarithm, or as a share of the scale of a parameter. A choice: of central
-differences of an exponential it makes an error of STEP^2 / 6, 0.015 %."""
 
 
 def coordinates(parameters: tuple[Parameter, ...], values: Mapping[str, float]) -> np.ndarray:

@@ -8,17 +8,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fingerfit.model.parameters import Parameter
-from fingerfit.search.stages import MET, Point, Space, Stage, run_stage
+from fingerfit.search.descent import Match, descend
+from fingerfit.search.stages import LEAST_SQUARES, MET, Point, Space, Stage, run_stage
 
-__all__ = ["Evaluation", "Plan", "Proposal", "Stage", "propose"]
+__all__ = ["Evaluation", "Match", "Plan", "Proposal", "Stage", "propose"]
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A guess and its score; None for a guess without solution."""
+    """A guess and its score; None for a guess without solution. Least squares need its match, too."""
 
     point: Point
     value: float | None
+    match: Match | None = None
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class Proposal:
     used : int
         Evaluations on the path of the search.
     tolerances : dict
-        By the name of the tolerance what the simplex reached and what is wanted; empty without a simplex.
+        By the name of the tolerance what the stage reached and what is wanted; empty where there is nothing to compare.
     """
 
     batch: tuple[Point, ...]
@@ -85,9 +87,11 @@ def propose(history: Sequence[Evaluation], parameters: tuple[Parameter, ...], pl
     """
     space = Space(parameters)
     known = {e.point: np.inf if e.value is None or not np.isfinite(e.value) else e.value for e in history}
+    matches = {e.point: e.match for e in history}
     best, used, reason = space.coordinates([p.start for p in parameters]), set[Point](), MET
     for stage in plan.stages:
-        running = run_stage(stage, space, best)
+        descends = stage.kind == LEAST_SQUARES
+        running = descend(stage, space, best, matches) if descends else run_stage(stage, space, best)
         request, iteration = next(running)
         while True:
             needed = [space.point(z) for z in request.needed]

@@ -16,13 +16,14 @@ class Request:
     ----------
     needed, likely : tuple of ndarray
         Points in search coordinates, shape (dim,) each.
-    spread : (float, float) or None
-        How far the best vertex and its score are from the others, as the tolerances measure it; None without a simplex.
+    spread : tuple of float or None
+        What the tolerances are compared with: how far the best vertex of a simplex and its score are from the others,
+        or the length of a step of least squares; None where there is nothing to compare.
     """
 
     needed: tuple[np.ndarray, ...]
     likely: tuple[np.ndarray, ...] = ()
-    spread: tuple[float, float] | None = None
+    spread: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)

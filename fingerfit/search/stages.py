@@ -1,4 +1,4 @@
-"""The stages of a search, replayed over what is known: grid, all alike, each by itself."""
+"""The stages of a search, replayed over what is known: grid, all alike, each by itself, least squares."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ NO_SMALLER = "guesses differ in their last digit only"
 """Reasons for the end of a stage."""
 SHARE, UNIT = "share", "unit"
 """Measures of `Stage.tolx`."""
+GRID, EQUAL, INDEPENDENT, LEAST_SQUARES = "grid", "equal", "independent", "least_squares"
+"""Kinds of stages."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,12 @@ class Stage:
         For reports.
     kind : str
         ``grid``: forward analyses with all tied parameters alike, over the bounds they share; ``equal``: a simplex with
-        all tied parameters alike; ``independent``: a simplex over all parameters.
+        all tied parameters alike; ``independent``: a simplex over all parameters; ``least_squares``: steps of
+        Gauss-Newton over all parameters, on displacements and reactions.
     tolx : float
         Largest difference of a parameter between the best vertex and the others: in search coordinates, which are the
         logarithm (0.01: 1 % of the value) or the share of the distance of the bounds. A thousandth is the paper's 1e-5
-        MPa for a soft tissue of 0.01 MPa (docs/decisions/0013-search.md).
+        MPa for a soft tissue of 0.01 MPa (docs/decisions/0013-search.md). Least squares end with a shorter step.
     tolf : float
         Largest difference of the score, as the paper's second stage has it. A simplex stops when both are met.
     points : int

@@ -15,6 +15,7 @@ from fingerfit.core.described import Described, described, models_in
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.keys import read_yaml, unknown_key
 from fingerfit.model.parameters import round_value
+from fingerfit.search.stages import EQUAL, GRID
 from fingerfit.settings.choices import CONFIG, MATERIAL, Choices, Model, quantity_of
 
 PLAIN = r"^[\w./+@~:,=-]+$"
@@ -123,9 +124,11 @@ class StageSettings(_Strict):
     """A stage of the search."""
 
     name: str = Field(pattern=r"^[\w +-]+$", description="For reports.")
-    kind: Literal["grid", "equal", "independent"] = Field(
+    kind: Literal["grid", "equal", "independent", "least_squares"] = Field(
         description="grid: forward analyses, tied parameters alike; equal: simplex, tied parameters alike; independent:"
-        " simplex over all parameters."
+        " simplex over all parameters; least_squares: Gauss-Newton steps over all parameters, on displacements"
+        " (registered in the pictures, or of points) and the response, until a step is below tolx; tolf, step and"
+        " restarts are those of a simplex."
     )
     tied: str | list[str] | None = Field(
         default=None,
@@ -333,14 +336,14 @@ def _wrong_stages(settings: Settings, where: Path | str) -> list[FingerfitError]
         tied = [known[name] for name in names]
         lower, upper = max(p.lower for p in tied), min(p.upper for p in tied)
         text = ", ".join(names)
-        if stage.kind != "independent" and len({(p.unit, p.log) for p in tied}) > 1:
+        if stage.kind in (GRID, EQUAL) and len({(p.unit, p.log) for p in tied}) > 1:
             expected = f"one unit and one log for all of them, or fewer of them, for a stage {stage.kind}"
             problems.append(InputError(where, field, f"{text} with several", expected))
-        elif stage.kind != "independent" and not round_value(lower) < round_value(upper):
+        elif stage.kind in (GRID, EQUAL) and not round_value(lower) < round_value(upper):
             expected = f"bounds that overlap, or fewer of them, for a stage {stage.kind}"
             problems.append(InputError(where, field, f"{text} with bounds that do not overlap", expected))
-        moved = tied if stage.kind == "equal" else list(known.values())
-        if stage.kind != "grid" and stage.tolx_in == "unit" and len({p.unit for p in moved}) > 1:
+        moved = tied if stage.kind == EQUAL else list(known.values())
+        if stage.kind != GRID and stage.tolx_in == "unit" and len({p.unit for p in moved}) > 1:
             units = ", ".join(sorted({p.unit for p in moved}))
             expected = "share, since the parameters have several units"
             problems.append(InputError(where, f"fit.stages.{n}.tolx_in", f"unit, for {units}", expected))

@@ -15,13 +15,13 @@ from fingerfit import cli
 from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError, InputError, Problems, StateError
 from fingerfit.core.files import keep_json, read_json, read_npz, read_record, write_json, write_npz
-from fingerfit.diagnosis.residual import Patches
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import Refit, _rival
 from fingerfit.fit.check import check_data
 from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.forward.patches import Patches
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.formulas import evaluate
 from fingerfit.report.page.inputs import read_inputs

@@ -11,7 +11,8 @@ from conftest import ROOT
 from fingerfit.check.check import own_effects
 from fingerfit.core.errors import FingerfitError
 from fingerfit.deck.context import deck_context
-from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.simulate import begin
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import load_settings
 from fingerfit.study.reader import load_study

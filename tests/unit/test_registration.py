@@ -7,7 +7,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from seeds import generator
 
-from fingerfit.diagnosis.residual import Patches, Reader, residual_of
+from fingerfit.diagnosis.residual import residual_of
+from fingerfit.forward.patches import Patches, Reader
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import smooth
@@ -303,7 +304,11 @@ def registered(rng):
     made = Prediction(np.array([warp(data.coefficients, 0.0, still, data.smooth)]), np.array([0.4]), np.zeros((0, 3)))
     found = residual_of(data, made, [still], patches)
     outcome = Outcome(CONVERGED, u[None], np.zeros((1, 3)), np.array([[0.0, 0.0, -0.4]]))
-    read = Reader(data, BLOCK, patches, found).read(outcome)[: found.value.size].reshape(found.value.shape)
+    read = (
+        Reader(data, BLOCK, patches, (found.places, found.place_patch))
+        .read(outcome)[: found.value.size]
+        .reshape(found.value.shape)
+    )
     return found, read[0, :, :3], data, patches
 
 

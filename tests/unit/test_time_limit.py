@@ -55,7 +55,8 @@ def test_it_is_no_part_of_the_identity(slow_ccx, tmp_path):
 def test_inside_one_process_it_counts_too(slow_ccx, tmp_path, capsys):
     from fingerfit.core.errors import SolverError
     from fingerfit.fit.course import next_round
-    from fingerfit.fit.simulate import begin, solve_missing
+    from fingerfit.fit.jobs import solve_missing
+    from fingerfit.fit.simulate import begin
 
     problem, _ = begin(load_settings(settings(tmp_path, time_limit=1)), tmp_path / "work")
     batch = next_round(problem, None).batch[:1]

@@ -4,7 +4,8 @@ from seeds import seed_of
 
 from fingerfit.core.files import write_json
 from fingerfit.diagnosis.comparison import Comparison, anchor_of
-from fingerfit.fit.simulate import begin, run_fit, solve_missing
+from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
 from fingerfit.virtual.experiment import read_truth, solve, write_study
 

@@ -24,9 +24,9 @@ from fingerfit.diagnosis.diagnose import diagnose
 from fingerfit.diagnosis.reservations import by_settings
 from fingerfit.diagnosis.verdict import decide
 from fingerfit.fit.check import check_effects
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH, InverseProblem
-from fingerfit.fit.simulate import solve_missing
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.scales import bound

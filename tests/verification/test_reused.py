@@ -10,9 +10,10 @@ from fingerfit.core.files import keep_json, read_json
 from fingerfit.diagnosis.diagnose import diagnose
 from fingerfit.diagnosis.ladder import add
 from fingerfit.fit.estimate import estimate_of
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import asked_for
-from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.fit.simulate import begin
 from fingerfit.provenance import stages
 from fingerfit.report.findings import count_simulations, write_diagnosis
 from fingerfit.settings.config import load_settings

@@ -6,7 +6,8 @@ import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 from conftest import ROOT, phantom
 
-from fingerfit.fit.simulate import begin, solve_missing
+from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.simulate import begin
 from fingerfit.settings.config import load_settings
 from fingerfit.solvers.builtin import BuiltinSolver
 

@@ -144,6 +144,11 @@ def time_limit(wildcards):
     return 0 if None in limits else max(limits)
 
 
+def solves_inside(wildcards):
+    """Whether jobs of rounds solve short simulations: those of a cache that is shared have jobs of their own."""
+    return int(not workflow.output_file_cache)
+
+
 def solution(study, sim):
     return f"{study}/sims/{sim}/solution.npz"
 

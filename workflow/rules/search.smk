@@ -3,7 +3,7 @@ localrules:
 
 
 checkpoint propose:
-    # Scores the guesses of the round before and asks for the next ones, or says stop.
+    # Scores the guesses of the round before and asks for the next ones, or says stop. It solves short simulations itself.
     input:
         before=before_round,
         meshes=meshes,
@@ -18,6 +18,8 @@ checkpoint propose:
     threads: 2
     resources:
         mem_mb=1000,
+        # no param: where a simulation is solved changes no answer
+        solve=solves_inside,
     params:
         settings=part("propose", "settings"),
         last=last_option,
@@ -27,7 +29,7 @@ checkpoint propose:
         sims=sims,
     shell:
         "exec python -P -m fingerfit propose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
-        " {params.last} --out {output.round} --threads {threads} 2> {log}"
+        " {params.last} --out {output.round} --threads {threads} --solve {resources.solve} 2> {log}"
 
 
 rule simulate:

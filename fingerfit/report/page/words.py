@@ -123,7 +123,7 @@ def headline(inputs: Inputs) -> dict[str, Any]:
     found, following = {
         "adequate": (
             f"The model “{last.name}” explains the measurements as well as their noise allows.",
-            "Nothing needs to be added: take the constants with their intervals from the ladder below."
+            "Nothing needs to be added: take the constants with their intervals from the table below."
             + _not_shown(last.diagnosis),
         ),
         "missing": (

@@ -1,0 +1,73 @@
+"""Simulations that one job asks for itself: solved beside each other, kept under the same names as all others."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from fingerfit.core.processes import side_by_side
+from fingerfit.fit.course import next_round
+from fingerfit.fit.problem import SEARCH, InverseProblem
+from fingerfit.fit.rounds import Asked, Round, write_folders
+from fingerfit.solvers.registry import get_solver
+
+BUILTIN = "builtin"
+SHORT = 2000
+"""Nodes of a mesh in the plane up to which a simulation takes about as long as the start of a job, 0.3 s
+(benchmarks/phantom.md)."""
+ITERATIONS = 10
+"""Iterations of a search that one job makes at most: a line is told every few seconds, and not much is lost when it is
+ended. A choice."""
+
+
+def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int) -> int:
+    """Solve what has no solution yet; returns how many that were."""
+    problem.asked.update(a.sim for a in asked)
+    batch = [a for a in asked if not (problem.sims / a.sim / "solution.npz").exists()]
+    meshes = {problem.mesh_names[name]: path for name, path in problem.mesh_files.items()}
+    missing = write_folders(problem.sims.parent, batch, problem.solver, meshes)
+    solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
+    side_by_side(solve, missing, threads)
+    return len(missing)
+
+
+def _solve(sims: Path, solver: str, limit: int | None, sim: str) -> None:
+    folder = sims / sim
+    get_solver(solver, limit).solve(folder / "deck.inp", folder, 1).save(folder / "solution.npz")
+
+
+def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: bool = True) -> Round:
+    """The next round, and where simulations are short as many iterations of its stage as one job makes.
+
+    A simulation of a tenth of a second would take three times as long as a job of its own: start of Python, imports.
+    So those that a round asks for are solved here, and the next round is made at once, until the stage changes: what
+    the first round of a stage asks for, and what follows a search, is left to jobs of their own.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+    last : Round or None
+        The round before; None for the first.
+    threads : int
+        Simulations, and scores, beside each other.
+    solve : bool
+        Whether anything is solved here at all.
+    """
+    current = next_round(problem, last, threads)
+    if not solve or last is None or not is_short(problem):
+        return current
+    number = current.number
+    for _ in range(ITERATIONS - 1):
+        if current.stage != last.stage or current.reason or current.stop:
+            break
+        solve_missing(problem, current.batch, threads)
+        current = replace(next_round(problem, current, threads), number=number)
+    return current
+
+
+def is_short(problem: InverseProblem) -> bool:
+    """Whether a simulation takes less than the start of a job: in the plane, by the solver that is a part of this."""
+    mesh = problem.meshes[SEARCH]
+    return problem.settings.solver == BUILTIN and mesh.dim == 2 and len(mesh.points) <= SHORT
