@@ -17,7 +17,7 @@ from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import refit_all, widened
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
-from fingerfit.diagnosis.reservations import by_settings, doubted, largest_part, of_family, traced, untried
+from fingerfit.diagnosis.reservations import by_settings, doubted, elsewhere, largest_part, of_family, traced, untried
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     SEEN,
@@ -128,6 +128,7 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
         run += more
     stiffness = stiffness_map(found.comparison, found.everywhere)
     verdict = by_settings(of_family(verdict, score_test, ranking), score_test, ranking, tests)
+    verdict = elsewhere(verdict, everything.outline)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking))
     untold = found.lacking, untestable(problem)
     return Diagnosis(found.comparison, score_test, ranking, refits, verdict, run, measurements, stiffness, *untold)

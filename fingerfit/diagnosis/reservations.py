@@ -152,6 +152,27 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
     return Verdict("unexplained", (), text, verdict.threshold)
 
 
+def elsewhere(verdict: Verdict, outline: float) -> Verdict:
+    """The verdict, but none on effects where the picture before compression shows another body than the study states.
+
+    That is seen without any model, and whatever is fitted to a body of another shape imitates it.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    outline : float
+        How far a side surely lies from where it is stated, mm; 0 where it does not.
+    """
+    if not outline or verdict.kind == "adequate":
+        return verdict
+    text = (
+        f"unexplained: the picture before compression shows a side of the body {outline:.2g} mm from where body in"
+        " study.yaml has it: correct it, or take body.outline: picture. A body that was pressed, or swelled, before"
+        " that picture looks like this as well"
+    )
+    return Verdict("unexplained", (), text, verdict.threshold, "geometry")
+
+
 def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:
     """The verdict, and in its sentence the effects that were not tried since the solver lacks what they need."""
     if not titles:

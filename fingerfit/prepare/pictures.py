@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.imaging.content import constant, out_of_order, repeated
 from fingerfit.imaging.noise import estimate_noise, noise_of_repeats
+from fingerfit.imaging.outline import Outline, measure_outline
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.imaging.preprocess import noise_after_resizing, resize, scale_of, smooth
 from fingerfit.imaging.warp import backward_map, spline_coefficients
@@ -46,6 +47,8 @@ class Prepared:
         What was done, in words, one step a line.
     remarks : list of str
         What looks wrong in them, in words.
+    elsewhere : dict
+        Sides of the body that the one before compression shows elsewhere than the study has them, and how far out, mm.
     """
 
     before: Picture
@@ -56,6 +59,7 @@ class Prepared:
     smooth: float
     history: str
     remarks: list[str]
+    elsewhere: dict[str, float]
 
 
 def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, crop: float) -> Prepared | None:
@@ -126,6 +130,8 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     for n, picture in enumerate(pictures):
         measured[n] = smooth(prepared(picture).values, sigma)
     empty = _empty(raw, mesh)
+    outline = None if study.body.pictured else outline_of(study, raw)
+    elsewhere = outline.elsewhere if outline is not None else {}
     return Prepared(
         before=Picture(values, raw.spacing, raw.origin, raw.direction),
         coefficients=spline_coefficients(raw.values).astype(values.dtype),
@@ -134,8 +140,18 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
         background=float(np.median(values[empty])) if empty.any() else float(values.min()),
         smooth=sigma,
         history="\n".join(said),
-        remarks=remarks,
+        remarks=remarks + _outline_remarks(study, elsewhere),
+        elsewhere=elsewhere,
     )
+
+
+def outline_of(study: Study, picture: Picture) -> Outline | None:
+    """Where a picture before compression shows the sides of a block; None for other bodies and in space."""
+    body = study.body
+    if body.width is None or picture.dim != 2:
+        return None
+    low, size = np.array(body.origin), np.array([body.width, sum(layer.height or 0.0 for layer in body.layers)])
+    return measure_outline(picture, low, low + size)
 
 
 def covers(mesh: Mesh, picture: Picture) -> np.ndarray:
@@ -242,6 +258,18 @@ def _order_remarks(study: Study, used: list[int], before: Picture, pictures: lis
     return [
         f"{names[0]} at {sizes[0]} is more like {study.before.name} than {names[1]} at {sizes[1]}, by more than noise"
         " explains: are pictures swapped?"
+    ]
+
+
+def _outline_remarks(study: Study, elsewhere: Mapping[str, float]) -> list[str]:
+    if not elsewhere or study.before is None:
+        return []
+    words = ", ".join(
+        f"the {name} one {abs(out):.2g} mm further {'out' if out > 0 else 'in'}" for name, out in elsewhere.items()
+    )
+    return [
+        f"{study.before.name} shows sides of the body elsewhere than body says: {words}; correct width, origin and"
+        " heights, or take body.outline: picture"
     ]
 
 

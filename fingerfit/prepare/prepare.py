@@ -10,11 +10,12 @@ import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.deck.mesh_file import read_mesh
-from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.outline import Outline
+from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.mesh.check import faults_of_mesh
 from fingerfit.mesh.mesh import Mesh
-from fingerfit.prepare.pictures import Prepared, prepare_pictures
+from fingerfit.prepare.pictures import Prepared, outline_of, prepare_pictures
 from fingerfit.prepare.plausible import falls, refuse_depth
 from fingerfit.prepare.points import points_covariance, read_points
 from fingerfit.settings.config import MeshSettings
@@ -46,6 +47,8 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
             settings.grading,
             body.origin,
         )
+        if body.pictured:
+            mesh = replace(mesh, points=_pictured(study).moved(mesh.points))
     elif body.mesh is not None:
         file = body.refined if finer and body.refined else body.mesh
         mesh = _named(read_mesh(file), study, file)
@@ -54,6 +57,17 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
     else:
         raise InputError(study.path, "body", "no shape", "layers with width and height, brick or mesh")
     return mesh
+
+
+def _pictured(study: Study) -> Outline:
+    """The outline of a block as the picture before compression shows it."""
+    expected = "stated, or a picture before compression in the plane that shows the body and what is around it"
+    if study.before is None:
+        raise InputError(study.path, "body.outline", "picture, but no pictures", expected)
+    found = outline_of(study, read_picture(study.before))
+    if found is None or np.isnan(found.outward).all():
+        raise InputError(study.path, "body.outline", f"picture, but {study.before.name} shows no side", expected)
+    return found
 
 
 def _named(mesh: Mesh, study: Study, file: Path) -> Mesh:
@@ -139,7 +153,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     nothing = np.zeros((0,) * mesh.dim)
     if prepared is None:
         place = Picture(nothing, np.ones(mesh.dim), np.zeros(mesh.dim), np.eye(mesh.dim))
-        prepared = Prepared(place, nothing, np.zeros((0, *nothing.shape)), 0.0, 0.0, sigma, "", [])
+        prepared = Prepared(place, nothing, np.zeros((0, *nothing.shape)), 0.0, 0.0, sigma, "", [], {})
         used = []
 
     def column(name: str) -> np.ndarray:
@@ -172,6 +186,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         points_step=points[2],
         force_gain=study.noise.force_gain,
         history=prepared.history,
+        outline=max(map(abs, prepared.elsewhere.values()), default=0.0),
     )
     return replace(data, remarks="\n".join([*prepared.remarks, *falls(data)]))
 

@@ -54,6 +54,8 @@ class Data:
         Standard deviation of a factor common to all measured forces.
     history : str
         What was done to the pictures, in words, one step a line.
+    outline : float
+        How far at most the picture before compression surely shows a side of the body from where it is stated, mm.
     remarks : str
         What looks wrong in the measurements and is no error, one a line.
     """
@@ -82,6 +84,7 @@ class Data:
     frame_noise: float = 0.0
     force_gain: float = 0.0
     history: str = ""
+    outline: float = 0.0
     remarks: str = ""
 
     def save(self, path: Path) -> None:

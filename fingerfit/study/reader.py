@@ -145,7 +145,8 @@ def _body(body: Any, size: float, folder: Path) -> Body:
         return Body(layers, brick=(length, width, height))
     if isinstance(body, BlockKeys):
         x, y = _scaled(body.origin or (0.0, 0.0), size)
-        return Body(layers, body.width * size, (x, y), body.thickness * size)
+        pictured = body.outline == "picture"
+        return Body(layers, body.width * size, (x, y), body.thickness * size, pictured=pictured)
     thick = body.thickness != UNKNOWN
     return Body(
         layers,

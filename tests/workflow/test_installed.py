@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import tarfile
 import zipfile
 from pathlib import Path
 
@@ -61,8 +60,7 @@ def built(tmp_path_factory):
     code = f"import setuptools.build_meta as b; print(b.build_sdist({str(folder)!r}))"
     done = subprocess.run([sys.executable, "-c", code], cwd=source, capture_output=True, text=True)
     sdist = folder / done.stdout.splitlines()[-1]
-    with tarfile.open(sdist) as archive:
-        archive.extractall(folder, filter="data")
+    shutil.unpack_archive(folder / sdist, folder)
     unpacked = folder / sdist.name.removesuffix(".tar.gz")
     command = [sys.executable, "-m", "pip", "wheel", *OFFLINE, "--no-build-isolation", "-w", str(folder), str(unpacked)]
     done = subprocess.run(command, capture_output=True, text=True)
