@@ -49,6 +49,7 @@ fingertip: fast fingertip-data  ## identify both tissues of the virtual fingerti
 benchmark: setup  ## make benchmarks/*.md again: about an hour, needs ccx
 	$(BIN)/python benchmarks/phantom.py
 	$(BIN)/python benchmarks/noise.py
+	$(BIN)/python benchmarks/least_squares.py
 
 setup: .venv/ready  ## make the virtual environment in .venv from the lock file
 

@@ -246,8 +246,8 @@ def profile() -> list[str]:
         *table(["part", "workflow, 2 cores", "one process, 1 core"], rows),
         "",
         f"A round costs {gaps / rounds:.2f} s between jobs and {busy['propose'] / rounds:.2f} s of `propose`. A job of",
-        f"`simulate` takes {spans / count:.2f} s, of which {alone['simulate'] / count:.2f} s",
-        "are the solve: the rest is the start of Python and reading.",
+        f"`simulate` takes {spans / len(jobs['simulate']):.2f} s; a solve on its own {alone['simulate'] / count:.2f} s.",
+        f"There are {len(jobs['simulate'])} such jobs: `propose` solves the other simulations itself.",
     ]
 
 
