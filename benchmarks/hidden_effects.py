@@ -53,7 +53,7 @@ CLEAR: dict[str, dict[str, Any]] = {
     "gradient": {"gradient": {"slope": 0.8}},
     "base_slip": {"base_slip": {"compliance": 15}},
     "indenter_slip": {"indenter_slip": {"compliance": 8}},
-    "fibres": {"fibres": {"stiffness": 0.0004}},
+    "fibres": {"fibres": {"stiffness": 0.011}},
     "relaxation": {"relaxation": {"share": 0.4, "time": 60}},
     "preload": {"preload": {"force": 2}},
     "onset": {"onset": {"offset": 0.06}},

@@ -25,12 +25,13 @@ from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import unmet
 from fingerfit.model.effect import Effect
+from fingerfit.model.laws import LAWS, impossible
 from fingerfit.model.observation import Observation
 from fingerfit.prepare.plausible import refuse_magnitudes
 from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.choices import CONFIG
-from fingerfit.settings.config import MATERIAL, FitSettings, MeshSettings, Settings, impossible, load_settings
+from fingerfit.settings.config import FitSettings, MeshSettings, Settings, load_settings
 from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.study import Study
 
@@ -294,10 +295,10 @@ def _taken(settings: Settings, study: Study, mesh: Mesh, effect: Effect, values:
     """
     known = effects_of(Path(settings.study))
     where, guess = f"effect {effect.name}", {**settings.fixed(), **values}
-    context = deck_context(study, mesh, "mesh", guess, settings.model.material, known)
+    context = deck_context(study, mesh, "mesh", guess, settings.model.material, known, settings.model.law)
     for layer in context["layers"]:
-        for quantity in MATERIAL:
-            if wrong := impossible(where, f"changes.{quantity}", quantity, layer[quantity]):
+        for quantity, constant in LAWS[settings.model.law].items():
+            if wrong := impossible(where, f"changes.{quantity}", constant, layer[quantity]):
                 raise wrong[0]
     increment = float(context["increment"])
     if not 0 < increment <= 1:

@@ -27,6 +27,7 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import CONSTANTS, Effect
 from fingerfit.model.formulas import evaluate
+from fingerfit.model.laws import LAWS, OGDEN
 from fingerfit.model.observation import places
 from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
@@ -38,8 +39,6 @@ STIFFNESS = 12.5
 fitted with. A stress, and a choice (docs/decisions/0017-blocks-and-shares.md)."""
 ESTABLISHED = 0.12
 """Way on which solvers that need it find the contact first, as a share of the indenter's radius: 0.3 mm of 2.5 mm."""
-QUANTITIES = ("mu", *CONSTANTS)
-"""Constants of a layer; a guess or the fixed constants give each, for all layers or as ``mu_top`` for one."""
 
 
 def deck_context(
@@ -49,6 +48,7 @@ def deck_context(
     values: Mapping[str, float],
     material: Mapping[str, float],
     effects: Mapping[str, Effect] | None = None,
+    law: str = OGDEN,
 ) -> dict[str, Any]:
     """Everything that a template may name.
 
@@ -67,13 +67,16 @@ def deck_context(
     effects : mapping, optional
         All effects that templates may name, ours when left out; those whose values are null change nothing. Shares
         become numbers of this study.
+    law : str
+        One of `LAWS`; the guess or the fixed constants give each of its constants, for all layers or as ``mu_top`` for
+        one.
 
     Returns
     -------
     dict
-        ``title, mesh, dim, quadratic, thickness, control, boundary, steps, swells, increment, top, indenter, layers,
-        effects, parts, follows, beside``, ``values`` for templates with parameters of their own, and what templates may
-        call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block, ``areas(set)``,
+        ``title, law, mesh, dim, quadratic, thickness, control, boundary, steps, swells, increment, top, indenter,
+        layers, effects, parts, follows, beside``, ``values`` for templates with parameters of their own, and what
+        templates may call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block, ``areas(set)``,
         ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``, ``nodes(set)``,
         ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a
         sphere that touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of
@@ -84,7 +87,7 @@ def deck_context(
     check_blocks(present)
     indenter = int(mesh.node_sets["INDENTER"][0])
     layers = [
-        _layer(number, len(study.layer_names), name, values, material, present)
+        _layer(number, len(study.layer_names), name, values, material, present, law)
         for number, name in enumerate(study.layer_names, 1)
     ]
     increment = _changed("increment", 1.0, {}, present, values)
@@ -92,6 +95,7 @@ def deck_context(
     numbers = itertools.count(TWINS)  # of one part after the other
     return {
         "title": study.title,
+        "law": law,
         "mesh": mesh_name,
         "dim": mesh.dim,
         "quadratic": quadratic(mesh),
@@ -178,9 +182,10 @@ def _layer(
     values: Mapping[str, float],
     material: Mapping[str, float],
     present: list[Effect],
+    law: str,
 ) -> dict[str, Any]:
     found: dict[str, float] = {}
-    for quantity in QUANTITIES:
+    for quantity in LAWS[law]:
         for source, key in (
             (values, f"{quantity}_{name}"),
             (values, quantity),
@@ -194,7 +199,7 @@ def _layer(
             raise InputError(
                 "config", f"model.material.{quantity}", "nothing", f"a value of {quantity} for layer {name}"
             )
-    for quantity in CONSTANTS:
+    for quantity in (quantity for quantity in CONSTANTS if quantity in found):
         found[quantity] = float(
             _changed(quantity, found[quantity], {"number": number, "layers": count}, present, values)
         )

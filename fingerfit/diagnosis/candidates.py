@@ -11,6 +11,7 @@ from fingerfit.fit.rounds import Asked
 from fingerfit.forward.decks import with_effect
 from fingerfit.model.applicable import not_measured, unmet
 from fingerfit.model.effect import CONSTANTS, OBSERVATION, Effect
+from fingerfit.model.laws import foreign
 
 RIVALS = "only one of two effects that replace the same block of the deck"
 
@@ -49,7 +50,7 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     for effect in problem.effects.values():
         if effect.name in problem.settings.model.effects or unmet(effect, study, problem.meshes[SEARCH].dim, refined):
             continue
-        if _is_fitted(effect, problem) or _rivals(effect, problem):
+        if _is_fitted(effect, problem) or _rivals(effect, problem) or foreign(effect, problem.settings.model.law):
             continue
         for place in effect.places():
             asked = []

@@ -12,9 +12,10 @@ from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import cure_of, unmet
 from fingerfit.model.effect import NUMERICS, Effect
+from fingerfit.model.laws import LAWS, foreign
 from fingerfit.search.stages import LEAST_SQUARES
 from fingerfit.settings.bound import effects_of
-from fingerfit.settings.config import CONFIG, MATERIAL, MeshSettings, Settings, too_long
+from fingerfit.settings.config import CONFIG, MeshSettings, Settings, too_long
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
 from fingerfit.study.study import Study
@@ -43,7 +44,7 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
                 expected = "a layer of the study: " + ", ".join(layers)
                 problems.append(InputError(where, f"model.{group}.{name}", f"layer {layer}", expected))
     given = {**model.material, **model.parameters}
-    for quantity in (quantity for quantity in MATERIAL if quantity not in strange):
+    for quantity in (quantity for quantity in LAWS[model.law] if quantity not in strange):
         without = [layer for layer in layers if quantity not in given and f"{quantity}_{layer}" not in given]
         if without:
             expected = f"a value of {quantity} for " + (", ".join(without) if without != layers else "the layers")
@@ -97,6 +98,9 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
         lacking = unmet(effect, study, mesh.dim, settings.finer(study))
         if effect.acts == NUMERICS:
             problems.append(InputError(where, field, "an effect that is no part of a model", cure_of(effect)[1]))
+        elif foreign(effect, settings.model.law):
+            found = f"{effect.name}, which changes what law {settings.model.law} does not have"
+            problems.append(InputError(where, field, found, "an effect beside this law, or law: ogden"))
         elif lacking:
             found = f"{effect.name}, which needs {' and '.join(lacking)}"
             problems.append(InputError(where, field, found, f"an effect that makes sense in {study.path}"))

@@ -45,7 +45,7 @@ def make_deck(
     """
     included = f"../../meshes/{mesh_name}.inp"
     everything = {**settings.fixed(effects), **values}
-    context = deck_context(study, mesh, included, everything, settings.model.material, effects)
+    context = deck_context(study, mesh, included, everything, settings.model.material, effects, settings.model.law)
     return render_deck(settings.model.template, context, template_folders(Path(settings.study)))
 
 

@@ -16,6 +16,7 @@ from fingerfit.core.files import read_json
 from fingerfit.core.plain import from_plain, to_plain
 from fingerfit.model.catalogue import chosen, wrong_numbers
 from fingerfit.model.effect import Effect, EffectParameter
+from fingerfit.model.laws import LAWS
 from fingerfit.model.parameters import Parameter
 from fingerfit.search import Plan, Stage
 from fingerfit.study.study import Body, Chain, Layer, Noise, Step, Study
@@ -23,8 +24,6 @@ from fingerfit.study.study import Body, Chain, Layer, Noise, Step, Study
 CONFIG = "config.yaml"
 KNOWN = "known"
 """Key of what the workflow read of the study beside the settings of a model."""
-MATERIAL = ("mu", "alpha", "poisson")
-"""Constants of a material; ``mu_top`` is that of one layer."""
 WIDE = 100.0
 """Ratio of bounds from which a number that an effect scans is searched in the logarithm: times."""
 
@@ -124,7 +123,7 @@ class Choices:
         if isinstance(stage.tied, list):
             return list(dict.fromkeys(stage.tied))
         quantities = [quantity_of(name) for name in self.model.parameters]
-        wanted = stage.tied or min(quantities, key=MATERIAL.index)
+        wanted = stage.tied or min(quantities, key=list(LAWS[self.model.law]).index)
         return [name for name, own in zip(self.model.parameters, quantities, strict=True) if own == wanted]
 
     def plan(self: Any) -> Plan:

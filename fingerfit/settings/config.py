@@ -14,9 +14,10 @@ from pydantic_core import PydanticCustomError
 from fingerfit.core.described import Described, described, models_in
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.keys import read_yaml, unknown_key
+from fingerfit.model.laws import LAWS, impossible
 from fingerfit.model.parameters import round_value
 from fingerfit.search.stages import EQUAL, GRID
-from fingerfit.settings.choices import CONFIG, MATERIAL, Choices, Model, quantity_of
+from fingerfit.settings.choices import CONFIG, Choices, Model, quantity_of
 
 PLAIN = r"^[\w./+@~:,=-]+$"
 """Paths and names that need no quotes in a shell and are no patterns to Snakemake."""
@@ -24,14 +25,6 @@ RUNS = "runs"
 """Key of a config.yaml with several models."""
 NAME = 255
 """Bytes of a file's name that Linux's file systems have."""
-UNITS = {"mu": "MPa", "alpha": "1", "poisson": "1"}
-EXPONENT = math.floor(math.log(sys.float_info.max))
-"""Largest exponent of Ogden's law, either way: its powers of a stretch of e, or of its reciprocal, stay in double
-precision, since e^709 does."""
-FLAT = sys.float_info.epsilon**0.25
-"""Smallest one: the law's energy is a difference of powers near 1, known to epsilon, over the square of the exponent.
-At this one half of its digits are left; an exponent of 0 stands for a law that is not Ogden's."""
-LIMITS = {"mu": (0.0, math.inf), "alpha": (-float(EXPONENT + 1), float(EXPONENT + 1)), "poisson": (-1.0, 0.5)}
 RATIO = 1 / sys.float_info.epsilon
 """Largest over smallest mu of one search: the condition of a stiffness matrix is no better than the ratio of the moduli
 in it, and beyond this one no digit of the softer part's displacements is left. A body of one mu would not move in any
@@ -84,7 +77,7 @@ class MeshSettings(_Strict):
 class ParameterSettings(_Strict):
     """A constant to be identified."""
 
-    unit: Literal["MPa", "1"] = Field(description="Unit: MPa for mu, 1 for alpha and poisson.")
+    unit: Literal["MPa", "1"] = Field(description="Unit: MPa for mu, 1 for all other constants.")
     start: float = Field(description="Where the search starts.")
     lower: float = Field(description="Lower bound.")
     upper: float = Field(description="Upper bound.")
@@ -99,9 +92,14 @@ class ModelSettings(Model, _Strict):
         default="block.inp.j2",
         description="Deck template, looked up in the study's folder, then in templates/.",
     )
+    law: Literal["ogden", "ogden2", "neo_hooke", "mooney_rivlin", "yeoh"] = Field(
+        default="ogden",
+        description="Hyperelastic law of all layers. Constants: mu and poisson of each; alpha of ogden; alpha, share,"
+        " alpha2 of ogden2; share of mooney_rivlin; c2, c3 of yeoh.",
+    )
     material: dict[str, float] = Field(
         default_factory=dict,
-        description="Fixed constants: mu (MPa), alpha, poisson, for all layers, or for one as alpha_top.",
+        description="Fixed constants of the law: mu (MPa), alpha, poisson, for all layers, or for one as alpha_top.",
     )
     mesh: MeshSettings | None = Field(
         default=None, description="Mesh of the search; not allowed when the study brings a mesh."
@@ -111,7 +109,7 @@ class ModelSettings(Model, _Strict):
         description="Finer mesh of the last steps: it gives the estimate, and the difference tells the error left.",
     )
     parameters: dict[str, ParameterSettings] = Field(
-        min_length=1, description="What is identified: mu, alpha or poisson, or for one layer as mu_top."
+        min_length=1, description="What is identified: constants of the law, such as mu, or of one layer, as mu_top."
     )
     effects: dict[str, dict[str, float]] = Field(
         default_factory=dict,
@@ -254,27 +252,29 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
         get_solver(settings.solver)
     except FingerfitError as error:
         problems.append(FingerfitError(f"{where}: {error}"))
+    law = settings.model.law
+    constants = LAWS[law]
     for name, p in settings.model.parameters.items():
         field = f"model.parameters.{name}"
-        quantity = name.partition("_")[0]
-        if not _is_constant(name):
-            problems.append(unknown_key(where, "model.parameters.", name, MATERIAL))
-        elif p.unit != UNITS[quantity]:
-            problems.append(InputError(where, f"{field}.unit", p.unit, UNITS[quantity]))
+        quantity = quantity_of(name)
+        if not _is_constant(name, law):
+            problems.append(unknown_key(where, "model.parameters.", name, tuple(constants)))
+        elif p.unit != constants[quantity].unit:
+            problems.append(InputError(where, f"{field}.unit", p.unit, constants[quantity].unit))
         elif not p.lower <= p.start <= p.upper or round_value(p.lower) == round_value(p.upper):
             problems.append(InputError(where, field, f"start {p.start:g}", f"{p.lower:g} to {p.upper:g}, the bounds"))
         elif p.log and p.lower <= 0:
             problems.append(InputError(where, f"{field}.lower", p.lower, "above 0, for a search in the logarithm"))
         else:
-            problems += impossible(where, f"{field}.lower", quantity, p.lower)
-            problems += impossible(where, f"{field}.upper", quantity, p.upper)
-            if quantity == "alpha" and p.lower < 0 < p.upper:
+            problems += impossible(where, f"{field}.lower", constants[quantity], p.lower)
+            problems += impossible(where, f"{field}.upper", constants[quantity], p.upper)
+            if constants[quantity].least and p.lower < 0 < p.upper:
                 problems.append(InputError(where, field, f"{p.lower:g} to {p.upper:g}", "bounds without 0 between"))
     for name, value in settings.model.material.items():
-        if not _is_constant(name):
-            problems.append(unknown_key(where, "model.material.", name, MATERIAL))
+        if not _is_constant(name, law):
+            problems.append(unknown_key(where, "model.material.", name, tuple(constants)))
         else:
-            problems += impossible(where, f"model.material.{name}", name.partition("_")[0], value)
+            problems += impossible(where, f"model.material.{name}", constants[quantity_of(name)], value)
     problems += [
         InputError(where, f"model.material.{name}", "a constant that is fitted, too", "no such key, or no parameter")
         for name in settings.model.material
@@ -350,16 +350,6 @@ def _wrong_stages(settings: Settings, where: Path | str) -> list[FingerfitError]
     return problems
 
 
-def _is_constant(name: str) -> bool:
+def _is_constant(name: str, law: str) -> bool:
     quantity, joint, layer = name.partition("_")
-    return quantity in MATERIAL and bool(joint) == bool(layer)
-
-
-def impossible(where: Path | str, field: str, quantity: str, value: float) -> list[FingerfitError]:
-    """A problem where a constant of a material has a value that it cannot have."""
-    low, high = LIMITS[quantity]
-    if low < value < high and not (quantity == "alpha" and abs(value) < FLAT):
-        return []
-    sizes = f"not 0: {FLAT:.2g} to {EXPONENT}, or as far below 0"
-    expected = {"mu": "above 0", "alpha": sizes, "poisson": "between -1 and 0.5"}[quantity]
-    return [InputError(where, field, f"{value:g}", expected)]
+    return quantity in LAWS[law] and bool(joint) == bool(layer)

@@ -17,9 +17,9 @@ from fingerfit.deck.context import compressibility
 from fingerfit.deck.render import is_template
 from fingerfit.fit.check import wrong_element
 from fingerfit.model.catalogue import catalogue, wrong_numbers
+from fingerfit.model.laws import LAWS, OGDEN, impossible
 from fingerfit.model.scales import bound, extent
 from fingerfit.prepare.plausible import HEIGHT, too_deep
-from fingerfit.settings.config import impossible
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.study import wrong_name
 from fingerfit.virtual.keys import (
@@ -103,7 +103,7 @@ def _cross_check(given: Any, path: Path) -> list[FingerfitError]:
         problems += _body_problems(given.body, path)
     if there("material"):
         for name in ("alpha", "poisson"):
-            problems += impossible(path, f"material.{name}", name, getattr(given.material, name))
+            problems += impossible(path, f"material.{name}", LAWS[OGDEN][name], getattr(given.material, name))
     if there("body", "material") and not problems:
         problems += _modulus_problems(given, path)
     if there("body", "mesh", "solver") or there("solver"):

@@ -28,7 +28,7 @@ CASES = {
 }
 MORE = {
     "wall": ("indenter", {"wall": {"share": 0.9, "gap": 0.3, "side": 1}}, {"wall"}, {}),
-    "fibres": ("material", {"fibres": {"stiffness": 0.02, "angle": 35}}, {"fibres"}, {}),
+    "fibres": ("material", {"fibres": {"stiffness": 0.45, "angle": 35}}, {"fibres"}, {}),
     "ellipse": (
         "structure",
         {"ellipse": {"contrast": 1.0, "across": 0.4, "along": 0.6, "radius": 2.5, "flat": 0.5, "slant": 0.8}},
