@@ -236,7 +236,7 @@ def profile() -> list[str]:
         ["end", f"{wall - last:.1f} s", ""],
         ["**all**", f"**{wall:.1f} s**", f"**{sum(alone.values()):.1f} s**"],
     ]
-    spans = sum(b - a for a, b in jobs["simulate"])
+    spans, solved = sum(b - a for a, b in jobs["simulate"]), len(jobs["simulate"])
     return [
         "## Where the time goes",
         "",
@@ -246,8 +246,8 @@ def profile() -> list[str]:
         *table(["part", "workflow, 2 cores", "one process, 1 core"], rows),
         "",
         f"A round costs {gaps / rounds:.2f} s between jobs and {busy['propose'] / rounds:.2f} s of `propose`. A job of",
-        f"`simulate` takes {spans / len(jobs['simulate']):.2f} s; a solve on its own {alone['simulate'] / count:.2f} s.",
-        f"There are {len(jobs['simulate'])} such jobs: `propose` solves the other simulations itself.",
+        f"`simulate` takes {spans / solved:.2f} s; a solve on its own {alone['simulate'] / count:.2f} s.",
+        f"There are {solved} such jobs: `propose` solves the other simulations itself.",
     ]
 
 
