@@ -165,3 +165,63 @@ def test_long_simulations_are_jobs_of_their_own(cluster, here, tmp_path):
     assert sum("rule_simulate" in comment for comment in comments) == simulations > 2
     assert not any("rule_study" in comment for comment in comments)
     same(files(tmp_path), files(here))
+
+
+@pytest.fixture(scope="module")
+def troubled(cluster, here, tmp_path_factory):
+    """Three studies and a damaged one in a queue that is full, whose jobs are cancelled, ended and lose their node."""
+    place = tmp_path_factory.mktemp("troubled")
+    names = ("cancelled", "late", "damaged")
+    copied(here, place, *names)
+    picture = sorted((place / "studies/damaged/pictures").iterdir())[-1]
+    picture.write_bytes(picture.read_bytes()[:200])
+    first = len(cluster.jobs())
+    sleep = ("sbatch", "--parsable", "--exclusive", "--output=/dev/null", "--wrap", "sleep 3600")
+    other = cluster.ask(*sleep).stdout.strip()
+    seen = {}
+
+    def jobs(name, state):
+        return [job for job in cluster.jobs(state) if int(job[0]) > first and f"results_{name}" in job[2]]
+
+    with started(cluster, place, SLURM) as running:
+        seen["waiting"] = wait(cluster, lambda: all(found := [jobs(name, "PENDING") for name in names]) and found)
+        cluster.ask("scancel", other)
+        numbers = {name: seen["waiting"][n][0][0] for n, name in enumerate(names[:2])}
+        for name, number in numbers.items():
+            wait(cluster, (place / f"results/{name}/base/rounds/0.json").exists)
+            cluster.ask("scancel", "--full", "--signal=STOP", number)  # its end is not told: it hangs until it is ended
+        cluster.ask("scancel", numbers["cancelled"])
+        cluster.ask("scontrol", "update", f"JobId={numbers['late']}", "EndTime=now+1seconds")
+        seen["states"] = [
+            wait(cluster, lambda: jobs("cancelled", "CANCELLED")),
+            wait(cluster, lambda: jobs("late", "TIMEOUT")),
+        ]
+        # the job that comes in its place loses its node
+        again = wait(cluster, lambda: jobs("late", "RUNNING"))
+        cluster.node_down()
+        seen["lost"] = wait(cluster, lambda: [job for job in jobs("late", "PENDING") if job[0] == again[0][0]])
+        cluster.node_up()
+        seen["code"] = running.wait(PATIENCE)
+    seen["said"] = (place / "said").read_text()
+    return place, seen
+
+
+def test_a_full_queue_is_waited_for(troubled):
+    assert len(troubled[1]["waiting"]) == 3
+
+
+@pytest.mark.parametrize("name", ["cancelled", "late"])
+def test_a_job_that_was_cancelled_ended_or_lost_its_node_goes_on(troubled, here, name):
+    place, seen = troubled
+    assert all(seen["states"]) and seen["lost"]
+    same(files(place, name), files(here))
+
+
+def test_a_study_that_fails_stops_no_other_one(troubled):
+    place, seen = troubled
+    assert seen["code"] == 1
+    assert not (place / "results/damaged/base/estimate.json").exists()
+    assert "studies/damaged/pictures/step_1.nii.gz: picture: found gzip that ends in the middle" in seen["said"]
+    assert "Traceback" not in seen["said"]
+    for name in ("cancelled", "late"):
+        assert f"table: results/{name}/base/table.txt" in seen["said"]
