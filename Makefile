@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help run test test-all fast fingertip fingertip-data fingertip-coarse benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp benchmark-faults setup lint clean
+.PHONY: help run test test-all fast cluster fingertip fingertip-data fingertip-coarse benchmark benchmark-solver benchmark-indentation benchmark-hidden benchmark-warp benchmark-faults setup lint clean
 
 PYTHON ?= python3
 CORES ?= 2
@@ -41,6 +41,12 @@ fast: .venv/fast  ## install PARDISO (650 MB): large systems in space in a fract
 
 .venv/fast: .venv/ready requirements-fast.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-fast.lock
+	touch $@
+
+cluster: .venv/cluster  ## install what runs studies on SLURM (docs/cluster.md)
+
+.venv/cluster: .venv/ready requirements-cluster.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-cluster.lock
 	touch $@
 
 fingertip: fast fingertip-data  ## identify both tissues of the virtual fingertip: 10 minutes

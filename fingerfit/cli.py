@@ -80,7 +80,9 @@ def _add_start(command: Command) -> None:
     sub.add_argument("--diagnose", action="store_true", help="then say which effect the model lacks, and write a page")
     sub.add_argument("--export", action="store_true", help="then write tables and fields for other programs")
     sub.add_argument("--cores", type=_count, help="processors (all)")
-    sub.usage = "fingerfit run [STUDY] [--config FILE] [--diagnose] [--export] [--cores N] [-- OPTIONS OF SNAKEMAKE]"
+    sub.add_argument("--profile", default="default", help="slurm for a cluster, or the folder of a profile (default)")
+    options = "[--config FILE] [--diagnose] [--export] [--cores N] [--profile NAME]"
+    sub.usage = f"fingerfit run [STUDY] {options} [-- OPTIONS OF SNAKEMAKE]"
 
     sub = command("open", "show the page of a study in the browser", "fingerfit open studies/phantom")
     sub.add_argument("study", type=Path, nargs="?", help="folder of the study (the one that config.yaml names)")

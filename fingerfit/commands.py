@@ -269,7 +269,7 @@ def run(args: argparse.Namespace) -> None:
             raise InputError(args.study, "settings", source, f"{args.study / 'config.yaml'}, or --config FILE")
     read_yaml(config)  # a file that is not there is told in one line
     goals = [name for name in ("diagnose", "export") if getattr(args, name)]
-    line = command(goals, config, args.cores, args.more)
+    line = command(goals, config, args.cores, args.more, args.profile)
     sys.stdout.flush()
     os.execv(line[0], line)
 

@@ -135,6 +135,29 @@ def read_picture(path: Path) -> Picture:
     return Picture(values, spacing, origin, direction)
 
 
+def shape_of(path: Path) -> tuple[int, ...]:
+    """Pixels along each axis of a picture, x first, from its header alone.
+
+    Raises
+    ------
+    InputError
+        When there is no such picture or no header in it.
+    """
+    import SimpleITK as sitk
+
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    check_files(path)
+    files = _series(path) if path.is_dir() else [str(path)]
+    reader = sitk.ImageFileReader()
+    reader.SetFileName(files[0])
+    try:
+        reader.ReadImageInformation()
+    except RuntimeError as error:
+        raise InputError(path, "picture", "no header", "a picture that SimpleITK reads") from error
+    size: tuple[int, ...] = reader.GetSize()
+    return (*size[:2], len(files)) if path.is_dir() else size
+
+
 def _read_image(path: Path) -> Any:
     """What SimpleITK reads of a file or folder that is whole and fits into the memory."""
     import SimpleITK as sitk

@@ -20,7 +20,10 @@ _BEFORE = re.compile(
 SMALL = 1 << 20
 """Bytes that are left on a disk where results no longer fit: those of the smallest studies are of this size."""
 _DUMPS = ("RuleException:", "Exiting because a job execution failed", "WorkflowError:\nAt least one job")
-_ASIDE = ("Workflow defines that rule", "Assuming unrestricted shared filesystem")
+_ASIDE = (
+    *("Workflow defines that rule", "Assuming unrestricted shared filesystem"),
+    *("No SLURM account given", "No account was given", "Unable to guess SLURM account"),
+)
 """Beginnings of messages that say what is right for nearly everybody."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import IO, Any
 
@@ -12,6 +13,7 @@ from fingerfit.core.contents import Contents
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import digest, read_record
 from fingerfit.provenance import results, stages
+from fingerfit.provenance.size import Size, size_of
 from fingerfit.settings.config import CONFIG, RUNS, Settings
 from fingerfit.settings.runs import load_runs
 
@@ -44,6 +46,11 @@ class Run:
         self.refined = stages.has_refined(settings)
         self.waits = False  # for the estimate of the model below, which another run of the same call makes
         self._known: tuple[str, Settings, Parts] | None = None
+
+    @cached_property
+    def size(self) -> Size:
+        """What the memory and the time of its jobs follow from."""
+        return size_of(self.settings)
 
     def given(self) -> str:
         """The settings as JSON: what `fingerfit settings` is called with."""
@@ -111,7 +118,7 @@ class Run:
         results.in_order(self.settings)
 
 
-def planned(config: Mapping[str, Any], where: Path | str = CONFIG) -> list[Run]:
+def planned(config: Mapping[str, Any], where: Path | str = CONFIG, study: str | None = None) -> list[Run]:
     """All models of a config.yaml, checked; nothing is written.
 
     Parameters
@@ -120,6 +127,8 @@ def planned(config: Mapping[str, Any], where: Path | str = CONFIG) -> list[Run]:
         What was read.
     where : Path or str
         Named in errors.
+    study : str or None
+        The folder of results of the only study whose models are wanted.
 
     Raises
     ------
@@ -130,11 +139,17 @@ def planned(config: Mapping[str, Any], where: Path | str = CONFIG) -> list[Run]:
     runs: list[Run] = []
     contents: dict[str, Contents] = {}
     for n, settings in enumerate(load_runs(config, where)):
+        if study and str(results.study_folder(settings)) != study:
+            continue
         here = f"{where}: {RUNS}.{n}" if RUNS in config else where
         stages.check_model(settings, here)
         known = contents.setdefault(settings.results, Contents(Path(settings.results) / results.MARK))
         runs.append(Run(settings, here, known))
         _refuse_same_place(runs)
+    if not runs:
+        raise InputError(
+            where, RUNS, f"nothing with results in {study}", "a study of that name, as FINGERFIT_STUDY says"
+        )
     for run in runs:
         run.waits = run.below in {other.folder for other in runs}
         for which in ("settings", "code", "made_from"):

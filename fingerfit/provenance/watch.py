@@ -15,6 +15,8 @@ from fingerfit.core.progress import Progress, in_words
 from fingerfit.fit.rounds import Round
 
 _ROUND = re.compile(r"/rounds/\d+\.json$")
+_SENT = ".sent"
+"""Ending of the mark of a job that fits a whole study on a cluster."""
 _NOTHING = "Nothing to be done"
 
 
@@ -56,6 +58,8 @@ class Watch(logging.Handler):
             self._progress.stop()  # it has a bar of its own
         elif output.endswith("solution.npz"):
             self._progress.show("simulate", self._solved, self._asked or None)
+        elif output.endswith(_SENT):
+            self._tell_sent(output, "sent to the cluster")
         elif not _ROUND.search(output):
             self._progress.show(rule)
 
@@ -64,11 +68,17 @@ class Watch(logging.Handler):
             self._seconds.append(time.monotonic() - began)
             self._solved += 1
             self._progress.show("simulate", self._solved, self._asked or None)
+        elif output.endswith(_SENT):
+            self._tell_sent(output, f"finished after {in_words(time.monotonic() - began)}")
         elif _ROUND.search(output):
             try:
                 self._tell(Path(output), Round.load(Path(output)))
             except FingerfitError:
                 return  # who reads it next says what is wrong with it
+
+    def _tell_sent(self, output: str, what: str) -> None:
+        now = in_words(time.monotonic() - self._progress.began)
+        self._progress.line(f"{now:>8}  {Path(output).parent}: {what}; log: {output.removesuffix(_SENT)}.log")
 
     def _tell(self, path: Path, current: Round) -> None:
         sims = path.parents[2] / "sims"

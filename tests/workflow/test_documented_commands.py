@@ -90,6 +90,7 @@ SESSIONS = {
     ],
     "tests": ["make test", "> make test-all"],
     "fast": ["make fast"],
+    "cluster": ["make cluster"],
     "run": ["make run"],
     "study": [
         "source .venv/bin/activate",
@@ -168,6 +169,10 @@ ELSEWHERE = {
     "pip install ./fingerfit": (INSTALLED, ('"-m", "pip", "wheel"', '"install", *OFFLINE')),
     "snakemake --cores 2 results/subject2/coarse/table.txt": (
         "tests/workflow/test_runs.py", ('run(place, f"{FOLDERS[1]}/table.txt")',)
+    ),
+    "fingerfit run --profile slurm": ("tests/cluster/test_cluster.py", ('"--profile", "slurm"',)),
+    "snakemake --workflow-profile workflow/profiles/slurm": (
+        "tests/cluster/test_cluster.py", ('"--workflow-profile", str(ROOT / "workflow/profiles/slurm")',)
     ),
     "make fingertip": (FINGERTIP, (CONFIGFILE,)),
     "make benchmark": ("benchmarks/phantom.md", ("Made by `benchmarks/phantom.py` (`make benchmark`)",)),
@@ -286,8 +291,9 @@ def test_a_session_of_commands(project, name):
         pytest.skip("this Python is not in a virtual environment, as `make setup` makes it")
     if name in ("experiment", "calculix") and shutil.which("ccx") is None:
         pytest.skip("CalculiX (ccx) is not installed: .ci/run installs it")
-    if name == "fast" and importlib.util.find_spec("pypardiso") is None:
-        pytest.skip("pypardiso, which it installs, is not here, and tests use no network")
+    package = {"fast": "pypardiso", "cluster": "snakemake_executor_plugin_slurm"}.get(name)
+    if package and importlib.util.find_spec(package) is None:
+        pytest.skip(f"{package}, which it installs, is not here, and tests use no network")
     lines = ["set -euo pipefail"]
     for line in SESSIONS[name]:
         for place, own in PLACES.items():

@@ -12,7 +12,8 @@ from fingerfit.core.folders import CLONE, PACKAGE
 from fingerfit.core.progress import Progress
 from fingerfit.fit.rounds import Walk
 from fingerfit.provenance import runs
-from fingerfit.provenance.failures import Failures
+from fingerfit.provenance.failures import MARK, Failures
+from fingerfit.provenance.size import LONG
 from fingerfit.provenance.watch import Watch, heard_by
 
 # jobs run the Python and the fingerfit that read this, or those of a conda environment and this fingerfit
@@ -25,7 +26,7 @@ CONFIG = Path((workflow.configfiles or ["config.yaml"])[-1])
 # targets are not known before the rules are
 DISCOVERS = "discover" in sys.argv
 try:
-    RUNS = runs.planned(config, CONFIG)
+    RUNS = runs.planned(config, CONFIG, os.getenv("FINGERFIT_STUDY"))
     DAMAGED = runs.damaged(RUNS) if workflow.is_main_process and workflow.output_settings.dryrun else []
 except FingerfitError as error:
     raise WorkflowError(str(error))
@@ -42,7 +43,9 @@ if DAMAGED:
 PROGRESS = Progress()
 if workflow.is_main_process and workflow.modifier.is_main_snakefile():
     QUIET = {"RULES", "ALL"} & {about.name for about in workflow.output_settings.quiet or ()}
-    FAILURES = Failures(partial(print, file=sys.stderr, flush=True))
+    # of a job of a cluster the log holds what is said: it is read as the logs of other jobs are
+    say = partial(print, MARK.rstrip()) if os.getenv("FINGERFIT_STUDY") else print
+    FAILURES = Failures(partial(say, file=sys.stderr, flush=True))
     if QUIET:
         for handler in list(logger.handlers):
             handler.addFilter(FAILURES.shown)
@@ -52,6 +55,10 @@ if workflow.is_main_process and workflow.modifier.is_main_snakefile():
 
 BY_FOLDER = {run.folder: run for run in RUNS}
 STUDIES = list(dict.fromkeys(run.study for run in RUNS))
+# what a study that is sent to a cluster may be asked for beside its fit
+GOALS = ("diagnose", "export")
+# marks of the jobs that this call sends
+SENT = set()
 # locks of the results that this call works on, until it ends
 HELD = {}
 
@@ -68,6 +75,7 @@ wildcard_constraints:
     round=r"\d+",
     sim=r"[0-9a-f]{20}",
     figure="force|search|deformed_mesh|pictures",
+    goals=r"fit|[\w+]+",
 
 
 def runs_now():
@@ -89,6 +97,57 @@ def run_of(wildcards):
         elif one and one.folder not in HELD and workflow.is_main_process and workflow.dryrun:
             HELD[one.folder] = one.in_order()
     return run
+
+
+def runs_of(study):
+    """The models of a study."""
+    return [run for run in RUNS if run.study == study]
+
+
+def memory(simulations=1, pictures=True):
+    """A resource: MB of a job, more with each attempt; see `fingerfit.provenance.size.Size.memory`."""
+
+    def needed(wildcards, attempt):
+        return attempt * max(run.size.memory(simulations, pictures) for run in runs_of(wildcards.study))
+
+    return needed
+
+
+def minutes(stage):
+    """A resource: time after which a cluster may end a job, longer with each attempt."""
+
+    def needed(wildcards, attempt):
+        models = runs_of(wildcards.study) if stage == "study" else runs_of(wildcards.study)[:1]
+        return attempt * sum(run.size.minutes(stage) for run in models)
+
+    return needed
+
+
+def sent(study):
+    """Whether one job of a cluster fits a study as a whole: its simulations are too short for jobs of their own."""
+    return not workflow.local_exec and max(run.size.simulation for run in runs_of(study)) < LONG
+
+
+def job_by_job(study, files):
+    """Files of a goal, as an input: none of a study that is sent as a whole. A module has them all."""
+    return (lambda wildcards: [] if sent(study) else files) if workflow.modifier.is_main_snakefile() else files
+
+
+def studies_sent(wildcards):
+    """The jobs that fit whole studies; they are asked for all goals of this call at once."""
+    goals = "+".join(goal for goal in GOALS if goal in workflow.dag_settings.targets) or "fit"
+    marks = [f"{study}/{goals}.sent" for study in STUDIES if sent(study)]
+    for mark in marks:
+        if mark not in SENT and runs_now():
+            SENT.add(mark)
+            Path(mark).unlink(missing_ok=True)  # of a call before: the job finds out what is left to do
+    return marks
+
+
+def options_given(wildcards):
+    """What of this call's settings the workflow of a job must be told beside the last settings file."""
+    files, settings = workflow.configfiles[:-1], workflow.config_settings.config_args
+    return [*(["--configfile", *files, CONFIG] if files else []), *(["--config", *settings] if settings else [])]
 
 
 def part(stage, which):
@@ -145,8 +204,8 @@ def time_limit(wildcards):
 
 
 def solves_inside(wildcards):
-    """Whether jobs of rounds solve short simulations: those of a cache that is shared have jobs of their own."""
-    return int(not workflow.output_file_cache)
+    """Whether jobs of rounds solve short simulations: not on a cluster's login node, nor those of a shared cache."""
+    return int(workflow.local_exec and not workflow.output_file_cache)
 
 
 def solution(study, sim):
@@ -221,7 +280,7 @@ def fitted(run):
 
 def walked(run):
     """All rounds of a model and their solutions, as an input of its own: models do not wait for each other."""
-    return lambda wildcards: rounds_and_solutions(run)
+    return lambda wildcards: [] if sent(run.study) else rounds_and_solutions(run)
 
 
 def top(study):

@@ -21,7 +21,8 @@ rule diagnose_model:
         "../envs/fingerfit.yaml"
     threads: 2
     resources:
-        mem_mb=2000,
+        mem_mb=memory(2),
+        runtime=minutes("diagnose_model"),
         time_limit=time_limit,
     params:
         settings=part("diagnose", "settings"),
@@ -55,7 +56,8 @@ rule ladder:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=memory(),
+        runtime=minutes("ladder"),
     params:
         settings=part_of_top("ladder", "settings"),
         code=part_of_top("ladder", "code"),

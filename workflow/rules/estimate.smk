@@ -21,7 +21,8 @@ rule estimate:
         "../envs/fingerfit.yaml"
     threads: 2
     resources:
-        mem_mb=1000,
+        mem_mb=memory(2),
+        runtime=minutes("estimate"),
     params:
         settings=part("estimate", "settings"),
         code=part("estimate", "code"),
@@ -56,7 +57,8 @@ rule plot:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=memory(),
+        runtime=minutes("plot"),
     params:
         code=part("plot", "code"),
         made_from=part("plot", "made_from"),

@@ -14,7 +14,8 @@ rule export_model:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=memory(),
+        runtime=minutes("export_model"),
     params:
         code=part("export", "code"),
         made_from=part("export", "made_from"),

@@ -14,7 +14,7 @@ rule settings:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=500,
     params:
         given=given,
         text=settings_text,
@@ -37,7 +37,8 @@ rule prepare:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=memory(),
+        runtime=minutes("prepare"),
     params:
         settings=part("prepare", "settings"),
         code=part("prepare", "code"),
@@ -59,7 +60,8 @@ rule refine:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=memory(),
+        runtime=minutes("refine"),
     params:
         settings=part("prepare", "settings"),
         code=part("prepare", "code"),

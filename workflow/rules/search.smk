@@ -17,7 +17,8 @@ checkpoint propose:
         "../envs/fingerfit.yaml"
     threads: 2
     resources:
-        mem_mb=1000,
+        mem_mb=memory(2),
+        runtime=minutes("propose"),
         # no param: where a simulation is solved changes no answer
         solve=solves_inside,
     params:
@@ -47,7 +48,8 @@ rule simulate:
         "../envs/fingerfit.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=memory(1, False),
+        runtime=minutes("simulate"),
         # no param: another limit gives no other answer, and must not solve anything again; 0: the solver's own
         time_limit=time_limit,
     shell:

@@ -1,0 +1,118 @@
+"""How large a study is, and what its jobs need for it: memory and time that a cluster is asked for."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from fingerfit.core.errors import FingerfitError
+from fingerfit.imaging.pictures import shape_of
+from fingerfit.prepare.prepare import make_mesh
+from fingerfit.settings.config import Settings
+from fingerfit.study.reader import load_study
+
+BASE = 600
+"""MB of a Python with all libraries that a job loads, and as much again. Measured: 150 to 300."""
+PER_NODE = 0.1
+"""MB for each node of the mesh that a simulation takes: 0.06 in benchmarks/indentation.md, with room to spare."""
+PER_PIXEL = 8e-6
+"""MB of a number in double precision."""
+MAP = 36
+"""Numbers for each pixel beside the pictures: where it comes from, and in which element. Measured: 40 in all with 3."""
+PLANE, SPACE = 5e-4, 3e-3
+"""Seconds of a simulation for each node: benchmarks/solver.md and, for 7000 nodes, benchmarks/indentation.md."""
+EXTERNAL = 10
+"""How much longer a program takes than the built-in solver: 4 to 84 times in the same tables."""
+WARP = 2.5e-7
+"""Seconds for each pixel of each picture of a guess: benchmarks/warp.md."""
+GUESSES = 150
+"""Guesses of a long search: that of the phantom takes 77 simulations in all."""
+LONG = float(os.getenv("FINGERFIT_LONG", "60"))
+"""Seconds of a simulation from which on it is a job of its own on a cluster (docs/decisions/0023)."""
+SPARE = 2
+"""How much longer than expected a job may take before a cluster ends it."""
+LEAST = 20
+"""Minutes of the shortest limit."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """What the memory and the time of a study's jobs follow from.
+
+    Parameters
+    ----------
+    nodes, dim : int
+        Of the larger mesh of a model.
+    pixels, pictures : int
+        Of one picture before it is trimmed, and their number with the one before compression.
+    guesses, replicates : int
+        The most that a search may ask for; replicates of the measurement.
+    external : bool
+        Whether the solver is another program.
+    """
+
+    nodes: int = 0
+    dim: int = 2
+    pixels: int = 0
+    pictures: int = 0
+    guesses: int = 0
+    replicates: int = 0
+    external: bool = False
+
+    @property
+    def simulation(self) -> float:
+        """Expected seconds of one simulation: of the built-in solver in space they grow as nodes to the power 1.5."""
+        seconds = PLANE * self.nodes if self.dim == 2 else SPACE * self.nodes * math.sqrt(max(self.nodes / 7000, 1))
+        return seconds * (EXTERNAL if self.external else 1)
+
+    @property
+    def comparison(self) -> float:
+        """Expected seconds for the pictures of one guess."""
+        return WARP * self.pixels * self.pictures
+
+    def memory(self, simulations: int, pictures: bool = True) -> int:
+        """MB of a job that runs as many simulations at once, and compares pictures or does not.
+
+        Each of these processes then holds the pictures of its guess beside those that all share: per pixel the measured
+        and the predicted ones, and where each pixel comes from.
+        """
+        held = self.pixels * (2 * self.pictures + MAP) * max(simulations, 1) if pictures else 0
+        return round(BASE * max(simulations, 1) + PER_NODE * self.nodes * max(simulations, 1) + PER_PIXEL * held)
+
+    def minutes(self, stage: str) -> int:
+        """Minutes after which a cluster may end the job of a stage.
+
+        Parameters
+        ----------
+        stage : str
+            A rule: ``simulate``, ``estimate``, ``diagnose_model``; ``study`` for all of them; others read pictures.
+        """
+        guess = self.simulation + self.comparison
+        searched, drawn = min(self.guesses, GUESSES) * guess, self.replicates * self.comparison
+        seconds = {
+            "simulate": self.simulation,
+            "estimate": drawn,
+            # its refits take about as many simulations as a search, and its replicates are registered
+            "diagnose_model": searched + drawn,
+            "study": 2 * (searched + drawn),
+        }.get(stage, 10 * self.comparison)
+        return LEAST + math.ceil(SPARE * seconds / 60)
+
+
+def size_of(settings: Settings) -> Size:
+    """The size of a model; of what cannot be read nothing: the job that reads it says what is wrong."""
+    dim, nodes, pixels, pictures = 2, 0, 0, 0
+    try:
+        study = load_study(Path(settings.study))
+        pictures = sum(step.picture is not None for step in study.steps) + (study.before is not None)
+        meshes = [make_mesh(study, settings.model.mesh)]
+        if settings.finer(study):
+            meshes.append(make_mesh(study, settings.model.refined, finer=True))
+        nodes, dim = max(len(mesh.points) for mesh in meshes), meshes[0].dim
+        pixels = math.prod(shape_of(study.before)) if study.before else 0
+    except (FingerfitError, OSError):
+        pass
+    fit = settings.fit
+    return Size(nodes, dim, pixels, pictures, fit.max_evaluations, fit.replicates, settings.solver != "builtin")

@@ -1,0 +1,227 @@
+"""Studies on a real SLURM of one node: the same results as here, whatever happens to the jobs."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+from seeds import seed_of
+from slurm import Cluster, missing
+
+from fingerfit.core.files import read_json
+from fingerfit.virtual.experiment import run_experiment
+
+ROOT = Path(__file__).resolve().parents[2]
+ABSENT = [
+    *missing(),
+    *(["snakemake-executor-plugin-slurm"] * (not importlib.util.find_spec("snakemake_executor_plugin_slurm"))),
+]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(ABSENT), reason=f"not installed: {', '.join(ABSENT)} (docs/cluster.md)"),
+]
+PATIENCE = 240
+"""Seconds that may pass before something happens that SLURM looks for every half a minute."""
+LAYER = {"name": "gel", "height": 12, "mu": 0.03, "intensity": 0.5}
+DESCRIPTION = {
+    "title": "one layer, one step, one picture",
+    "body": {"width": 12, "thickness": 70, "layers": [LAYER]},
+    "material": {"alpha": 1.4, "poisson": 0.49},
+    "mesh": {"element": "CPE4", "across": 3, "per_layer": 3, "grading": 1},
+    "solver": "builtin",
+    "displacement": [0.5],
+    "picture": {"pixels": 32, "side": 22, "texture": 0.15, "correlation": 0.6, "noise": 0.01, "pictured": [1]},
+    "noise": {"force": 0.001, "displacement": 0.01},
+    "seed": seed_of(3),
+}
+SHARED = {
+    "model": {
+        "material": {"alpha": 1.4, "poisson": 0.49},
+        "mesh": {"element": "CPE4", "across": 3, "per_layer": 3},
+        "parameters": {"mu": {"unit": "MPa", "start": 0.04, "lower": 0.01, "upper": 0.1}},
+    },
+    "fit": {
+        "score": "ssd",
+        "replicates": 20,
+        "max_evaluations": 3,
+        "stages": [{"name": "grid", "kind": "grid", "points": 2}],
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    with Cluster(tmp_path_factory.mktemp("slurm") / "one") as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory):
+    """The study, fitted and diagnosed on this machine."""
+    place = tmp_path_factory.mktemp("here")
+    (place / "experiment.yaml").write_text(yaml.safe_dump(DESCRIPTION))
+    run_experiment(place / "experiment.yaml", place / "studies/one")
+    configure(place, "one")
+    done = subprocess.run([*COMMAND, "--diagnose", "--cores", "2"], cwd=place, env=environment(os.environ), text=True,
+                          capture_output=True)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return place
+
+
+COMMAND = (sys.executable, "-P", "-m", "fingerfit", "run")
+SLURM = (*COMMAND, "--profile", "slurm")
+
+
+def environment(known):
+    return {**known, "PYTHONPATH": str(ROOT)}
+
+
+def configure(place, *names):
+    config = {**SHARED, "runs": [{"study": f"studies/{name}"} for name in names]}
+    (place / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
+
+
+def copied(here, place, *names):
+    """A workspace with copies of the study, and no results."""
+    for name in names:
+        shutil.copytree(here / "studies/one", place / "studies" / name)
+    configure(place, *names)
+
+
+@contextlib.contextmanager
+def started(cluster, place, command, **more):
+    """The workflow beside the cluster."""
+    with (place / "said").open("w") as said:
+        running = subprocess.Popen(
+            command, cwd=place, stdout=said, stderr=said, env=environment(cluster.environment) | more
+        )
+        try:
+            yield running
+        finally:
+            if running.poll() is None:
+                running.terminate()
+                running.wait(60)
+
+
+def wait(cluster, what):
+    """Wait until something is true, and return it."""
+    end = time.monotonic() + PATIENCE
+    while not (found := what()):
+        assert time.monotonic() < end, cluster.jobs()
+        time.sleep(0.2)
+    return found
+
+
+def files(place, study="one"):
+    """What a fit and a diagnosis found, by name: bytes, of JSON the content without the name of the study."""
+    folder = place / "results" / study
+    names = [*folder.glob("base/rounds/*.json"), *folder.glob("base/*.json"), *folder.glob("base/figures/*.png")]
+    return {str(path.relative_to(folder)): content(path) for path in names if path.name != "settings.json"}
+
+
+def same(fit, both):
+    """Whether a fit is that of a fit with its diagnosis."""
+    assert "base/estimate.json" in fit
+    assert fit == {name: both[name] for name in fit}
+
+
+def content(path):
+    if path.suffix != ".json":
+        return path.read_bytes()
+    return {key: value for key, value in read_json(path).items() if key not in ("study", "checksum")}
+
+
+def test_a_fit_and_a_diagnosis_are_those_of_this_machine(cluster, here, tmp_path):
+    copied(here, tmp_path, "one")
+    with started(cluster, tmp_path, [*SLURM, "--diagnose"]) as running:
+        asked = wait(cluster, lambda: cluster.jobs())
+        assert running.wait(PATIENCE) == 0, (tmp_path / "said").read_text()
+    assert len(cluster.jobs()) == len(asked) == 1
+    names = {"base/estimate.json", "base/diagnosis.json", "base/rounds/0.json", "base/figures/force.png"}
+    assert names < set(files(here)) == set(files(tmp_path))
+    for name in [*files(here), "base/table.txt", "base/settings.json", "ladder.json"]:
+        assert (tmp_path / "results/one" / name).read_bytes() == (here / "results/one" / name).read_bytes(), name
+    said = (tmp_path / "said").read_text()
+    assert "std. error" in said and "verdict:" in said and "page: results/one/report.html" in said
+
+
+def test_long_simulations_are_jobs_of_their_own(cluster, here, tmp_path):
+    before = len(cluster.jobs())
+    copied(here, tmp_path, "one")
+    profile = ("--workflow-profile", str(ROOT / "workflow/profiles/slurm"))
+    plain = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), *profile]
+    with started(cluster, tmp_path, plain, FINGERFIT_LONG="0") as running:
+        assert running.wait(PATIENCE) == 0, (tmp_path / "said").read_text()
+    comments = [job[2] for job in cluster.jobs()[before:]]
+    simulations = len(list((tmp_path / "results/one/sims").iterdir()))
+    assert sum("rule_simulate" in comment for comment in comments) == simulations > 2
+    assert not any("rule_study" in comment for comment in comments)
+    same(files(tmp_path), files(here))
+
+
+@pytest.fixture(scope="module")
+def troubled(cluster, here, tmp_path_factory):
+    """Three studies and a damaged one in a queue that is full, whose jobs are cancelled, ended and lose their node."""
+    place = tmp_path_factory.mktemp("troubled")
+    names = ("cancelled", "late", "damaged")
+    copied(here, place, *names)
+    picture = sorted((place / "studies/damaged/pictures").iterdir())[-1]
+    picture.write_bytes(picture.read_bytes()[:200])
+    first = len(cluster.jobs())
+    sleep = ("sbatch", "--parsable", "--exclusive", "--output=/dev/null", "--wrap", "sleep 3600")
+    other = cluster.ask(*sleep).stdout.strip()
+    seen = {}
+
+    def jobs(name, state):
+        return [job for job in cluster.jobs(state) if int(job[0]) > first and f"results_{name}" in job[2]]
+
+    with started(cluster, place, SLURM) as running:
+        seen["waiting"] = wait(cluster, lambda: all(found := [jobs(name, "PENDING") for name in names]) and found)
+        cluster.ask("scancel", other)
+        numbers = {name: seen["waiting"][n][0][0] for n, name in enumerate(names[:2])}
+        for name, number in numbers.items():
+            wait(cluster, (place / f"results/{name}/base/rounds/0.json").exists)
+            cluster.ask("scancel", "--full", "--signal=STOP", number)  # its end is not told: it hangs until it is ended
+        cluster.ask("scancel", numbers["cancelled"])
+        cluster.ask("scontrol", "update", f"JobId={numbers['late']}", "EndTime=now+1seconds")
+        seen["states"] = [
+            wait(cluster, lambda: jobs("cancelled", "CANCELLED")),
+            wait(cluster, lambda: jobs("late", "TIMEOUT")),
+        ]
+        # the job that comes in its place loses its node
+        again = wait(cluster, lambda: jobs("late", "RUNNING"))
+        cluster.node_down()
+        seen["lost"] = wait(cluster, lambda: [job for job in jobs("late", "PENDING") if job[0] == again[0][0]])
+        cluster.node_up()
+        seen["code"] = running.wait(PATIENCE)
+    seen["said"] = (place / "said").read_text()
+    return place, seen
+
+
+def test_a_full_queue_is_waited_for(troubled):
+    assert len(troubled[1]["waiting"]) == 3
+
+
+@pytest.mark.parametrize("name", ["cancelled", "late"])
+def test_a_job_that_was_cancelled_ended_or_lost_its_node_goes_on(troubled, here, name):
+    place, seen = troubled
+    assert all(seen["states"]) and seen["lost"]
+    same(files(place, name), files(here))
+
+
+def test_a_study_that_fails_stops_no_other_one(troubled):
+    place, seen = troubled
+    assert seen["code"] == 1
+    assert not (place / "results/damaged/base/estimate.json").exists()
+    assert "studies/damaged/pictures/step_1.nii.gz: picture: found gzip that ends in the middle" in seen["said"]
+    assert "Traceback" not in seen["said"]
+    for name in ("cancelled", "late"):
+        assert f"table: results/{name}/base/table.txt" in seen["said"]
