@@ -1,14 +1,4 @@
-"""For notebooks and scripts: a study fitted and diagnosed in this process, with tables of pandas and figures.
-
-The commands of the workflow call the same functions; here nothing is kept but simulations.
-
-    from fingerfit.notebook import add, diagnose, fit
-
-    result = fit("config.yaml", threads=2)
-    result.constants
-    found = diagnose(result, threads=2)
-    better = add(result, found, "tilt")
-"""
+"""A fit and a diagnosis as objects with tables and figures."""
 
 from __future__ import annotations
 
@@ -35,8 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fingerfit.study.study import Study
-
-__all__ = ["Found", "Result", "add", "diagnose", "fit", "load_study"]
 
 FOLDER = Path("results/notebook")
 """Where simulations are kept, in a folder of its own for each model of a study."""
