@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import CodeType
@@ -92,27 +93,27 @@ def _rendered(template: str, context: Mapping[str, Any], folders: tuple[str, ...
         expected = "a template in " + " or ".join(map(str, folders))
         raise InputError(template, "template", f"no file {error.name}", expected) from error
     except RecursionError as error:
-        where, line = _place(error, template)
+        # what is not in the circle comes once at most: by chance the limit may be met there
+        where, line = Counter(_places(error, template)).most_common(1)[0][0]
         found = "parts, macros or expressions within each other without end"
         raise InputError(where, f"line {line}", found, "fewer of them") from error
     except Exception as error:  # whatever a user's template does wrong
         if isinstance(error, InputError) and error.field == "template":
             raise  # the file itself
-        where, line = _place(error, template)
+        where, line = _places(error, template)[-1]
         raise InputError(where, f"line {line}", error, "names that a deck's context has") from error
     return "\n".join(line for line in text.splitlines() if line.strip()) + "\n"
 
 
-def _place(error: Exception, template: str) -> tuple[str, int]:
-    """File and line of the innermost template in a traceback."""
-    where, line = template, 0
-    trace = error.__traceback__
+def _places(error: Exception, template: str) -> list[tuple[str, int]]:
+    """Files and lines of the templates in a traceback, the innermost last; the template itself if there is none."""
+    found, trace = list[tuple[str, int]](), error.__traceback__
     while trace:
         name = trace.tb_frame.f_code.co_filename
         if name.endswith(".j2"):
-            where, line = name, trace.tb_lineno
+            found.append((name, trace.tb_lineno))
         trace = trace.tb_next
-    return where, line
+    return found or [(template, 0)]
 
 
 def blocks(folders: Sequence[Path]) -> list[str]:
