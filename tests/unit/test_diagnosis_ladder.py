@@ -258,7 +258,7 @@ def test_errors_name_the_file_that_was_given(config, tmp_path):
     for numbers, field in (
         ("tilt: {slop: 1}", "tilt.slop"),
         ("tlit: {}", "tlit"),
-        ("fibres: {stiffness: 1}", "fibres.stiffness"),
+        ("fibres: {stiffness: 31}", "fibres.stiffness"),
     ):
         mine.write_text(with_effects(effects=f"  effects:\n    {numbers}\n").replace("study: study", "study: ."))
         with pytest.raises(FingerfitError) as caught:

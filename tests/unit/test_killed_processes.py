@@ -10,13 +10,13 @@ from types import SimpleNamespace
 import pytest
 
 from fingerfit.core.errors import FingerfitError
-from fingerfit.fit import simulate
+from fingerfit.fit import jobs
 
 
 def test_a_killed_solve_is_told(tmp_path, monkeypatch):
     own = os.getpid()
-    monkeypatch.setattr(simulate, "_solve", lambda *_: os.getpid() == own or os.kill(os.getpid(), signal.SIGKILL))
-    monkeypatch.setattr(simulate, "write_folders", lambda *_: ["one", "two", "three"])
+    monkeypatch.setattr(jobs, "_solve", lambda *_: os.getpid() == own or os.kill(os.getpid(), signal.SIGKILL))
+    monkeypatch.setattr(jobs, "write_folders", lambda *_: ["one", "two", "three"])
     problem = SimpleNamespace(
         asked=set(),
         sims=tmp_path,
@@ -30,7 +30,7 @@ def test_a_killed_solve_is_told(tmp_path, monkeypatch):
         with pytest.raises(
             FingerfitError, match=r"a process that helped was killed \(signal 9\), perhaps out of memory"
         ):
-            simulate.solve_missing(problem, [], 2)
+            jobs.solve_missing(problem, [], 2)
     finally:
         signal.alarm(0)
     assert not list(Path(tmp_path).iterdir())

@@ -33,10 +33,10 @@ def test_configs_that_are_shipped_are_right(monkeypatch):
     found = [path for path in (Path("config.yaml"), *files) if {"model", "fit"} & set(read_yaml(path))]
     assert {path.parent.name for path in found} >= {"", "ecoflex", "fingertip", "fingertip-coarse", "phantom", "skin"}
     for path in found:
-        settings = load_settings(path)
-        # the other studies are made from what has to be downloaded, or take minutes to make
-        if settings.study == "studies/phantom":
-            check_model(settings, path)
+        for settings in load_runs(read_yaml(path), path):
+            # the other studies are made from what has to be downloaded, or take minutes to make
+            if settings.study == "studies/phantom":
+                check_model(settings, path)
 
 
 def test_what_is_left_out_has_its_default():
