@@ -32,8 +32,6 @@ class Constant:
         Limits, which it does not reach.
     expected : str
         The same in words.
-    words : str
-        What it is.
     least : float
         As far from 0, either way, it must be.
     """
@@ -42,26 +40,23 @@ class Constant:
     low: float
     high: float
     expected: str
-    words: str
     least: float = 0.0
 
 
-_SIZES = f"not 0: {FLAT:.2g} to {EXPONENT}, or as far below 0"
-_MU = Constant("MPa", 0.0, math.inf, "above 0", "initial shear modulus")
-_POISSON = Constant("1", -1.0, 0.5, "between -1 and 0.5", "initial Poisson's ratio")
-_SHARE = Constant("1", -1e-300, 1.0, "from 0 to below 1", "share of mu that the second term has")
-_TERM = Constant("1", -math.inf, math.inf, "a finite number", "over mu, coefficient of a power of I1 - 3")
-
-
-def _exponent(words: str) -> Constant:
-    return Constant("1", -float(EXPONENT + 1), float(EXPONENT + 1), _SIZES, words, FLAT)
+_MU = Constant("MPa", 0.0, math.inf, "above 0")
+_POISSON = Constant("1", -1.0, 0.5, "between -1 and 0.5")
+_EXPONENT = Constant(
+    "1", -float(EXPONENT + 1), float(EXPONENT + 1), f"not 0: {FLAT:.2g} to {EXPONENT}, or as far below 0", FLAT
+)
+_SHARE = Constant("1", math.nextafter(0.0, -1.0), 1.0, "from 0 to below 1")
+_TERM = Constant("1", -math.inf, math.inf, "a finite number")
 
 
 LAWS: Mapping[str, Mapping[str, Constant]] = {
-    OGDEN: {"mu": _MU, "alpha": _exponent("exponent"), "poisson": _POISSON},
+    OGDEN: {"mu": _MU, "alpha": _EXPONENT, "poisson": _POISSON},
     "ogden2": {
-        "mu": _MU, "alpha": _exponent("exponent of the first term"), "share": _SHARE,
-        "alpha2": _exponent("exponent of the second term"), "poisson": _POISSON,
+        "mu": _MU, "alpha": _EXPONENT, "share": _SHARE,
+        "alpha2": _EXPONENT, "poisson": _POISSON,
     },
     "neo_hooke": {"mu": _MU, "poisson": _POISSON},
     "mooney_rivlin": {"mu": _MU, "share": _SHARE, "poisson": _POISSON},

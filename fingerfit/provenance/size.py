@@ -30,7 +30,7 @@ WARP = 2.5e-7
 GUESSES = 150
 """Guesses of a long search: that of the phantom takes 77 simulations in all."""
 LONG = float(os.getenv("FINGERFIT_LONG", "60"))
-"""Seconds of a simulation from which on it is a job of its own on a cluster (docs/decisions/0023)."""
+"""Seconds of a simulation from which on it is a job of its own on a cluster (docs/decisions/0024-cluster.md)."""
 SPARE = 2
 """How much longer than expected a job may take before a cluster ends it."""
 LEAST = 20
