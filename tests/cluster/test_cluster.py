@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from seeds import seed_of
+from one_layer import DESCRIPTION, SHARED
 from slurm import Cluster, missing
 
 from fingerfit.core.files import read_json
@@ -30,31 +30,6 @@ pytestmark = [
 ]
 PATIENCE = 240
 """Seconds that may pass before something happens that SLURM looks for every half a minute."""
-LAYER = {"name": "gel", "height": 12, "mu": 0.03, "intensity": 0.5}
-DESCRIPTION = {
-    "title": "one layer, one step, one picture",
-    "body": {"width": 12, "thickness": 70, "layers": [LAYER]},
-    "material": {"alpha": 1.4, "poisson": 0.49},
-    "mesh": {"element": "CPE4", "across": 3, "per_layer": 3, "grading": 1},
-    "solver": "builtin",
-    "displacement": [0.5],
-    "picture": {"pixels": 32, "side": 22, "texture": 0.15, "correlation": 0.6, "noise": 0.01, "pictured": [1]},
-    "noise": {"force": 0.001, "displacement": 0.01},
-    "seed": seed_of(3),
-}
-SHARED = {
-    "model": {
-        "material": {"alpha": 1.4, "poisson": 0.49},
-        "mesh": {"element": "CPE4", "across": 3, "per_layer": 3},
-        "parameters": {"mu": {"unit": "MPa", "start": 0.04, "lower": 0.01, "upper": 0.1}},
-    },
-    "fit": {
-        "score": "ssd",
-        "replicates": 20,
-        "max_evaluations": 3,
-        "stages": [{"name": "grid", "kind": "grid", "points": 2}],
-    },
-}
 
 
 @pytest.fixture(scope="module")

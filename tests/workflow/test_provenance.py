@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from seeds import seed_of
+from one_layer import DESCRIPTION, SHARED
 
 from fingerfit.core.checksums import intact
 from fingerfit.provenance.sources import reached
@@ -19,35 +19,7 @@ from fingerfit.virtual.experiment import run_experiment
 
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("Snakefile", "workflow", "profiles", "templates", "fingerfit")
-DESCRIPTION = {
-    "title": "one layer, one step, one picture",
-    "body": {
-        "width": 12,
-        "thickness": 70,
-        "layers": [{"name": "gel", "height": 12, "mu": 0.03, "intensity": 0.5}],
-    },
-    "material": {"alpha": 1.4, "poisson": 0.49},
-    "mesh": {"element": "CPE4", "across": 3, "per_layer": 3, "grading": 1},
-    "solver": "builtin",
-    "displacement": [0.5],
-    "picture": {"pixels": 32, "side": 22, "texture": 0.15, "correlation": 0.6, "noise": 0.01, "pictured": [1]},
-    "noise": {"force": 0.001, "displacement": 0.01},
-    "seed": seed_of(3),
-}
-CONFIG = {
-    "study": "subject1/test",
-    "model": {
-        "material": {"alpha": 1.4, "poisson": 0.49},
-        "mesh": {"element": "CPE4", "across": 3, "per_layer": 3},
-        "parameters": {"mu": {"unit": "MPa", "start": 0.04, "lower": 0.01, "upper": 0.1}},
-    },
-    "fit": {
-        "score": "ssd",
-        "replicates": 20,
-        "max_evaluations": 3,
-        "stages": [{"name": "grid", "kind": "grid", "points": 2}],
-    },
-}
+CONFIG = {"study": "subject1/test", **SHARED}
 RESULTS = "results/subject1/test"
 # read by each Python that starts: it keeps the names of the modules that a command has loaded, or has it killed
 WATCH = """
