@@ -29,7 +29,8 @@ from fingerfit.core.files import write_json, write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.simulate import begin
 from fingerfit.settings.config import load_settings
-from fingerfit.virtual.experiment import read_truth, solve, write_study
+from fingerfit.virtual.experiment import solve, write_study
+from fingerfit.virtual.file import read_truth
 
 CACHE = ROOT / "benchmarks/.cache/fingertip_hidden"
 EPIDERMIS, TISSUE, DERMIS = 0.138, 0.00798, 0.04

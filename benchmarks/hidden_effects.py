@@ -33,7 +33,8 @@ from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.model.catalogue import catalogue
 from fingerfit.settings.config import load_settings
 from fingerfit.study.data import Data
-from fingerfit.virtual.experiment import Solved, Truth, read_truth, solve, write_study
+from fingerfit.virtual.experiment import Solved, Truth, solve, write_study
+from fingerfit.virtual.file import read_truth
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent

@@ -19,7 +19,8 @@ from scipy.stats import t as student
 
 from fingerfit.core.files import digest
 from fingerfit.imaging.pictures import Picture
-from fingerfit.virtual.experiment import Solved, Truth, read_truth, solve, write_study
+from fingerfit.virtual.experiment import Solved, Truth, solve, write_study
+from fingerfit.virtual.file import read_truth
 
 DESCRIPTION = ROOT / "studies/phantom/experiment.yaml"
 

@@ -204,6 +204,7 @@ def _add_workflow(command: Command) -> None:
     sub.add_argument("--out", type=Path, help="the measurements; needs --mesh")
     sub.add_argument("--mesh", type=Path, help="the mesh of the search")
     sub.add_argument("--refined", type=Path, help="the finer mesh of the last steps")
+    sub.add_argument("--test", default="", help="which test of a study with several")
 
     sub = command(
         "settings",
@@ -227,9 +228,9 @@ def _add_workflow(command: Command) -> None:
     ):
         sub = command(name, text, f"fingerfit {name} {options}")
         sub.add_argument("settings", type=Path)
-        sub.add_argument("--data", type=Path, required=True)
-        sub.add_argument("--mesh", type=Path, required=True)
-        sub.add_argument("--refined", type=Path)
+        sub.add_argument("--data", type=Path, nargs="+", required=True, help="of each test, in their order")
+        sub.add_argument("--mesh", type=Path, nargs="+", required=True)
+        sub.add_argument("--refined", type=Path, nargs="+", default=())
         sub.add_argument("--sims", type=Path, required=True)
         sub.add_argument("--last", type=Path, required=name != "propose")
         sub.add_argument("--out", type=Path, required=True)

@@ -73,8 +73,13 @@ def prepare(args: argparse.Namespace) -> None:
     from fingerfit.study.reader import load_study
 
     settings = _checked(args.settings)
-    study = load_study(Path(settings.study))
-    check_against_study(settings, study)
+    whole = load_study(Path(settings.study))
+    check_against_study(settings, whole)
+    name, names = args.test.removeprefix("-"), [test.test for test in whole.every]
+    if name not in names:
+        expected = f"one of {', '.join(names)}" if whole.tests else "no such option: the study has one test"
+        raise InputError("prepare", "--test", name or "nothing", expected)
+    study = whole.of_test(name)
     if args.refined:
         if not settings.finer(study):
             expected = f"a finer mesh, since {args.refined} is asked for"
@@ -85,12 +90,12 @@ def prepare(args: argparse.Namespace) -> None:
     if not (args.out and args.mesh):
         raise InputError("prepare", "--out, --mesh", "one of them or none", "both, or --refined alone")
     mesh = make_mesh(study, settings.model.mesh)
-    check_effects(settings, study, mesh)
+    check_effects(settings, whole, make_mesh(whole, settings.model.mesh) if name else mesh)
     data = prepare(study, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop)
     refuse_magnitudes(settings, study, mesh)
     check_data(settings, study, data)
     for remark in data.remarks.splitlines():
-        print(f"{study.path}: remark: {remark}", flush=True)
+        print(f"{study.path}: {name}{': ' * bool(name)}remark: {remark}", flush=True)
     keep_text(args.mesh, format_mesh(mesh))
     data.save(args.out)
 
@@ -107,8 +112,9 @@ def _checked(path: Path) -> Settings:
 
 
 def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseProblem:
+    from fingerfit.core.errors import InputError
     from fingerfit.core.files import check_kept
-    from fingerfit.fit.problem import InverseProblem
+    from fingerfit.fit.joint import problem_of
     from fingerfit.settings.choices import read_checked
     from fingerfit.study.data import Data
 
@@ -116,10 +122,16 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseP
         settings = read_checked(args.settings)  # as the workflow wrote them
     elif settings is None:
         settings = _checked(args.settings)
-    files = {"search": args.mesh} | ({"refined": args.refined} if args.refined else {})
-    for path in files.values():
+    tests, given = len(settings.read_study().every), (args.data, args.mesh, args.refined or args.mesh)
+    if any(len(paths) != tests for paths in given):
+        found = " and ".join(str(len(paths)) for paths in given[:2])
+        raise InputError(args.settings, "--data, --mesh", found, f"{tests} of each, as many as the study has tests")
+    files = [{"search": path} for path in args.mesh]
+    for own, path in zip(files, args.refined, strict=False):
+        own["refined"] = path
+    for path in (*args.mesh, *args.refined):
         check_kept(path)
-    return InverseProblem(settings, Data.load(args.data), files, args.sims)
+    return problem_of(settings, [Data.load(path) for path in args.data], files, args.sims)
 
 
 def propose(args: argparse.Namespace) -> None:
@@ -164,7 +176,8 @@ def diagnose(args: argparse.Namespace) -> None:
     settings = _checked(args.settings).model_copy(update={"time_limit": args.time_limit or None})
     problem, last = _fit(args, settings), Round.load(args.last)
     smooth, crop = problem.settings.fit.smooth, problem.settings.fit.crop
-    everything = prepare(problem.study, problem.meshes["search"], None, smooth, crop)
+    measured = [prepare(test.study, test.meshes["search"], None, smooth, crop) for test in problem.every]
+    everything = measured[0] if len(measured) == 1 else measured
     with Progress(ticks=False).working(f"diagnose {problem.settings.model.full_name}"):
         found = diagnose(problem, last, everything, args.threads)
     estimate = read_record(args.estimate, "parameters")

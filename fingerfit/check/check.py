@@ -33,6 +33,7 @@ from fingerfit.settings.bound import effects_of
 from fingerfit.settings.choices import CONFIG
 from fingerfit.settings.config import FitSettings, MeshSettings, Settings, load_settings
 from fingerfit.study.reader import load_study, study_path
+from fingerfit.study.several import of_test
 from fingerfit.study.study import Study
 
 if TYPE_CHECKING:
@@ -88,33 +89,44 @@ def check_study(path: Path, config: Path | None = None, picture: Path | None = N
     """
     study = load_study(path)
     settings, where, source = settings_for(path, config)
+    if settings is not None:
+        check_against_study(settings, study, where)
+        check_effects(settings, study, make_mesh(study, settings.model.mesh), where)
+    every = [_checked(path, test, settings, where, source) for test in study.every]
+    lines = [*_study(every[0], study.title), f"settings: {source}"]
+    for checked in every:
+        lines += [line for remark in REMARKS for line in remark(checked)]
+    if settings is not None:
+        from fingerfit.check.trial import try_out
+
+        lines += ["", *try_out(settings, [(one.study, one.mesh, one.data) for one in every], solve)]
+    if picture is not None:
+        from fingerfit.check.overview import figure_study
+        from fingerfit.report.drawing import save
+
+        for one in every:
+            name = one.study.test
+            file = picture.with_stem(f"{picture.stem}-{name}") if name else picture
+            save(figure_study(one.study, one.mesh, one.data), file)
+            lines.append(f"drawn: {file}")
+    return "\n".join(lines)
+
+
+def _checked(path: Path, study: Study, settings: Settings | None, where: Path, source: str) -> Checked:
+    """One test of a study, read and prepared."""
     if settings is None:
         mesh = make_mesh(study, _coarse(study))
         steps, smooth, crop = None, *(FitSettings.model_fields[name].default for name in ("smooth", "crop"))
     else:
-        check_against_study(settings, study, where)
         mesh = make_mesh(study, settings.model.mesh)
-        if settings.model.refined is not None or study.body.refined is not None:
+        if settings.finer(study):
             make_mesh(study, settings.model.refined, finer=True)
-        check_effects(settings, study, mesh, where)
         steps, smooth, crop = settings.fit.steps, settings.fit.smooth, settings.fit.crop
     data = prepare(study, mesh, steps, smooth, crop)
     if settings is not None:
         check_data(settings, study, data)
         refuse_magnitudes(settings, study, mesh, where)
-    checked = Checked(path, study, settings, source, mesh, data)
-    lines = [line for remark in REMARKS for line in remark(checked)]
-    if settings is not None:
-        from fingerfit.check.trial import try_out
-
-        lines += ["", *try_out(settings, study, mesh, data, solve)]
-    if picture is not None:
-        from fingerfit.check.overview import figure_study
-        from fingerfit.report.drawing import save
-
-        save(figure_study(study, mesh, data), picture)
-        lines.append(f"drawn: {picture}")
-    return "\n".join(lines)
+    return Checked(path, study, settings, source, mesh, data)
 
 
 def settings_for(path: Path, config: Path | None) -> tuple[Settings | None, Path, str]:
@@ -159,13 +171,14 @@ def _coarse(study: Study) -> MeshSettings | None:
     return MeshSettings(element="C3D8" if study.body.brick else "CPE4", across=4, per_layer=2)
 
 
-def _study(checked: Checked) -> list[str]:
+def _study(checked: Checked, title: str) -> list[str]:
+    return [f"{study_path(checked.path)}: {title}"]
+
+
+def _control(checked: Checked) -> list[str]:
     study = checked.study
-    return [
-        f"{study_path(checked.path)}: {study.title}",
-        f"settings: {checked.source}",
-        f"control: {study.control}; base {study.base}, indenter {study.indenter}",
-    ]
+    head = ["", f"test {study.test}: {study.title}"] if study.test else []
+    return [*head, f"control: {study.control}; base {study.base}, indenter {study.indenter}"]
 
 
 def _body(checked: Checked) -> list[str]:
@@ -272,7 +285,7 @@ def _strange_blocks(effect: Effect, path: Path, known: list[str]) -> Iterator[In
 def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
     """What an effect at its trial size changes."""
     sizes = {effect.key(p.name): p.null + p.step for p in effect.parameters}
-    values = {**settings.starts(), **effect.places()[0], **sizes}
+    values = {**of_test(settings.starts(), study.test), **effect.places()[0], **sizes}
     found = []
     if changes_the_deck(settings, study, mesh, effect):
         found.append("the deck")
@@ -335,7 +348,7 @@ def _table(study: Study) -> str:
 
 
 REMARKS: tuple[Callable[[Checked], list[str]], ...] = (
-    _study,
+    _control,
     _body,
     _steps,
     _noise,

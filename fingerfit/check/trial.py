@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from fingerfit.check.expect import expected
@@ -15,6 +16,7 @@ from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.files import write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.jobs import is_short
+from fingerfit.fit.joint import problem_of
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, write_folders
 from fingerfit.forward.decks import make_deck
@@ -33,16 +35,14 @@ GROWTH = {2: 1.5, 3: 2.0}
 (George 1973). Assembly grows less."""
 
 
-def try_out(settings: Settings, study: Study, mesh: Mesh, data: Data, solve: bool) -> list[str]:
+def try_out(settings: Settings, tests: Sequence[tuple[Study, Mesh, Data]], solve: bool) -> list[str]:
     """Lines on solver, deck, the simulation of the start, and what the fit will take.
 
     Parameters
     ----------
     settings : Settings
-    study : Study
-    mesh : Mesh
-        Of the search.
-    data : Data
+    tests : sequence of (Study, Mesh, Data)
+        Each test of the study, with its mesh of the search and its measurements.
     solve : bool
         Whether the start is simulated; else there is nothing to derive minutes from.
 
@@ -54,16 +54,17 @@ def try_out(settings: Settings, study: Study, mesh: Mesh, data: Data, solve: boo
         When the solver is not there, or cannot be run.
     """
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name:
-        problem = _fit(settings, study, mesh, data, Path(name))
-        lines = [_solver(problem), *_deck(problem)]
+        problem = _fit(settings, tests, Path(name))
+        lines = [_solver(problem), *(line for test in problem.every for line in _deck(test))]
         expects = expected(settings, REFINED in problem.meshes, is_short(problem))
-        low, high = expects.simulations
-        finer = f", {expects.finest[0]} to {expects.finest[1]} of them on the finer mesh" if expects.finest[1] else ""
+        low, high = (len(problem.every) * count for count in expects.simulations)
+        first, last = (len(problem.every) * count for count in expects.finest)
+        finer = f", {first} to {last} of them on the finer mesh" if last else ""
         words = f"about {low} to {high} simulations in {expects.rounds[0]} to {expects.rounds[1]} rounds{finer}"
         if not solve:
             return [*lines, "start: not simulated", f"to expect: {words}"]
         told, seconds, scoring = _simulate(problem)
-        lines.append(told)
+        lines += told
         cores = len(os.sched_getaffinity(0))
         shortest, longest = (
             _time(problem, rounds, simulations, finest, seconds, scoring, cores)
@@ -77,14 +78,16 @@ def try_out(settings: Settings, study: Study, mesh: Mesh, data: Data, solve: boo
         return lines
 
 
-def _fit(settings: Settings, study: Study, mesh: Mesh, data: Data, folder: Path) -> InverseProblem:
-    meshes = {SEARCH: mesh}
-    if settings.model.refined or study.body.refined:
-        meshes[REFINED] = make_mesh(study, settings.model.refined, finer=True)
-    files = {name: folder / f"{name}.inp" for name in meshes}
-    for name, one in meshes.items():
-        write_text(files[name], format_mesh(one))
-    return InverseProblem(settings, data, files, folder / "sims")
+def _fit(settings: Settings, tests: Sequence[tuple[Study, Mesh, Data]], folder: Path) -> InverseProblem:
+    files = []
+    for study, mesh, _ in tests:
+        meshes = {SEARCH: mesh}
+        if settings.finer(study):
+            meshes[REFINED] = make_mesh(study, settings.model.refined, finer=True)
+        files.append({name: folder / f"{study.test}{name}.inp" for name in meshes})
+        for name, one in meshes.items():
+            write_text(files[-1][name], format_mesh(one))
+    return problem_of(settings, [data for _, _, data in tests], files, folder / "sims")
 
 
 def _solver(problem: InverseProblem) -> str:
@@ -95,9 +98,9 @@ def _solver(problem: InverseProblem) -> str:
     except FingerfitError as error:
         problems.append(error)
     try:
-        make_deck(
-            problem.settings, problem.study, problem.meshes[SEARCH], "mesh", problem.settings.starts(), problem.effects
-        )
+        for test in problem.every:
+            start = test.own(test.settings.starts())
+            make_deck(test.settings, test.study, test.meshes[SEARCH], "mesh", start, test.effects)
     except InputError as error:
         problems.append(error)
     if problems:
@@ -120,29 +123,44 @@ def _deck(problem: InverseProblem) -> list[str]:
         nodes = len(problem.meshes[problem.mesh_of(asked)].points)
         count = len(asked.deck.splitlines())
         lines.append(
-            f"deck: {problem.settings.model.template} makes {count} lines for the {kind}, {nodes} nodes; accepted"
+            f"{_of(problem)}deck: {problem.settings.model.template} makes {count} lines for the {kind},"
+            f" {nodes} nodes; accepted"
         )
     return lines
 
 
-def _simulate(problem: InverseProblem) -> tuple[str, float, float]:
-    """What the simulation of the start showed; seconds of the job, and of a round's job beside Snakemake."""
+def _of(problem: InverseProblem) -> str:
+    return f"{problem.test}: " if problem.test else ""
+
+
+def _simulate(problem: InverseProblem) -> tuple[list[str], float, float]:
+    """What the simulations of the start showed; seconds of their jobs, and of a round's job beside Snakemake."""
     asked = problem.ask(problem.settings.starts())
-    write_folders(problem.sims.parent, [asked], problem.solver, {asked.mesh: problem.mesh_files[SEARCH]})
+    write_folders(problem.sims.parent, [asked], problem.solver, problem.mesh_paths)
+    lines, seconds, scoring = list[str](), 0.0, _run("-c", "import fingerfit.fit.course")
+    for test, one in zip(problem.every, asked.every, strict=True):
+        told, solving, comparing = _simulate_test(test, one)
+        lines.append(told)
+        seconds, scoring = seconds + solving, scoring + comparing
+    return lines, seconds, scoring
+
+
+def _simulate_test(problem: InverseProblem, asked: Asked) -> tuple[str, float, float]:
+    """What the simulation of one test showed; its seconds, and those of its score."""
     folder = problem.sims / asked.sim
     deck, solver, out = (str(folder / name) for name in ("deck.inp", "solver.json", "solution.npz"))
     seconds = _run("-m", "fingerfit", "simulate", deck, "--solver", solver, "--out", out)
-    scoring = _run("-c", "import fingerfit.fit.course")
     outcome = problem.outcome(asked)
-    values = ", ".join(f"{name} {value:g}" for name, value in asked.values.items())
+    values = ", ".join(f"{name} {value:g}" for name, value in problem.own(asked.values).items())
+    head = f"{_of(problem)}start ({values})"
     if outcome.status != CONVERGED:
         told = f"{outcome.message}; such guesses get the worst score, so that most others should have a solution"
-        return f"start ({values}): {told}", seconds, scoring
+        return f"{head}: {told}", seconds, 0.0
     start = time.perf_counter()
     problem.predict_all([asked], 1)
     score = problem.score(problem.prediction(asked))
-    scoring += time.perf_counter() - start
-    return f"start ({values}): {_steps(problem, asked)} in {seconds:.2g} s; {_scored(problem, score)}", seconds, scoring
+    scoring = time.perf_counter() - start
+    return f"{head}: {_steps(problem, asked)} in {seconds:.2g} s; {_scored(problem, score)}", seconds, scoring
 
 
 def _steps(problem: InverseProblem, asked: Asked) -> str:

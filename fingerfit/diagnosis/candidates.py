@@ -9,7 +9,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.decks import with_effect
-from fingerfit.model.applicable import not_measured, unmet
+from fingerfit.model.applicable import not_measured
 from fingerfit.model.effect import CONSTANTS, OBSERVATION, Effect
 from fingerfit.model.laws import foreign
 
@@ -43,12 +43,12 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     dict
         What the solver lacks for others, by their titles: they are not tried.
     """
-    study = problem.study
     found: list[Candidate] = []
     lacking: dict[str, InputError] = {}
-    without, refined = problem.ask(values).sim, REFINED in problem.mesh_files
+    without = problem.ask(values).sim
     for effect in problem.effects.values():
-        if effect.name in problem.settings.model.effects or unmet(effect, study, problem.meshes[SEARCH].dim, refined):
+        # one test that can have it is enough
+        if effect.name in problem.settings.model.effects or all(test.lacks(effect) for test in problem.every):
             continue
         if _is_fitted(effect, problem) or _rivals(effect, problem) or foreign(effect, problem.settings.model.law):
             continue
@@ -82,8 +82,12 @@ def untestable(problem: InverseProblem) -> dict[str, InputError]:
         if rivals := _rivals(effect, problem):
             found[effect.title] = InputError(study.path, "effects", f"a model without {rivals[0]}", RIVALS)
             continue
-        lacking = not_measured(effect, study, problem.meshes[SEARCH].dim, REFINED in problem.mesh_files)
-        if lacking:
+        told = [
+            not_measured(effect, test.study, test.meshes[SEARCH].dim, REFINED in test.mesh_files)
+            for test in problem.every
+        ]
+        lacking = next(filter(None, told), [])
+        if lacking and all(test.lacks(effect) for test in problem.every):
             expected = "it in the study, or for a mesh in the settings: then the effect is tested"
             found[effect.title] = InputError(study.path, "effects", " and ".join(lacking), expected)
     return found
@@ -98,7 +102,7 @@ def _rivals(effect: Effect, problem: InverseProblem) -> list[str]:
 def _is_fitted(effect: Effect, problem: InverseProblem) -> bool:
     """Whether all that an effect changes are constants that the model fits in every layer."""
     model = problem.settings.model.parameters
-    names = problem.study.layer_names
+    names = {name for test in problem.every for name in test.study.layer_names}
     return (
         set(effect.changes) <= set(CONSTANTS)
         and bool(effect.changes)

@@ -27,6 +27,7 @@ from fingerfit.model.effect import MESH_ERROR, OBSERVATION, Effect
 from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.study.data import Data
+from fingerfit.study.several import AT
 
 SMOOTH = 0.25
 """Length over which the error of a mesh is alike, as a share of the body's height."""
@@ -50,9 +51,11 @@ class Comparison:
         Its last round.
     everything : Data
         Prepared with all pictures, fitted or not.
+    base : Asked, optional
+        The simulation that is compared; the last one on the finest mesh when left out.
     """
 
-    def __init__(self, problem: InverseProblem, last: Round, everything: Data) -> None:
+    def __init__(self, problem: InverseProblem, last: Round, everything: Data, base: Asked | None = None) -> None:
         self.problem, self.last, self.data = problem, last, everything
         spacing = everything.spacing if len(everything.picture_step) else None
         if spacing is None and len(everything.points):
@@ -61,8 +64,8 @@ class Comparison:
             self.patches = Patches.around(box, ACROSS_POINTS)
         else:
             self.patches = Patches.over(problem.meshes[SEARCH], spacing=spacing)
-        self.base = finest(problem, last)
-        self.anchor = anchor_of(problem, last)
+        self.base = base or finest(problem, last)
+        self.anchor = problem.ask(self.base.values, ANCHOR)
         self.mesh = problem.mesh_of(self.base)
         predictor = Predictor(everything, problem.meshes[self.mesh])
         made = predictor.predict(problem.outcome(self.base), problem.seen(self.base.values))
@@ -86,13 +89,13 @@ class Comparison:
         """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""
         columns = []
         for parameter in self.problem.settings.parameters():
-            name, _, short = parameter.name.partition(".")
+            name = parameter.name.partition(".")[0]
             effect = self.problem.effects.get(name)
             column: Any = 0.0
             if effect is None or effect.acts != OBSERVATION:
                 column = (slope or self.slope)(parameter.name)
             if effect and effect.observes:
-                column = column + self.observed(effect, self.base.values, short)
+                column = column + self.observed(effect, self.base.values, parameter.name.partition(".")[2])
             columns.append(column)
         return np.stack(columns, axis=1)[self.residual.kept]
 
@@ -188,9 +191,21 @@ class Comparison:
     @cached_property
     def score_test(self) -> ScoreTest:
         """ScoreTest of what the model leaves."""
-        residual = self.residual
-        common = common_modes(residual, self.data.entry_step, self.slope("control"))
-        return ScoreTest(residual.vector, self.covariance, self.own(), self.nuisance(), common)
+        return ScoreTest(self.residual.vector, self.covariance, self.own(), self.nuisance(), self.common())
+
+    def common(self) -> np.ndarray:
+        """What all values of a step have in common, shape (kept, modes)."""
+        return common_modes(self.residual, self.data.entry_step, self.slope("control"))
+
+    @property
+    def measured(self) -> list[Data]:
+        """What was measured in each test."""
+        return [test.data for test in self.every]
+
+    @property
+    def every(self) -> tuple[Comparison, ...]:
+        """The comparisons of the tests of the study, at least one."""
+        return (self,)
 
     def _at_step(self, step: int) -> np.ndarray:
         value: np.ndarray = np.zeros(self.residual.value.shape)
@@ -220,10 +235,16 @@ class Comparison:
         return np.stack(columns, axis=1)[self.residual.kept]
 
     def observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
-        """Slope of an effect on the observation by one of its parameters, of all values, shape (all,)."""
+        """Slope of an effect on the observation by one of its parameters, of all values, shape (all,).
+
+        There is none by a number of another test, nor where the test cannot have the effect.
+        """
+        name, _, test = name.partition(AT)
+        if self.problem.test and (test not in ("", self.problem.test) or self.problem.lacks(effect)):
+            return np.zeros(len(self.residual.kept))
         parameter = next(p for p in effect.parameters if p.name == name)
         data, points = self.data, self.problem.meshes[SEARCH].body
-        now = {**effect.null(), **values}
+        now = {**effect.null(), **self.problem.own(values)}
         further = {**now, effect.key(name): now[effect.key(name)] + parameter.step}
         before, after = (
             Observation((effect,), guess, points.min(axis=0), points.max(axis=0), len(data.step))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,11 +13,22 @@ from fingerfit.core.progress import tell
 from fingerfit.diagnosis.candidates import candidates, untestable
 from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import separation
+from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import refit_all, widened
+from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
-from fingerfit.diagnosis.reservations import by_settings, doubted, elsewhere, largest_part, of_family, traced, untried
+from fingerfit.diagnosis.reservations import (
+    by_settings,
+    doubted,
+    elsewhere,
+    far_off,
+    largest_part,
+    of_family,
+    traced,
+    untried,
+)
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import (
     SEEN,
@@ -41,6 +52,8 @@ from fingerfit.fit.simulate import run_fit
 from fingerfit.fit.slopes import moved
 from fingerfit.study.data import Data
 
+Everything = Data | Sequence[Data]
+"""What was measured, in one test or in several."""
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
 BATCHES = 2
@@ -84,7 +97,7 @@ class Diagnosis:
     untestable: dict[str, InputError]
 
 
-def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: int = 1) -> Diagnosis:
+def diagnose(problem: InverseProblem, last: Round, everything: Everything, threads: int = 1) -> Diagnosis:
     """Diagnose a fitted model.
 
     Parameters
@@ -92,8 +105,8 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
     problem : InverseProblem
     last : Round
         Its last round, all simulations solved.
-    everything : Data
-        Prepared with all pictures, fitted or not.
+    everything : Data or sequence of Data
+        Prepared with all pictures, fitted or not; of a study with several tests that of each.
     threads : int
         Simulations beside each other.
     """
@@ -121,14 +134,15 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
     verdict = traced(verdict, score_test, ranking, refits, base, problem.settings.fit.tolerance, tests)
     measurements: list[tuple[str, float]] = []
-    if verdict.kind == "indistinguishable":
+    if verdict.kind == "indistinguishable" and len(problem.every) == 1:
         named = {one.candidate.effect.name: one for one in ranking}
         first, second = (named[name] for name in verdict.effects[:2])
         measurements, more = separation(found.comparison, first, second, threads)
         run += more
     stiffness = stiffness_map(found.comparison, found.everywhere)
     verdict = by_settings(of_family(verdict, score_test, ranking), score_test, ranking, tests)
-    verdict = elsewhere(verdict, everything.outline)
+    verdict = elsewhere(verdict, max(data.outline for data in found.comparison.measured))
+    verdict = far_off(verdict, found.comparison)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking))
     untold = found.lacking, untestable(problem)
     return Diagnosis(found.comparison, score_test, ranking, refits, verdict, run, measurements, stiffness, *untold)
@@ -152,17 +166,17 @@ class _Tested:
         return Weighed.of(self.comparison)
 
 
-def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: int) -> _Tested:
+def _test_all(problem: InverseProblem, last: Round, everything: Everything, threads: int) -> _Tested:
     found, lacking = candidates(problem, finest(problem, last).values)
     tell(f"slopes of {len({candidate.effect.name for candidate in found})} effects")
     run = solve_missing(
         problem, [anchor_of(problem, last), *(asked for candidate in found for asked in candidate.asked)], threads
     )
-    comparison = Comparison(problem, last, everything)
+    comparison = comparison_of(problem, last, everything)
     score_test = comparison.score_test
     everywhere = rank_candidates(comparison, score_test, found)
     ranking = best_places(everywhere)
-    if problem.meshes[SEARCH].dim == 3:
+    if any(test.meshes[SEARCH].dim == 3 for test in problem.every):
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
     else:
         ranking, more = refit_all(comparison, ranking, threads, explains(score_test))
@@ -171,7 +185,7 @@ def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: i
 
 
 def _refit_best(
-    problem: InverseProblem, last: Round, everything: Data, found: _Tested, refits: dict[str, Refit], threads: int
+    problem: InverseProblem, last: Round, everything: Everything, found: _Tested, refits: dict[str, Refit], threads: int
 ) -> int:
     """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
     run = 0
@@ -182,7 +196,12 @@ def _refit_best(
 
 
 def _refits(
-    problem: InverseProblem, last: Round, everything: Data, found: _Tested, threads: int, known: Collection[str] = ()
+    problem: InverseProblem,
+    last: Round,
+    everything: Everything,
+    found: _Tested,
+    threads: int,
+    known: Collection[str] = (),
 ) -> Iterator[tuple[Ranked, Refit, int]]:
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
@@ -205,7 +224,7 @@ def _refits(
 
 
 def _partner(
-    problem: InverseProblem, last: Round, half: Ranked, everything: Data, before: float, threads: int
+    problem: InverseProblem, last: Round, half: Ranked, everything: Everything, before: float, threads: int
 ) -> tuple[tuple[Ranked, Refit] | None, int]:
     """The effect that explains most of what another one leaves, and the refit of both.
 
@@ -278,48 +297,8 @@ def _at_size(comparison: Comparison, score_test: ScoreTest, one: Ranked) -> Aske
     )
 
 
-def errors(comparison: Comparison) -> tuple[float, float | None]:
-    """Error of fitted and of held-out pictures in units of the noise floor; 1 is the noise.
-
-    Without pictures: of the steps' points and forces (or displacements), each in units of its noise.
-    """
-    if not len(comparison.data.picture_step):
-        return _errors_by_step(comparison)
-    ratio = comparison.residual.error / comparison.floor
-    fitted = fitted_pictures(comparison.problem, comparison.data)
-    held = ratio[~fitted]
-    return _root_mean_square(ratio[fitted]), _root_mean_square(held) if len(held) else None
-
-
-def fitted_pictures(problem: InverseProblem, data: Data) -> np.ndarray:
-    """Which pictures the fit used, bool."""
-    return fitted_steps(problem, data)[: len(data.picture_step)]
-
-
-def fitted_steps(problem: InverseProblem, data: Data) -> np.ndarray:
-    """Which fields of displacements, of pictures and of points, are of steps that the fit used, bool."""
-    return are_fitted(problem, data, data.entry_step)
-
-
-def are_fitted(problem: InverseProblem, data: Data, steps: np.ndarray) -> np.ndarray:
-    """Whether the fit used steps, by their indices, bool."""
-    wanted = problem.settings.fit.steps
-    return np.array([wanted is None or int(data.step[step]) in wanted for step in steps], dtype=bool)
-
-
-def _errors_by_step(comparison: Comparison) -> tuple[float, float | None]:
-    residual = comparison.residual
-    fitted = are_fitted(comparison.problem, comparison.data, comparison.step_of())
-    noise = residual.covariance + comparison.control_covariance()
-    found = []
-    for chosen in (fitted, ~fitted):
-        own = np.linalg.cholesky(noise[np.ix_(chosen, chosen)])
-        found.append(_root_mean_square(np.linalg.solve(own, residual.vector[chosen])) if chosen.any() else None)
-    return float("nan") if found[0] is None else found[0], found[1]
-
-
 def _refit(
-    problem: InverseProblem, last: Round, one: Ranked, everything: Data, found: _Tested, threads: int
+    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, found: _Tested, threads: int
 ) -> tuple[Refit, int]:
     ended, run = _ended(problem, last, one, everything, found.score_test.misfit, threads)
     fitted, held_out = errors(ended.comparison)
@@ -350,7 +329,7 @@ class _Ended:
 
 
 def _ended(
-    problem: InverseProblem, last: Round, one: Ranked, everything: Data, before: float, threads: int
+    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, before: float, threads: int
 ) -> tuple[_Ended, int]:
     """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
 
@@ -373,7 +352,7 @@ def _ended(
 
 
 def _fitted(
-    problem: InverseProblem, last: Round, one: Ranked, everything: Data, threads: int, share: float
+    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, threads: int, share: float
 ) -> tuple[_Ended, int]:
     wider = widened(problem, minimum(problem, last).values, one, share)
     try:
@@ -381,7 +360,7 @@ def _fitted(
         run += solve_missing(wider, [anchor_of(wider, end)], threads)
     finally:
         problem.asked.update(wider.asked)
-    comparison = Comparison(wider, end, everything)
+    comparison = comparison_of(wider, end, everything)
     return _Ended(wider, end, comparison, comparison.score_test, share), run
 
 
@@ -389,7 +368,3 @@ def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> 
     """Fit of the model with an effect that was named, on the way of its refit: none of its simulations is new."""
     one = next(one for one in found.ranking if one.candidate.effect.name == name)
     return widened(problem, minimum(problem, last).values, one, found.refits[name].share)
-
-
-def _root_mean_square(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

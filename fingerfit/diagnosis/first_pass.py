@@ -256,7 +256,7 @@ def widened(problem: InverseProblem, values: Mapping[str, float], one: Ranked, s
     if one.refitted and share == 1.0:
         values = {name: _few(one.refitted.values[name]) for name in values}
     settings = extended(problem.settings, effect, place, size, values)
-    return InverseProblem(settings, problem.data, problem.mesh_files, problem.sims)
+    return problem.with_settings(settings)
 
 
 def _few(value: float) -> float:
@@ -280,15 +280,17 @@ class _Path:
         self.parameters: tuple[Parameter, ...] = problem.settings.parameters()
         comparison = owner.comparison
         effects = problem.settings.effects()
-        absent = {name: value for effect in effects for name, value in effect.null().items()}
+        names = problem.settings.names_of
+        absent = {name: value for e in effects for key, value in e.null().items() for name in names(key)}
         self._base = {**absent, **comparison.base.values}
         around = {**problem.settings.fixed(), **self.start, **self._base}
-        self._linear = {e.key(p.name) for e in effects if e.acts == OBSERVATION for p in e.parameters}
+        self._linear = {n for e in effects if e.acts == OBSERVATION for p in e.parameters for n in names(e.key(p.name))}
         self._observed = {
-            effect.key(p.name): comparison.observed(effect, around, p.name)
+            name: comparison.observed(effect, around, name.partition(".")[2])
             for effect in effects
             if effect.observes
             for p in effect.parameters
+            for name in names(effect.key(p.name))
         }
 
     @cached_property
@@ -355,6 +357,8 @@ class _Path:
 
 def _followed(comparison: Comparison) -> np.ndarray:
     """Values that the first pass fits: no brightness, and no patch that is farther off than registration reaches."""
+    if len(comparison.every) > 1:
+        return np.concatenate([_followed(test) for test in comparison.every])
     residual, data = comparison.residual, comparison.data
     found = np.ones(residual.value.shape, dtype=bool)
     found[..., -1] = False

@@ -14,6 +14,7 @@ from fingerfit.core.files import read_record, write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck, refusal, with_effect
+from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import chosen
 from fingerfit.model.effect import Effect
 from fingerfit.prepare.prepare import make_mesh
@@ -23,6 +24,8 @@ from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, Settings, load_settings
 from fingerfit.settings.edit import remove_effect, write_effect
 from fingerfit.study.reader import load_study
+from fingerfit.study.several import of_test
+from fingerfit.study.study import Study
 
 RUNGS = 6
 """Most models that `discover` fits in one call."""
@@ -126,12 +129,18 @@ def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
     if not (Path(settings.study) / "study.yaml").exists():
         return
     study = load_study(Path(settings.study))
+    check_effects(settings, study, make_mesh(study, settings.model.mesh), config)
+    for test in study.every if effect.simulated else ():
+        _refuse_deck(settings, effect, test, config)
+
+
+def _refuse_deck(settings: Settings, effect: Effect, study: Study, config: Path) -> None:
+    """Refuse an effect that needs what the solver lacks in the deck of a test, unless the test cannot have it."""
     mesh = make_mesh(study, settings.model.mesh)
-    check_effects(settings, study, mesh, config)
-    if not effect.simulated:
+    if unmet(effect, study, mesh.dim, settings.finer(study)):
         return
     known = effects_of(Path(settings.study))
-    start = settings.starts()
+    start = of_test(settings.starts(), study.test)
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
         file = Path(name) / "mesh.inp"
         write_text(file, format_mesh(mesh))

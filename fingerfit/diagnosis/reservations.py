@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
+from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS
 
@@ -171,6 +173,26 @@ def elsewhere(verdict: Verdict, outline: float) -> Verdict:
         " that picture looks like this as well"
     )
     return Verdict("unexplained", (), text, verdict.threshold, "geometry")
+
+
+def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:
+    """The verdict, and which force (or displacement) is far off where no effect explains it.
+
+    Among thousands of pixels or points one of them hardly raises the misfit.
+    """
+    if verdict.kind not in ("adequate", "unexplained"):
+        return verdict
+    worst, text = FAR_OFF, ""
+    for test in comparison.every:
+        spread = np.sqrt(np.diag(test.covariance) + (test.nuisance() ** 2).sum(axis=1))
+        rows = np.flatnonzero(test.residual.kept) >= test.residual.value.size
+        steps = test.data.step[test.step_of()[rows]]
+        for step, ratio in zip(steps, np.abs(test.residual.vector[rows]) / spread[rows], strict=True):
+            if ratio > worst:
+                kind = "displacement" if test.data.control == "force" else "force"
+                name = f" of test {test.problem.test}" if test.problem.test else ""
+                worst, text = float(ratio), f"; the {kind} of step {step}{name} is {ratio:.0f} standard deviations off"
+    return replace(verdict, sentence=verdict.sentence + text)
 
 
 def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:

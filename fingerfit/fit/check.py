@@ -13,11 +13,13 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import cure_of, unmet
 from fingerfit.model.effect import NUMERICS, Effect
 from fingerfit.model.laws import LAWS, foreign
+from fingerfit.prepare.prepare import make_mesh
 from fingerfit.search.stages import LEAST_SQUARES
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, MeshSettings, Settings, too_long
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
+from fingerfit.study.several import of_test
 from fingerfit.study.study import Study
 
 
@@ -30,34 +32,79 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
         Constants of layers that the study does not have, constants that are missing or without effect, a mesh twice
         or not at all or of another dimension, a score without the data it compares.
     """
-    layers = study.layer_names
-    problems: list[FingerfitError] = _missing_data(settings, study, where)
-    problems += _nothing_to_register(settings, study, where)
-    problems += _unusable_folder(settings, where) + _unweighted_points(settings, study)
-    model = settings.model
-    strange: set[str] = set()
+    problems = [problem for test in study.every for problem in _missing_data(settings, test, where)]
+    problems += [problem for test in study.every for problem in _nothing_to_register(settings, test, where)]
+    problems += _unusable_folder(settings, where) + _of_several(settings, study, where)
+    problems += _strange_layers(settings, study, where)
+    for test in study.every:
+        problems += _unweighted_points(settings, test) + _missing_constants(settings, study, test, where)
+        problems += _wrong_mesh(settings, test, where)
+    if problems:  # what is wrong in every test is told once
+        raise Problems(list({str(problem): problem for problem in problems}.values()))
+
+
+def _of_several(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
+    """Problems of a study with several tests, and of what each of them is to have for itself."""
+    model, problems = settings.model, list[FingerfitError]()
+    if not study.tests:
+        expected = "no such key: the study has one test"
+        found = ", ".join(model.per_test)
+        return [InputError(where, "model.per_test", found, expected)] if model.per_test else []
+    if settings.fit.score != "likelihood":
+        expected = "likelihood: tests are weighed against each other by their noise"
+        problems.append(InputError(where, "fit.score", settings.fit.score, expected))
+    refined = [test.test for test in study.tests if settings.finer(test)]
+    if 0 < len(refined) < len(study.tests):
+        field, found = f"tests.{refined[0]}.body.refined", "a finer mesh, but not in every test"
+        problems.append(InputError(study.path, field, found, "one in every test, or in none"))
+    return problems
+
+
+def _strange_layers(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
+    """Constants of layers that no test has, and constants that no layer uses."""
+    model, problems, layers = settings.model, list[FingerfitError](), _layers(study)
     for group, names in (("parameters", model.parameters), ("material", model.material)):
         for name in names:
-            quantity, _, layer = name.partition("_")
+            layer = name.partition("_")[2]
             if layer and layer not in layers:
-                strange.add(quantity)
                 expected = "a layer of the study: " + ", ".join(layers)
                 problems.append(InputError(where, f"model.{group}.{name}", f"layer {layer}", expected))
+    for quantity in _right_quantities(settings, study):
+        if quantity in model.parameters and all(f"{quantity}_{layer}" in model.parameters for layer in layers):
+            expected = "no such key, or a layer without one of its own"
+            found = "a constant that no layer uses"
+            problems.append(InputError(where, f"model.parameters.{quantity}", found, expected))
+    return problems
+
+
+def _layers(study: Study) -> list[str]:
+    """Names of the layers of all tests."""
+    return list(dict.fromkeys(name for test in study.every for name in test.layer_names))
+
+
+def _right_quantities(settings: Settings, study: Study) -> list[str]:
+    """Constants of the law but those that are told wrong already, for a layer that is not there."""
+    model, layers = settings.model, _layers(study)
+    split = [name.partition("_") for name in (*model.parameters, *model.material)]
+    strange = {quantity for quantity, _, layer in split if layer and layer not in layers}
+    return [quantity for quantity in LAWS[model.law] if quantity not in strange]
+
+
+def _missing_constants(settings: Settings, study: Study, test: Study, where: Path | str) -> list[FingerfitError]:
+    """Constants of layers of a test that are given nowhere."""
+    model, layers, problems = settings.model, test.layer_names, list[FingerfitError]()
     given = {**model.material, **model.parameters}
-    for quantity in (quantity for quantity in LAWS[model.law] if quantity not in strange):
+    for quantity in _right_quantities(settings, study):
         without = [layer for layer in layers if quantity not in given and f"{quantity}_{layer}" not in given]
         if without:
             expected = f"a value of {quantity} for " + (", ".join(without) if without != layers else "the layers")
             problems.append(InputError(where, f"model.material.{quantity}", "nothing", expected))
-        if quantity in model.parameters and all(f"{quantity}_{layer}" in model.parameters for layer in layers):
-            problems.append(
-                InputError(
-                    where,
-                    f"model.parameters.{quantity}",
-                    "a constant that no layer uses",
-                    "no such key, or a layer without one of its own",
-                )
-            )
+    return problems
+
+
+def _wrong_mesh(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
+    """A mesh twice or not at all, or of another dimension."""
+    model, problems = settings.model, list[FingerfitError]()
     has_mesh = study.body.mesh is not None
     if has_mesh == (model.mesh is not None):
         found = "a mesh, and one in the study" if has_mesh else "nothing"
@@ -69,8 +116,7 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
             continue
         dim = 3 if study.body.brick is not None else 2
         problems += wrong_element(mesh, dim, settings.solver, where, f"model.{key}.element")
-    if problems:
-        raise Problems(problems)
+    return problems
 
 
 def wrong_element(mesh: MeshSettings, dim: int, solver: str, where: Path | str, field: str) -> list[FingerfitError]:
@@ -85,6 +131,8 @@ def wrong_element(mesh: MeshSettings, dim: int, solver: str, where: Path | str, 
 def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | str = CONFIG) -> None:
     """Problems of the effects of a model with the study and with each other.
 
+    In a study with several tests an effect may act in some of them; `mesh` is that of the first.
+
     Raises
     ------
     Problems
@@ -93,23 +141,33 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
         that replace the same block of the deck.
     """
     problems: list[FingerfitError] = []
+    tests = [(test, make_mesh(test, settings.model.mesh) if n else mesh) for n, test in enumerate(study.every)]
     for effect in _alone_in_blocks(settings.effects(where), where):
-        field = f"model.effects.{effect.name}"
-        lacking = unmet(effect, study, mesh.dim, settings.finer(study))
-        if effect.acts == NUMERICS:
-            problems.append(InputError(where, field, "an effect that is no part of a model", cure_of(effect)[1]))
-        elif foreign(effect, settings.model.law):
-            found = f"{effect.name}, which changes what law {settings.model.law} does not have"
-            problems.append(InputError(where, field, found, "an effect beside this law, or law: ogden"))
-        elif lacking:
-            found = f"{effect.name}, which needs {' and '.join(lacking)}"
-            problems.append(InputError(where, field, found, f"an effect that makes sense in {study.path}"))
-        elif effect.simulated and not changes_the_deck(settings, study, mesh, effect):
-            found = f"{effect.name}, which changes nothing in the deck of this study"
-            expected = f"an effect on what {settings.model.template} has"
-            problems.append(InputError(where, field, found, expected))
+        told = (_wrong_effect(settings, test, own, effect, where) for test, own in tests)
+        first = next(told)
+        if first is not None and all(told):
+            problems.append(first)
     if problems:
         raise Problems(problems)
+
+
+def _wrong_effect(
+    settings: Settings, study: Study, mesh: Mesh, effect: Effect, where: Path | str
+) -> FingerfitError | None:
+    """What is wrong with an effect in a test; None where it can act there."""
+    field = f"model.effects.{effect.name}"
+    if effect.acts == NUMERICS:
+        return InputError(where, field, "an effect that is no part of a model", cure_of(effect)[1])
+    if foreign(effect, settings.model.law):
+        found = f"{effect.name}, which changes what law {settings.model.law} does not have"
+        return InputError(where, field, found, "an effect beside this law, or law: ogden")
+    if lacking := unmet(effect, study, mesh.dim, settings.finer(study)):
+        found = f"{effect.name}, which needs {' and '.join(lacking)}"
+        return InputError(where, field, found, f"an effect that makes sense in {study.path}")
+    if effect.simulated and not changes_the_deck(settings, study, mesh, effect):
+        found = f"{effect.name}, which changes nothing in the deck of this study"
+        return InputError(where, field, found, f"an effect on what {settings.model.template} has")
+    return None
 
 
 def _alone_in_blocks(effects: tuple[Effect, ...], where: Path | str) -> tuple[Effect, ...]:
@@ -126,7 +184,7 @@ def _alone_in_blocks(effects: tuple[Effect, ...], where: Path | str) -> tuple[Ef
 def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> bool:
     """Whether the deck with an effect at its trial sizes differs from that without it."""
     known = effects_of(Path(settings.study))
-    start = settings.starts()
+    start = of_test(settings.starts(), study.test)
     sizes = [effect.null(), *(with_effect(effect, {}, p.name) for p in effect.parameters)]
     without, *decks = (make_deck(settings, study, mesh, "mesh", {**start, **size}, known) for size in sizes)
     return any(deck != without for deck in decks)

@@ -94,19 +94,43 @@ def _refuse(problem: InverseProblem, values: Mapping[str, float]) -> None:
 
 
 def _meshes(problem: InverseProblem) -> dict[str, str]:
-    return {problem.mesh_names[name]: path.name for name, path in problem.mesh_files.items()}
+    return {name: path.name for name, path in problem.mesh_paths.items()}
 
 
 def _evaluate_all(problem: InverseProblem, batch: list[Asked], threads: int) -> list[dict[str, Any]]:
-    predictor = problem.predictor(SEARCH)
-    if problem.descends:
-        problem.matcher  # noqa: B018 - made once
-    problem.seen({})  # what is read here is not read again by each process
-    return side_by_side(lambda asked: _evaluate(problem, asked, predictor), batch, threads)
+    predictors = [test.predictor(SEARCH) for test in problem.every]
+    for test in problem.every:
+        if test.descends:
+            test.matcher  # noqa: B018 - made once
+        test.seen({})  # what is read here is not read again by each process
+
+    def evaluated(asked: Asked) -> dict[str, Any]:
+        tests = zip(problem.every, asked.every, predictors, strict=True)
+        return _joined(asked, [_evaluate(*test) for test in tests])
+
+    return side_by_side(evaluated, batch, threads)
+
+
+def _joined(asked: Asked, entries: list[dict[str, Any]]) -> dict[str, Any]:
+    """The entry of a guess, from those of its tests: likelihoods multiply, and all must have a solution."""
+    if len(entries) == 1:
+        return entries[0]
+    scores = [entry["score"] for entry in entries]
+    found = {
+        "values": asked.values,
+        "sim": asked.sim,
+        "sims": [one.sim for one in asked.every],
+        "score": None if None in scores else sum(scores),
+        "message": "; ".join(dict.fromkeys(entry["message"] for entry in entries if entry["message"])),
+    }
+    if found["score"] is not None and all("match" in entry for entry in entries):
+        names = entries[0]["match"]
+        found["match"] = {name: [v for entry in entries for v in entry["match"][name]] for name in names}
+    return found
 
 
 def _evaluate(problem: InverseProblem, asked: Asked, predictor: Predictor) -> dict[str, Any]:
-    """Score one simulated guess: its entry of the history."""
+    """Score one simulated guess of one test: its entry of the history."""
     outcome = problem.outcome(asked)
     made = predictor.predict(outcome, problem.seen(asked.values))
     entry: dict[str, Any] = {"values": asked.values, "sim": asked.sim, "score": None}

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.fit.intervals import SURE, as_json, bound_of, repeat, summarise
-from fingerfit.fit.minimum import mesh_error, minimum, on_search_mesh
+from fingerfit.fit.intervals import FAR_OFF, SURE, as_json, bound_of, repeat, summarise
+from fingerfit.fit.minimum import Minimum, mesh_error, minimum, on_search_mesh
 from fingerfit.fit.problem import REFINED, InverseProblem
 from fingerfit.fit.replicates import Replicates
-from fingerfit.fit.rounds import Round
+from fingerfit.fit.rounds import Round, simulations
+from fingerfit.study.several import AT
+
+Objective = Callable[[np.ndarray], float]
 
 
 def estimate_of(
@@ -43,17 +46,16 @@ def estimate_of(
     best = minimum(problem, last)
     mesh = problem.mesh_of(best.base)
     searched = on_search_mesh(problem, last) if mesh == REFINED else best
-    maps = problem.synthesis(best.base).maps
     size, values = len(parameters), best.values
     how = settings.fit
-    replicates = Replicates(best.model, problem.data, maps, how.score, how.bins, how.seed, threads)
     sure = SURE if problem.exact else np.inf
-    shifts, hessian = repeat(replicates.draw, size, how.replicates, sure)
+    shifts, hessian = repeat(_repetitions(problem, best, threads), size, how.replicates, sure)
     point = [values[p.name] for p in parameters]
     found = summarise(shifts, hessian, parameters, point, mesh_error(problem, best, searched), sure)
     names = [p.name for p in parameters]
     if asked is None:
-        asked = [*(e["sim"] for e in last.history), *(a.sim for a in last.batch)]
+        asked = [sim for e in last.history for sim in e.get("sims", [e["sim"]])]
+        asked += [a.sim for a in simulations(last.batch)]
     return {
         "study": settings.study,
         "model": settings.model.full_name,
@@ -68,7 +70,8 @@ def estimate_of(
             *_bound_remarks(problem, values),
             *_mesh_remarks(problem, mesh),
             *_thickness_remarks(problem),
-            *(f"measurements: {line}" for line in problem.data.remarks.splitlines()),
+            *(f"{_of(test)}measurements: {line}" for test in problem.every for line in test.data.remarks.splitlines()),
+            *_far_off(problem, best),
         ],
         "score": {
             "kind": settings.fit.score,
@@ -85,9 +88,56 @@ def estimate_of(
         },
         "simulations": {"asked": len(asked), "run": len(set(asked))},
         "search_mesh": searched.values if mesh == REFINED else None,
-        "sim": best.base.sim,
+        "sim": best.base.every[0].sim,
+        **({"sims": [one.sim for one in best.base.every]} if best.base.tests else {}),
         "sim_mesh": mesh,
     }
+
+
+def _repetitions(problem: InverseProblem, best: Minimum, threads: int) -> Callable[[], Objective]:
+    """What draws a repetition of the measurement, of all tests at once; their noises do not know of each other."""
+    how, makers = problem.settings.fit, []
+    for n, (test, model, asked) in enumerate(zip(problem.every, best.model.every, best.base.every, strict=True)):
+        maps, seed = test.synthesis(asked).maps, [how.seed, n] if n else how.seed
+        makers.append(Replicates(model, test.data, maps, how.score, how.bins, seed, threads))
+    if len(makers) == 1:
+        return makers[0].draw
+
+    def draw() -> Objective:
+        drawn = [maker.draw() for maker in makers]
+        return lambda delta: sum(one(delta) for one in drawn)
+
+    return draw
+
+
+def _of(test: InverseProblem) -> str:
+    return f"{test.test}: " if test.test else ""
+
+
+def _far_off(problem: InverseProblem, best: Minimum) -> list[str]:
+    """A sentence on forces (or displacements) that the fit leaves tens of standard deviations off.
+
+    Beside thousands of pixels or points a few of them weigh little, so that the score alone does not tell.
+    """
+    found = []
+    for test, model in zip(problem.every, best.model.every, strict=True):
+        measured, noise = test.data.response
+        known = np.flatnonzero(np.isfinite(measured) & (noise > 0))
+        # a factor common to all forces is no fault of one of them, nor what the noise of the control moves
+        shared, size = test.data.response_gain * measured, np.abs(test.data.controlled)
+        share = np.divide(test.data.control_noise, size, out=np.zeros_like(size), where=size > 0)
+        spread = np.sqrt(noise**2 + shared**2 + model.by_control(share, test.data).response ** 2)
+        off = np.array([abs(model.base.response[n] - measured[n]) / spread[n] for n in known])
+        if not off.size or off.max() < FAR_OFF:
+            continue
+        n = int(known[off.argmax()])
+        kind, unit = ("displacement", "mm") if test.data.control == "force" else ("force", "N")
+        found.append(
+            f"{_of(test)}{kind} of step {test.data.step[n]} is {off.max():.0f} standard deviations off:"
+            f" {measured[n]:.4g} {unit} measured, {model.base.response[n]:.4g} {unit} by the model;"
+            f" look at noise.{kind}, at its unit, and at what the model lacks"
+        )
+    return found
 
 
 def _bound_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list[str]:
@@ -100,10 +150,8 @@ def _bound_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list
             continue
         bound = p.lower if which == "lower" else p.upper
         text = f"{p.name} ends at its {which} bound, {bound:g}{'' if p.unit == '1' else f' {p.unit}'}"
-        if p.name in problem.settings.model.parameters:
-            text += (
-                f": a {'smaller' if which == 'lower' else 'larger'} value may fit better (model.parameters.{p.name})"
-            )
+        if (own := p.name.partition(AT)[0]) in problem.settings.model.parameters:
+            text += f": a {'smaller' if which == 'lower' else 'larger'} value may fit better (model.parameters.{own})"
         elif absent.get(p.name) == bound:
             text += ", where the effect is absent"
         found.append(f"{text}; standard error and interval are those of a constant without bounds")
@@ -118,7 +166,7 @@ def _mesh_remarks(problem: InverseProblem, mesh: str) -> list[str]:
 
 
 def _thickness_remarks(problem: InverseProblem) -> list[str]:
-    if problem.study.body.thick:
+    if all(test.study.body.thick for test in problem.every):
         return []
     return ["the thickness is not known: moduli are those of 1 mm; only modulus times thickness (N/mm) is identified"]
 

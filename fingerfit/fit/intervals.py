@@ -25,6 +25,9 @@ SURE = 4.0
 """... unless the score has a scale of its own: half a chi-square of this curvature tells a constant to half of itself,
 however much better another direction is known."""
 
+FAR_OFF = 10.0
+"""Standard deviations from which a force that the fit leaves is said: no noise makes that. A choice."""
+
 
 def _gradient(objective: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
     """Central differences, shape of `at`."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from fingerfit.core.processes import side_by_side
 from fingerfit.fit.course import next_round
 from fingerfit.fit.problem import SEARCH, InverseProblem
-from fingerfit.fit.rounds import Asked, Round, write_folders
+from fingerfit.fit.rounds import Asked, Round, simulations, write_folders
 from fingerfit.solvers.cost import BUILTIN, expected_seconds
 from fingerfit.solvers.registry import get_solver
 
@@ -23,10 +23,10 @@ ended. A choice."""
 
 def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int) -> int:
     """Solve what has no solution yet; returns how many that were."""
-    problem.asked.update(a.sim for a in asked)
-    batch = [a for a in asked if not (problem.sims / a.sim / "solution.npz").exists()]
-    meshes = {problem.mesh_names[name]: path for name, path in problem.mesh_files.items()}
-    missing = write_folders(problem.sims.parent, batch, problem.solver, meshes)
+    every = simulations(asked)
+    problem.asked.update(a.sim for a in every)
+    batch = [a for a in every if not (problem.sims / a.sim / "solution.npz").exists()]
+    missing = write_folders(problem.sims.parent, batch, problem.solver, problem.mesh_paths)
     solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
     side_by_side(solve, missing, threads)
     return len(missing)
@@ -68,6 +68,6 @@ def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: b
 
 
 def is_short(problem: InverseProblem) -> bool:
-    """Whether a simulation takes about as long as the start of a job: of a small mesh, by the built-in solver."""
-    solver, mesh = problem.settings.solver, problem.meshes[SEARCH]
-    return solver == BUILTIN and expected_seconds(solver, mesh.dim, len(mesh.points)) <= SHORT
+    """Whether simulations take about as long as the start of a job: of small meshes, by the built-in solver."""
+    solver, meshes = problem.settings.solver, [test.meshes[SEARCH] for test in problem.every]
+    return solver == BUILTIN and all(expected_seconds(solver, m.dim, len(m.points)) <= SHORT for m in meshes)

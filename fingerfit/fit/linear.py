@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ class LinearModel:
     Parameters
     ----------
     base : Prediction
-        At the best guess.
+        At the best guess; a `JointPrediction` of a study with several tests, as all others are.
     slopes : tuple of Prediction
         Derivatives by the logarithm of each parameter (by the value, where it is not on a log scale).
     control : Prediction or None
@@ -41,6 +42,19 @@ class LinearModel:
             if d:
                 total = total + slope * float(d)
         return total
+
+    @property
+    def every(self) -> list[LinearModel]:
+        """The models of the tests of a study with several; else itself."""
+        if isinstance(self.base, Prediction):
+            return [self]
+        slopes: list[Any] = [*self.slopes, *([self.control] if self.control else [])]
+        parts = [(base, [slope.tests[n] for slope in slopes]) for n, base in enumerate(self.base.tests)]
+        count = len(self.slopes)
+        return [
+            LinearModel(base, tuple(own[:count]), own[count] if self.control else None, self.values)
+            for base, own in parts
+        ]
 
     def by_control(self, relative: np.ndarray, data: Data) -> Prediction:
         """Change of the prediction with relative changes of the prescribed quantity, shape (steps,)."""

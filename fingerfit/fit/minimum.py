@@ -95,7 +95,9 @@ def mesh_error(problem: InverseProblem, found: Minimum, searched: Minimum) -> np
 
 
 def left_over(problem: InverseProblem) -> float:
-    """Error of the finer mesh as a share of what it changed, from its order of convergence."""
+    """Error of the finer mesh as a share of what it changed, from its order of convergence; of several the largest."""
+    if len(problem.every) > 1:
+        return max(map(left_over, problem.every))
     coarse, fine = problem.meshes[SEARCH], problem.meshes[REFINED]
     ratio = (fine.element_count / coarse.element_count) ** (1 / coarse.dim)
     return 1.0 / max(ratio**ORDER - 1.0, _LEAST)
@@ -173,8 +175,8 @@ def _least_squares(problem: InverseProblem, model: LinearModel, low: np.ndarray,
     """Minimum of the likelihood of forces and points alone, between bounds: linear least squares."""
     from scipy.optimize import lsq_linear
 
-    left = deviations(model.base, problem.data)
-    columns = [deviations(model.base + slope, problem.data) - left for slope in model.slopes]
+    left = problem.deviations(model.base)
+    columns = [problem.deviations(model.base + slope) - left for slope in model.slopes]
     # bounds that coincide, as at a corner of the space, are kept a little apart
     return np.asarray(lsq_linear(np.stack(columns, axis=1), -left, (low - 1e-9, high + 1e-9)).x)
 
@@ -218,8 +220,8 @@ def best_values(last: Round) -> dict[str, float]:
 
 
 def diverged(problem: InverseProblem, asked: Asked) -> bool:
-    """Whether a guess has no solution."""
-    return Outcome.load(problem.sims / asked.sim / "solution.npz").status != CONVERGED
+    """Whether a guess has no solution, in one of the tests."""
+    return any(Outcome.load(problem.sims / one.sim / "solution.npz").status != CONVERGED for one in asked.every)
 
 
 def unusable(problem: InverseProblem, asked: Asked) -> bool:

@@ -19,14 +19,16 @@ from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.rounds import Asked, simulation_name
 from fingerfit.forward.decks import make_deck, refusal
 from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
-from fingerfit.forward.score import Prediction, score
+from fingerfit.forward.score import Prediction, deviations, score
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.applicable import unmet
 from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.model.observation import Observation
 from fingerfit.search.stages import LEAST_SQUARES
 from fingerfit.solvers.contract import Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
+from fingerfit.study.several import of_test
 from fingerfit.study.study import Study, with_gain
 
 if TYPE_CHECKING:
@@ -54,6 +56,8 @@ class InverseProblem:
         Folder of the simulations.
     asked : set of str
         Names of the simulations that were asked for inside this process.
+    test : str
+        Which test of the study it is of, where there are several (`fingerfit.fit.joint`).
     """
 
     settings: Settings
@@ -61,13 +65,19 @@ class InverseProblem:
     mesh_files: dict[str, Path]
     sims: Path
     asked: set[str] = field(default_factory=set, repr=False, compare=False)
+    test: str = ""
     _predictions: dict[str, Prediction] = field(default_factory=dict, repr=False, compare=False)
     _folded: dict[str, bool] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def study(self) -> Study:
-        """The study."""
-        return self.settings.read_study()
+        """The study, or its test."""
+        return self.settings.read_study().of_test(self.test)
+
+    @property
+    def every(self) -> tuple[InverseProblem, ...]:
+        """The fits of the tests of the study, at least one."""
+        return (self,)
 
     @cached_property
     def solver(self) -> dict[str, Any]:
@@ -83,6 +93,11 @@ class InverseProblem:
     def mesh_names(self) -> dict[str, str]:
         """Hashes of the mesh files."""
         return {name: digest(path.read_bytes()) for name, path in self.mesh_files.items()}
+
+    @property
+    def mesh_paths(self) -> dict[str, Path]:
+        """Files of the meshes by the hashes of their contents."""
+        return {self.mesh_names[name]: path for name, path in self.mesh_files.items()}
 
     @property
     def exact(self) -> bool:
@@ -135,8 +150,24 @@ class InverseProblem:
         """
         mesh = mesh or (REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH)
         study, name = with_gain(study or self.study, gain), self.mesh_names[mesh]
-        deck = make_deck(self.settings, study, self.meshes[mesh], name, values, self.effects)
+        deck = make_deck(self.settings, study, self.meshes[mesh], name, self.own(values), self.effects)
         return Asked(dict(values), simulation_name(deck, self.solver), self.mesh_names[mesh], deck, role)
+
+    def own(self, values: Mapping[str, float]) -> dict[str, float]:
+        """What a guess of all tests is in this one: without numbers of other tests, and effects that it cannot have."""
+        if not self.test:
+            return dict(values)
+        found = of_test(values, self.test)
+        return found | {name: value for name, value in self._absent.items() if name in found}
+
+    @cached_property
+    def _absent(self) -> dict[str, float]:
+        lacking = (effect for effect in self.effects.values() if self.lacks(effect))
+        return {name: value for effect in lacking for name, value in effect.null().items()}
+
+    def lacks(self, effect: Effect) -> list[str]:
+        """What an effect needs that the study, or its test, does not have, in words."""
+        return unmet(effect, self.study, self.meshes[SEARCH].dim, REFINED in self.mesh_files)
 
     def refusal(self, asked: Asked) -> InputError | None:
         """Why the solver does not take the deck of a guess; None where it does, or has solved it before."""
@@ -152,6 +183,10 @@ class InverseProblem:
         write_text(path, text)
         return InverseProblem(self.settings, self.data, {**self.mesh_files, name: path}, self.sims, self.asked)
 
+    def with_settings(self, settings: Settings) -> InverseProblem:
+        """The fit of another model to the same measurements."""
+        return InverseProblem(settings, self.data, self.mesh_files, self.sims, test=self.test)
+
     @cached_property
     def effects(self) -> dict[str, Effect]:
         """All effects that are known in this study."""
@@ -159,7 +194,7 @@ class InverseProblem:
 
     def seen(self, values: Mapping[str, float]) -> Observation | None:
         """Effects on the observation that a guess has."""
-        everything = {**self.settings.fixed(self.effects), **values}
+        everything = {**self.settings.fixed(self.effects), **self.own(values)}
         return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].body, len(self.data.step))
 
     def mesh_of(self, asked: Asked) -> str:
@@ -214,6 +249,10 @@ class InverseProblem:
     def score(self, prediction: Prediction) -> float:
         """Score of a prediction."""
         return score(self.settings.fit.score, prediction, self.data, self.settings.fit.bins)
+
+    def deviations(self, prediction: Prediction) -> np.ndarray:
+        """Response and points less what was measured, in units of the noise, where both are known."""
+        return deviations(prediction, self.data)
 
     def objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
         """Score of a linear model at a distance of shape (parameters,) from its base."""

@@ -6,7 +6,7 @@ force or displacement and on the quantities measured beside; its score is the ve
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ class Replicates:
         Maps at the best guess: they carry the noise of the first picture along.
     kind, bins
         As for `score`.
-    seed : int
+    seed : int or sequence of int
         Of the noise: the same input gives the same digits, whatever the threads.
     threads : int
         Pictures that are warped and smoothed beside each other.
@@ -45,7 +45,7 @@ class Replicates:
         maps: list[BackwardMap],
         kind: str,
         bins: int,
-        seed: int,
+        seed: int | Sequence[int],
         threads: int = 1,
     ) -> None:
         self.model, self.data, self.maps, self.kind, self.bins = model, data, maps, kind, bins

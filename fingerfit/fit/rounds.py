@@ -89,6 +89,8 @@ class Asked:
     role : str
         ``search``; ``+mu_top``, ``-mu_top``, ``+control``, ``-control``: sensitivities; ``refined``: on the finer
         mesh.
+    tests : tuple of Asked
+        In a study with several tests, the simulation of each; `sim` then names all of them together.
     """
 
     values: dict[str, float]
@@ -96,6 +98,27 @@ class Asked:
     mesh: str
     deck: str
     role: str = "search"
+    tests: tuple[Asked, ...] = ()
+
+    @property
+    def every(self) -> tuple[Asked, ...]:
+        """The simulations of the guess: one for each test."""
+        return self.tests or (self,)
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON has it; without tests where there is one."""
+        own = {key: value for key, value in self.__dict__.items() if key != "tests"}
+        return own | ({"tests": [one.plain() for one in self.tests]} if self.tests else {})
+
+    @classmethod
+    def of(cls, plain: Mapping[str, Any]) -> Asked:
+        """What `plain` made."""
+        return cls(**{**plain, "tests": tuple(cls.of(one) for one in plain.get("tests", ()))})
+
+
+def simulations(batch: Sequence[Asked]) -> list[Asked]:
+    """The simulations of guesses, one of each test."""
+    return [one for asked in batch for one in asked.every]
 
 
 _ASKED = ("batch", "solved")
@@ -156,7 +179,7 @@ class Round:
 
     def save(self, path: Path) -> None:
         """Write as JSON, whole or not at all."""
-        data = {**self.__dict__, **{key: [asked.__dict__ for asked in getattr(self, key)] for key in _ASKED}}
+        data = {**self.__dict__, **{key: [asked.plain() for asked in getattr(self, key)] for key in _ASKED}}
         keep_json(path, data)
 
     @classmethod
@@ -170,7 +193,7 @@ class Round:
         """
         data = read_json(path)
         try:
-            return cls(**{**data, **{key: [Asked(**asked) for asked in data.get(key, ())] for key in _ASKED}})
+            return cls(**{**data, **{key: [Asked.of(asked) for asked in data.get(key, ())] for key in _ASKED}})
         except (TypeError, KeyError) as error:
             raise StateError(f"{path}: is not a round of a search: {error}") from error
 
@@ -181,10 +204,10 @@ def asked_for(last: Path) -> list[str]:
     found: list[str] = []
     before: list[Asked] = []
     for one in rounds:
-        found += [asked.sim for asked in one.solved]
+        found += [asked.sim for asked in simulations(one.solved)]
         # the last rounds repeat the batch of the one before and add to it
         new = one.batch[len(before) :] if one.batch[: len(before)] == before else one.batch
-        found += [asked.sim for asked in new]
+        found += [asked.sim for asked in simulations(new)]
         before = one.batch
     return found
 
@@ -221,13 +244,13 @@ def write_folders(
             if digest(text) != name:
                 raise StateError(f"{file}: is not the mesh that the rounds were asked with: remove that file")
             write_text(mesh, text)
-    for asked in batch:
+    for asked in simulations(batch):
         folder = study / "sims" / asked.sim
         if not (folder / "deck.inp").exists():
             write_text(folder / "deck.inp", asked.deck)
         if not (folder / "solver.json").exists():
             write_json(folder / "solver.json", {**solver, "includes": [f"{asked.mesh}.inp"]})
-    return list(dict.fromkeys(asked.sim for asked in batch))
+    return list(dict.fromkeys(asked.sim for asked in simulations(batch)))
 
 
 @dataclass(frozen=True)
@@ -256,7 +279,7 @@ class Walk:
         """Names of a round's simulations; with `write`, their decks where they are missing."""
         current = self._round(path)
         if not write:
-            return list(dict.fromkeys(asked.sim for asked in current.everything))
+            return list(dict.fromkeys(asked.sim for asked in simulations(current.everything)))
         meshes = {name: self.model / file for name, file in current.meshes.items()}
         return write_folders(self.study, current.everything, current.solver, meshes)
 

@@ -9,6 +9,7 @@ from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_data
 from fingerfit.fit.course import next_round
 from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.joint import problem_of
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.prepare.prepare import make_mesh, prepare
@@ -17,8 +18,10 @@ from fingerfit.study.data import Data
 from fingerfit.study.reader import load_study
 
 
-def begin(settings: Settings, folder: Path) -> tuple[InverseProblem, Data]:
+def begin(settings: Settings, folder: Path) -> tuple[InverseProblem, Data | list[Data]]:
     """A fit outside the workflow, its meshes and simulations in `folder`; also the data with all pictures.
+
+    Those of a study with several tests are a list.
 
     Raises
     ------
@@ -26,18 +29,18 @@ def begin(settings: Settings, folder: Path) -> tuple[InverseProblem, Data]:
         With one line for everything that is wrong with the study.
     """
     study = load_study(Path(settings.study))
-    meshes = {SEARCH: make_mesh(study, settings.model.mesh)}
-    if settings.model.refined or study.body.refined:
-        meshes[REFINED] = make_mesh(study, settings.model.refined, finer=True)
-    files = {name: folder / f"{name}.inp" for name in meshes}
-    for name, mesh in meshes.items():
-        write_text(files[name], format_mesh(mesh))
-    fitted, everything = (
-        prepare(study, meshes[SEARCH], steps, settings.fit.smooth, settings.fit.crop)
-        for steps in (settings.fit.steps, None)
-    )
-    check_data(settings, study, fitted)
-    return InverseProblem(settings, fitted, files, folder / "sims"), everything
+    fitted, everything, files = list[Data](), list[Data](), list[dict[str, Path]]()
+    for test in study.every:
+        meshes = {SEARCH: make_mesh(test, settings.model.mesh)}
+        if settings.model.refined or test.body.refined:
+            meshes[REFINED] = make_mesh(test, settings.model.refined, finer=True)
+        files.append({name: folder / f"{name}{'-' * bool(test.test)}{test.test}.inp" for name in meshes})
+        for name, mesh in meshes.items():
+            write_text(files[-1][name], format_mesh(mesh))
+        for steps, kept in ((settings.fit.steps, fitted), (None, everything)):
+            kept.append(prepare(test, meshes[SEARCH], steps, settings.fit.smooth, settings.fit.crop))
+        check_data(settings, test, fitted[-1])
+    return problem_of(settings, fitted, files, folder / "sims"), everything[0] if len(everything) == 1 else everything
 
 
 def run_fit(problem: InverseProblem, threads: int) -> tuple[Round, int]:

@@ -46,6 +46,27 @@ class Prediction:
         return Prediction(self.pictures * per_picture, self.response * factor, self.points * per_point)
 
 
+@dataclass(frozen=True)
+class JointPrediction:
+    """Predictions of several tests, with the arithmetic of one.
+
+    Parameters
+    ----------
+    tests : tuple of Prediction
+    """
+
+    tests: tuple[Prediction, ...]
+
+    def __add__(self, other: JointPrediction) -> JointPrediction:
+        return JointPrediction(tuple(a + b for a, b in zip(self.tests, other.tests, strict=True)))
+
+    def __sub__(self, other: JointPrediction) -> JointPrediction:
+        return self + other * -1.0
+
+    def __mul__(self, factor: float) -> JointPrediction:
+        return JointPrediction(tuple(one * factor for one in self.tests))
+
+
 def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
     """Score of a prediction.
 

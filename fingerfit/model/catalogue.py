@@ -50,7 +50,11 @@ def chosen(names: Sequence[str], known: Mapping[str, Effect], where: Path | str)
 
 
 def wrong_numbers(
-    given: Mapping[str, Mapping[str, float]], known: Mapping[str, Effect], where: Path | str, prefix: str
+    given: Mapping[str, Mapping[str, float]],
+    known: Mapping[str, Effect],
+    where: Path | str,
+    prefix: str,
+    tests: Sequence[str] = (),
 ) -> list[InputError]:
     """Problems of the numbers of effects: names that they do not have, values out of their bounds.
 
@@ -62,13 +66,16 @@ def wrong_numbers(
         Has these effects and may have others.
     where, prefix : Path or str
         File and beginning of the fields in errors, for example ``model.effects.``.
+    tests : sequence of str
+        Endings of numbers that each test has for itself, as ``@wide``.
     """
     problems = []
     for name, numbers in given.items():
         keys, bounds = list(known[name].own({})), known[name].bounds()
         for key, value in numbers.items():
-            low, high = bounds.get(key, (-math.inf, math.inf))
-            if key not in keys:
+            short = next((key.removesuffix(test) for test in tests if key.endswith(test)), key)
+            low, high = bounds.get(short, (-math.inf, math.inf))
+            if short not in keys:
                 problems.append(unknown_key(where, f"{prefix}{name}.", key, keys))
             elif not low <= value <= high:
                 expected = f"{low:g} to {high:g}, the bounds"

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fingerfit.diagnosis.diagnose import Diagnosis, added
+from fingerfit.diagnosis.diagnose import Diagnosis, Everything, added
 from fingerfit.diagnosis.diagnose import diagnose as diagnosis_of
 from fingerfit.diagnosis.ranking import summary
 from fingerfit.fit.estimate import estimate_of
@@ -18,7 +18,6 @@ from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.report.plots import chosen_figure, figures_of
 from fingerfit.settings.config import load_settings
 from fingerfit.study import reader
-from fingerfit.study.data import Data
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,15 +39,15 @@ class Result:
         Settings, measurements, meshes.
     last : Round
         The last round of the search.
-    everything : Data
-        The measurements with all pictures, fitted or not.
+    everything : Data or sequence of Data
+        The measurements with all pictures, fitted or not; of a study with several tests those of each.
     run : int
         Simulations that were not known before.
     """
 
     problem: InverseProblem
     last: Round
-    everything: Data
+    everything: Everything
     run: int
 
     @cached_property
@@ -195,6 +194,6 @@ def add(result: Result, found: Found, name: str, threads: int = 1) -> Result:
     return _fitted(added(result.problem, result.last, found.diagnosis, name), result.everything, threads)
 
 
-def _fitted(problem: InverseProblem, everything: Data, threads: int) -> Result:
+def _fitted(problem: InverseProblem, everything: Everything, threads: int) -> Result:
     last, run = run_fit(problem, threads)
     return Result(problem, last, everything, run)

@@ -29,13 +29,7 @@ def study_files(folder: Path) -> list[str]:
     FingerfitError
         For a study that cannot be read.
     """
-    study = load_study(folder)
-    named = [study.path, *filter(None, (study.table, study.before)), *_of_steps(study)]
-    if isinstance(study.noise.picture, tuple):
-        named += study.noise.picture
-    found = [part for path in named for part in _with_parts(path)]
-    for mesh in filter(None, (study.body.mesh, study.body.refined)):
-        found += [*_with_parts(mesh), *(_included(mesh, set()) if mesh.suffix.lower() == ".inp" else ())]
+    found = [path for test in load_study(folder).every for path in _files_of(test)]
     return list(dict.fromkeys(_plain(path) for path in found if path.is_file()))
 
 
@@ -62,6 +56,16 @@ def template_files(study: Path) -> list[Path]:
 def page_files() -> list[Path]:
     """Templates of the page."""
     return sorted(path for path in (OURS / "report").rglob("*") if path.is_file())
+
+
+def _files_of(study: Study) -> list[Path]:
+    named = [study.path, *filter(None, (study.table, study.before)), *_of_steps(study)]
+    if isinstance(study.noise.picture, tuple):
+        named += study.noise.picture
+    found = [part for path in named for part in _with_parts(path)]
+    for mesh in filter(None, (study.body.mesh, study.body.refined)):
+        found += [*_with_parts(mesh), *(_included(mesh, set()) if mesh.suffix.lower() == ".inp" else ())]
+    return found
 
 
 def _of_steps(study: Study) -> Iterator[Path]:

@@ -26,7 +26,7 @@ SHARED = ("sims", "meshes")
 """Folders beside those of the models."""
 DIAGNOSED = ("compare.npz", "diagnosis.npz", "diagnosis.json", "rung.json")
 KEPT = (
-    "settings.json", "prepared.npz", "mesh.inp", "refined.inp", "rounds/*.json", "estimate.json", "figures/*.png",
+    "settings.json", "prepared*.npz", "mesh*.inp", "refined*.inp", "rounds/*.json", "estimate.json", "figures/*.png",
     *DIAGNOSED, "simulations.json",
 )  # fmt: skip
 """Results of a model that can be told from damaged ones."""
@@ -170,11 +170,12 @@ def in_order(settings: Settings) -> None:
     rounds = sorted(model.glob("rounds/*.json"), key=lambda path: (len(path.name), path.name))
     below = [study / name for name in settings.model.path[-2:-1]]
     order = [[folder / "estimate.json"] for folder in below]  # the search starts there
-    order += [[model / "settings.json"], [model / name for name in ("prepared.npz", "mesh.inp", "refined.inp")]]
+    prepared = ("prepared*.npz", "mesh*.inp", "refined*.inp")
+    order += [[model / "settings.json"], [path for name in prepared for path in sorted(model.glob(name))]]
     order += [[path] for path in rounds]
     order.append([model / "estimate.json", model / "table.txt", *model.glob("figures/*")])
     order += [[folder / "simulations.json"] for folder in below]  # the diagnosis counts them
-    order.append([model / name for name in (*DIAGNOSED, "simulations.json")])
+    order.append([path for name in (*DIAGNOSED, "simulations.json") for path in sorted(model.glob(name))])
     # of a folder Snakemake has the time in a file
     order.append([study / "ladder.json", study / "report.html", model / "export/.snakemake_timestamp"])
     latest = 0

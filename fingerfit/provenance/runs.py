@@ -44,6 +44,7 @@ class Run:
         self.study_files = stages.study_files(Path(settings.study))
         self.figures = stages.figures(settings)
         self.refined = stages.has_refined(settings)
+        self.tests = stages.tests_of(settings)
         self.waits = False  # for the estimate of the model below, which another run of the same call makes
         self._known: tuple[str, Settings, Parts] | None = None
 

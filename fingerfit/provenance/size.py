@@ -101,13 +101,14 @@ def size_of(settings: Settings) -> Size:
     """The size of a model; of what cannot be read nothing: the job that reads it says what is wrong."""
     dim, nodes, pixels, pictures = 2, 0, 0, 0
     try:
-        study = load_study(Path(settings.study))
-        pictures = sum(step.picture is not None for step in study.steps) + (study.before is not None)
-        meshes = [make_mesh(study, settings.model.mesh)]
-        if settings.finer(study):
-            meshes.append(make_mesh(study, settings.model.refined, finer=True))
-        nodes, dim = max(len(mesh.points) for mesh in meshes), meshes[0].dim
-        pixels = math.prod(shape_of(study.before)) if study.before else 0
+        # a job simulates one test at a time, and holds the pictures of all of them
+        for study in load_study(Path(settings.study)).every:
+            pictures += sum(step.picture is not None for step in study.steps) + (study.before is not None)
+            meshes = [make_mesh(study, settings.model.mesh)]
+            if settings.finer(study):
+                meshes.append(make_mesh(study, settings.model.refined, finer=True))
+            nodes, dim = max(nodes, *(len(mesh.points) for mesh in meshes)), max(dim, meshes[0].dim)
+            pixels = max(pixels, math.prod(shape_of(study.before)) if study.before else 0)
     except (FingerfitError, OSError):
         pass
     fit = settings.fit

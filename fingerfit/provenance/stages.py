@@ -176,9 +176,16 @@ def check_model(settings: Settings, where: Path | str = CONFIG) -> None:
 
 def figures(settings: Settings) -> list[str]:
     """Names of the figures that a finished fit has."""
-    pictured = any(step.picture for step in load_study(Path(settings.study)).steps)
-    searched = not settings.model.effects  # a model with effects starts at an estimate
-    return ["force", *["search"][:searched], *["deformed_mesh", "pictures"][: 2 * pictured]]
+    found = [] if settings.model.effects else ["search"]  # a model with effects starts at an estimate
+    for test, name in zip(load_study(Path(settings.study)).every, tests_of(settings), strict=True):
+        pictured = any(step.picture for step in test.steps)
+        found += [f"{kind}{name}" for kind in ("force", *["deformed_mesh", "pictures"][: 2 * pictured])]
+    return found
+
+
+def tests_of(settings: Settings) -> list[str]:
+    """Endings of the names of files that each test has for itself; empty in a study with one."""
+    return [f"-{test.test}" if test.test else "" for test in load_study(Path(settings.study)).every]
 
 
 def has_refined(settings: Settings) -> bool:

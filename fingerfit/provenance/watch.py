@@ -12,7 +12,7 @@ from typing import Any
 
 from fingerfit.core.errors import FingerfitError
 from fingerfit.core.progress import Progress, in_words
-from fingerfit.fit.rounds import Round
+from fingerfit.fit.rounds import Round, simulations
 
 _ROUND = re.compile(r"/rounds/\d+\.json$")
 _SENT = ".sent"
@@ -82,7 +82,7 @@ class Watch(logging.Handler):
 
     def _tell(self, path: Path, current: Round) -> None:
         sims = path.parents[2] / "sims"
-        names = dict.fromkeys(asked.sim for asked in current.batch)
+        names = dict.fromkeys(asked.sim for asked in simulations(current.batch))
         known = sum((sims / name / "solution.npz").exists() for name in names)
         self._asked, self._solved = len(names) - known, 0
         best = current.best["score"] if current.best is not None else None

@@ -22,6 +22,7 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.report.fields import Fields, fields
 from fingerfit.solvers.contract import Outcome
 from fingerfit.study.data import Data
+from fingerfit.study.several import AT, TESTS
 
 CELLS = {
     (2, 3): "triangle", (2, 6): "triangle6", (2, 4): "quad", (2, 8): "quad8",
@@ -63,8 +64,8 @@ class Results:
     ranking: list[dict[str, Any]]
 
 
-def read_results(model: Path) -> Results:
-    """Read what a fit and its diagnosis left in ``results/{study}/{model}``.
+def read_results(model: Path, test: int = 0) -> Results:
+    """Read what a fit and its diagnosis left in ``results/{study}/{model}``; `test` counts the tests of the study.
 
     Raises
     ------
@@ -76,19 +77,22 @@ def read_results(model: Path) -> Results:
         if not (model / name).exists():
             raise StateError(f"{model / name}: is not there; `{made}` makes it")
     estimate = read_record(model / "estimate.json", "sim", "sim_mesh", "parameters")
-    file = model / ("refined.inp" if estimate["sim_mesh"] == "refined" else "mesh.inp")
+    compare, diagnosis = read_npz(model / "compare.npz"), read_npz(model / "diagnosis.npz")
+    name = str(compare[TESTS][test]) if TESTS in compare else ""
+    end, own = (f"-{name}", f"{AT}{name}") if name else ("", "")
+    compare = {key.removesuffix(own): values for key, values in compare.items() if key.endswith(own)}
+    file = model / f"{'refined' if estimate['sim_mesh'] == 'refined' else 'mesh'}{end}.inp"
     check_kept(file)
     mesh = read_mesh(file)
-    folder = model.parent / "sims" / estimate["sim"]
+    folder = model.parent / "sims" / estimate.get("sims", [estimate["sim"]])[test]
     outcome = Outcome.load(folder / "solution.npz")
-    compare, diagnosis = read_npz(model / "compare.npz"), read_npz(model / "diagnosis.npz")
     ranking = read_record(model / "diagnosis.json", "ranking")["ranking"]
-    data = Data.load(model / "prepared.npz")
+    data = Data.load(model / f"prepared{end}.npz")
     return Results(mesh, outcome, folder / "deck.inp", data, compare, diagnosis["stiffness"], ranking)
 
 
 def export(model: Path, out: Path) -> list[Path]:
-    """Write everything; returns the files.
+    """Write everything, of a study with several tests each in a folder of its own; returns the files.
 
     Parameters
     ----------
@@ -97,8 +101,14 @@ def export(model: Path, out: Path) -> list[Path]:
     out : Path
         Folder.
     """
-    found = read_results(model)
-    return [*write_fields(found, out / "fields"), *write_pictures(found, out / "pictures"), *write_tables(found, out)]
+    first = read_results(model)
+    tests = read_npz(model / "compare.npz").get(TESTS, [""])
+    written = []
+    for n, name in enumerate(tests):
+        found, place = read_results(model, n) if n else first, out / str(name)
+        written += [*write_fields(found, place / "fields"), *write_pictures(found, place / "pictures")]
+        written += write_tables(found, place)
+    return written
 
 
 def write_fields(found: Results, folder: Path) -> list[Path]:

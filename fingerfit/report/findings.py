@@ -11,7 +11,8 @@ import numpy as np
 
 from fingerfit.core.files import digest, keep_json, read_json, write_npz
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.diagnose import Diagnosis, are_fitted, errors, fitted_steps
+from fingerfit.diagnosis.diagnose import Diagnosis
+from fingerfit.diagnosis.errors import are_fitted, errors, fitted_steps
 from fingerfit.diagnosis.families import families
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
@@ -25,55 +26,74 @@ from fingerfit.model.effect import LOADING, Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.report.drawing import outline
 from fingerfit.settings.choices import read_checked
+from fingerfit.study.several import AT, TESTS
 
 SHOWN = 6
 """Effects whose patterns are kept, and so drawn."""
 
 
 def write_compare(comparison: Comparison, path: Path) -> None:
-    """Measured and synthesized pictures, the residual with all of its noise, forces and meshes, as arrays."""
+    """Measured and synthesized pictures, the residual with all of its noise, forces and meshes, as arrays.
+
+    In a study with several tests each has its own, as ``force@wide``, and ``tests`` are their names.
+    """
+    if len(comparison.every) == 1:
+        write_npz(path, _compared(comparison, comparison.score_test.spread))
+        return
+    names, found = [test.problem.test for test in comparison.every], dict[str, np.ndarray]()
+    for name, test, spread in zip(
+        names, comparison.every, by_test(comparison, comparison.score_test.spread), strict=True
+    ):
+        found |= {f"{key}{AT}{name}": values for key, values in _compared(test, spread).items()}
+    write_npz(path, {TESTS: np.array(names), **found})
+
+
+def by_test(comparison: Comparison, known: np.ndarray) -> list[np.ndarray]:
+    """A vector like the residual of all tests, shape (kept,), in its parts."""
+    counts = [len(test.residual.vector) for test in comparison.every]
+    return np.split(known, np.cumsum(counts)[:-1])
+
+
+def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarray]:
     problem, data, residual = comparison.problem, comparison.data, comparison.residual
     mesh = problem.meshes[comparison.mesh]
     outcome = problem.outcome(comparison.base)
     steps = data.entry_step[: shown(comparison)]
-    left, noise = (parts_left(comparison, known) for known in (residual.vector, comparison.score_test.spread))
+    left, noise = (parts_left(comparison, known) for known in (residual.vector, spread))
     error, floor = residual.error, comparison.floor
     if not len(data.picture_step):  # of measured points: displacements, mm
         error, floor = (np.array([_typical(one) for one in each[DISPLACEMENT]]) for each in (left, noise))
     response = comparison.prediction.response
     moved, force = (response, data.force) if data.control == "force" else (data.displacement, response)
-    write_npz(
-        path,
-        {
-            "measured": data.measured,
-            "synthesized": comparison.prediction.pictures,
-            "picture_step": steps,
-            "fitted": fitted_steps(problem, data)[: len(steps)],
-            "error": error,
-            "floor": floor,
-            "spacing": data.spacing,
-            "origin": data.origin,
-            "direction": data.direction,
-            **left,
-            **{f"{name}_noise": values for name, values in noise.items()},
-            "control": np.array(data.control),
-            "step_fitted": are_fitted(problem, data, np.arange(len(data.step))),
-            "patch_centre": comparison.patches.centre,
-            "patch_count": np.array(comparison.patches.count),
-            "mesh_points": mesh.points,
-            "mesh_moved": mesh.points + outcome.displacement[steps],
-            **_outlines(mesh, comparison),
-            "mesh_layer": np.maximum(parts_of(mesh), 0),
-            "layer_names": np.array(list(mesh.parts)),
-            "step": data.step,
-            "force": data.force,
-            "displacement": data.displacement,
-            "force_model": force,
-            "displacement_model": moved,
-            "force_noise": np.array(data.force_noise),
-            "displacement_noise": np.array(data.displacement_noise),
-        },
-    )
+    return {
+        "measured": data.measured,
+        "synthesized": comparison.prediction.pictures,
+        "picture_step": steps,
+        "fitted": fitted_steps(problem, data)[: len(steps)],
+        "error": error,
+        "floor": floor,
+        "spacing": data.spacing,
+        "origin": data.origin,
+        "direction": data.direction,
+        **left,
+        **{f"{name}_noise": values for name, values in noise.items()},
+        "control": np.array(data.control),
+        "step_fitted": are_fitted(problem, data, np.arange(len(data.step))),
+        "patch_centre": comparison.patches.centre,
+        "patch_count": np.array(comparison.patches.count),
+        "mesh_points": mesh.points,
+        "mesh_moved": mesh.points + outcome.displacement[steps],
+        **_outlines(mesh, comparison),
+        "mesh_layer": np.maximum(parts_of(mesh), 0),
+        "layer_names": np.array(list(mesh.parts)),
+        "step": data.step,
+        "force": data.force,
+        "displacement": data.displacement,
+        "force_model": force,
+        "displacement_model": moved,
+        "force_noise": np.array(data.force_noise),
+        "displacement_noise": np.array(data.displacement_noise),
+    }
 
 
 def _outlines(mesh: Mesh, comparison: Comparison) -> dict[str, np.ndarray]:
@@ -135,6 +155,18 @@ def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:
     return next((name for name in order if np.nan_to_num(pattern[name]).any()), chosen)
 
 
+def _patterns(comparison: Comparison, one: Ranked) -> dict[str, dict[str, np.ndarray]]:
+    """What an effect would leave, by its parts, for each test by the ending of its names: none where there is one."""
+    every = by_test(comparison, one.columns @ one.finding.size)
+    names = [f"{AT}{test.problem.test}" if test.problem.test else "" for test in comparison.every]
+    return {name: parts_left(test, own) for name, test, own in zip(names, comparison.every, every, strict=True)}
+
+
+def _part_shown(effect: Effect, patterns: Mapping[str, Mapping[str, np.ndarray]]) -> str:
+    seen = (own for own in patterns.values() if any(np.nan_to_num(part).any() for part in own.values()))
+    return part_shown(effect, next(seen, next(iter(patterns.values()))))
+
+
 def kept_ranking(found: Diagnosis) -> list[Ranked]:
     """The effects whose patterns are kept: those that are named, those that were refitted, then the likeliest."""
     named = list(found.verdict.effects)
@@ -157,7 +189,8 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
     model = found.comparison.problem.settings.model
     hidden = {one.candidate.effect.name for one in unseen(found.score_test, found.ranking)}
     kept = kept_ranking(found)
-    patterns = {one.candidate.effect.name: parts_left(found.comparison, one.columns @ one.finding.size) for one in kept}
+    # of the tests, the first in which an effect is seen says where it is shown
+    patterns = {one.candidate.effect.name: _patterns(found.comparison, one) for one in kept}
     ranking = []
     for one, entry in zip(found.ranking, summary(found.score_test, found.ranking), strict=True):
         effect, refit = one.candidate.effect, found.refits.get(one.candidate.effect.name)
@@ -167,7 +200,7 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
                 **entry,
                 "units": {p.name: p.unit for p in effect.parameters},
                 "imitated": effect.name in hidden,
-                "shows": part_shown(effect, patterns[effect.name]) if effect.name in patterns else None,
+                "shows": _part_shown(effect, patterns[effect.name]) if effect.name in patterns else None,
                 "refit": refit
                 and {
                     "misfit": refit.misfit,
@@ -208,8 +241,9 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
         "simulations": found.run,
     }
     arrays = {"stiffness": found.stiffness}
-    for name, pattern in patterns.items():
-        arrays |= {f"{part}_{name}": values for part, values in pattern.items()}
+    for name, own in patterns.items():
+        for test, pattern in own.items():
+            arrays |= {f"{part}_{name}{test}": values for part, values in pattern.items()}
     write_npz(path.with_suffix(".npz"), arrays)
     keep_json(path, data)
     return data

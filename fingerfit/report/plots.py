@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from fingerfit.core.errors import InputError
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
-from fingerfit.fit.rounds import Round
+from fingerfit.fit.rounds import Asked, Round
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.report.drawing import COLOURS, draw_mesh, extent, save
 from fingerfit.report.volumes import chosen_slices, figure_sections, figure_slices
@@ -111,14 +111,24 @@ def figure_search(last: Round, kind: str) -> Figure:
 
 
 def figures_of(problem: InverseProblem, last: Round) -> dict[str, Callable[[], Figure]]:
-    """What draws each figure of a finished fit, by name."""
+    """What draws each figure of a finished fit, by name; in a study with several tests ``force-wide`` and the like."""
     shown = finest(problem, last)
+    figures: dict[str, Callable[[], Figure]] = {}
+    for n, (test, asked) in enumerate(zip(problem.every, shown.every, strict=True)):
+        end = f"-{test.test}" if test.test else ""
+        drawn = {f"{name}{end}": draw for name, draw in _figures_of_test(test, asked).items()}
+        figures[f"force{end}"] = drawn.pop(f"force{end}")
+        if last.history and not n:
+            figures["search"] = lambda: figure_search(last, problem.settings.fit.score)
+        figures |= drawn
+    return figures
+
+
+def _figures_of_test(problem: InverseProblem, shown: Asked) -> dict[str, Callable[[], Figure]]:
     outcome, prediction, data = problem.outcome(shown), problem.prediction(shown), problem.data
     mesh = problem.meshes[problem.mesh_of(shown)]
     steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
     figures: dict[str, Callable[[], Figure]] = {"force": lambda: figure_forces(data, prediction.response)}
-    if last.history:
-        figures["search"] = lambda: figure_search(last, problem.settings.fit.score)
     if mesh.dim == 2 and len(data.measured):
         figures["deformed_mesh"] = lambda: figure_deformed(mesh, outcome, steps)
         figures["pictures"] = lambda: figure_pictures(data, prediction.pictures)

@@ -34,8 +34,9 @@ def effects_of(folder: Path) -> dict[str, Effect]:
 def _scales(file: Path, stamps: tuple[tuple[str, int], ...]) -> tuple[tuple[str, float], ...]:
     """What numbers can be shares of; nothing where the study is wrong, which is told where it is read to be used."""
     try:
-        study = load_study(file)
-        return tuple(scales(study, extent_of(study)).items())
+        # shares of what the first test does not have are of the next one that does
+        tests = [scales(study, extent_of(study)) for study in load_study(file).every]
+        return tuple({name: size for own in reversed(tests) for name, size in own.items()}.items())
     except FingerfitError:
         return ()
 

@@ -7,6 +7,7 @@ a third of its time.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,6 +20,7 @@ from fingerfit.model.effect import Effect, EffectParameter
 from fingerfit.model.laws import LAWS
 from fingerfit.model.parameters import Parameter
 from fingerfit.search import Plan, Stage
+from fingerfit.study.several import AT
 from fingerfit.study.study import Body, Chain, Layer, Noise, Step, Study
 
 CONFIG = "config.yaml"
@@ -69,19 +71,31 @@ class Choices:
 
     def parameters(self: Any) -> tuple[Parameter, ...]:
         """Parameters in the order of the file, then those of the effects."""
-        own = tuple(
-            Parameter(name, p.unit, p.lower, p.upper, p.start, p.log) for name, p in self.model.parameters.items()
-        )
-        added = []
+        own = [Parameter(name, p.unit, p.lower, p.upper, p.start, p.log) for name, p in self.model.parameters.items()]
+        found = [replace(p, name=name) for p in own for name in self.names_of(p.name)]
         for effect in self.effects():
             given = self.model.effects[effect.name]
             for p in effect.parameters:
-                start = given.get(p.name, p.null)
-                added.append(Parameter(effect.key(p.name), p.unit, p.lower, p.upper, start, False, p.scale))
-            for name, (lower, upper) in effect.refine.items():
-                start = min(max(given.get(name, effect.scan[name][0]), lower), upper)
-                added.append(Parameter(effect.key(name), "1", lower, upper, start, log=0 < WIDE * lower <= upper))
-        return own + tuple(added)
+                for name, start in self._started(effect.key(p.name), given, p.null):
+                    found.append(Parameter(name, p.unit, p.lower, p.upper, start, False, p.scale))
+            for short, (lower, upper) in effect.refine.items():
+                for name, start in self._started(effect.key(short), given, effect.scan[short][0]):
+                    start, log = min(max(start, lower), upper), 0 < WIDE * lower <= upper
+                    found.append(Parameter(name, "1", lower, upper, start, log=log))
+        return tuple(found)
+
+    def names_of(self: Any, name: str) -> list[str]:
+        """Names in a guess of a constant or a number of an effect: one, or where each test has its own, as many."""
+        chosen = self.model.per_test
+        if not chosen or not {name, name.partition(".")[0]} & set(chosen):
+            return [name]
+        return [f"{name}{AT}{test.test}" for test in self.read_study().tests] or [name]
+
+    def _started(self: Any, key: str, given: Mapping[str, float], absent: float) -> list[tuple[str, float]]:
+        """Names of a number of an effect, and where each starts."""
+        short = key.partition(".")[2]
+        names = self.names_of(key)
+        return [(name, given.get(name.partition(".")[2], given.get(short, absent))) for name in names]
 
     def finer(self: Any, study: Study) -> bool:
         """Whether there is a finer mesh: here, or beside the mesh of the study."""
@@ -105,7 +119,8 @@ class Choices:
         if not every.keys() >= self.model.effects.keys() and not Path(self.study).is_dir():
             raise InputError(where, "study", self.study, "the folder of a study")
         found = chosen(list(self.model.effects), every, where)
-        for problem in wrong_numbers(self.model.effects, every, where, "model.effects."):
+        tests = [f"{AT}{test.test}" for test in self.read_study().tests] if self.model.per_test else []
+        for problem in wrong_numbers(self.model.effects, every, where, "model.effects.", tests):
             raise problem
         return found
 
@@ -129,8 +144,9 @@ class Choices:
     def plan(self: Any) -> Plan:
         """How to search."""
         stages = tuple(
-            Stage(s.name, s.kind, s.tolx, s.tolf, s.points, s.step, s.restarts, tuple(self.tied(s)), s.tolx_in)
+            Stage(s.name, s.kind, s.tolx, s.tolf, s.points, s.step, s.restarts, tied, s.tolx_in)
             for s in self.fit.stages
+            for tied in [tuple(name for own in self.tied(s) for name in self.names_of(own))]
         )
         return Plan(stages, self.fit.batch, self.fit.max_evaluations)
 

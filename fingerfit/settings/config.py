@@ -111,6 +111,11 @@ class ModelSettings(Model, _Strict):
     parameters: dict[str, ParameterSettings] = Field(
         min_length=1, description="What is identified: constants of the law, such as mu, or of one layer, as mu_top."
     )
+    per_test: list[str] = Field(
+        default_factory=list,
+        description="In a study with several tests: constants, effects or single numbers of effects (onset.gap) that"
+        " each test has for itself, as mu_top@wide. All others are shared by all tests.",
+    )
     effects: dict[str, dict[str, float]] = Field(
         default_factory=dict,
         description="Effects that were added, in order; numbers of an effect where they differ from its own. With all"
@@ -282,6 +287,7 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
     ]
     if not problems:
         problems += _too_far_apart(settings, where)
+    problems += _strange_per_test(settings, where)
     steps = settings.fit.steps or []
     for step in sorted({step for step in steps if steps.count(step) > 1}):
         problems.append(InputError(where, "fit.steps", f"step {step} twice", "each step once"))
@@ -296,6 +302,17 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
     names = [stage.name for stage in settings.fit.stages]
     for name in sorted({name for name in names if names.count(name) > 1}):
         problems.append(InputError(where, "fit.stages", f"{name} twice", "a name of its own for each stage"))
+    return problems
+
+
+def _strange_per_test(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    """Names of what each test has for itself that neither a constant nor an effect of the model has."""
+    model = settings.model
+    problems: list[FingerfitError] = []
+    for n, name in enumerate(model.per_test):
+        if name not in model.parameters and name.partition(".")[0] not in model.effects:
+            expected = "one of model.parameters or effects: " + ", ".join([*model.parameters, *model.effects])
+            problems.append(InputError(where, f"model.per_test.{n}", name, expected))
     return problems
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from fingerfit.model.effect import Effect
 from fingerfit.settings.config import Settings, load_settings
+from fingerfit.study.several import AT
 
 EVERYWHERE = (-math.inf, math.inf)
 """Bounds of shares of what no study says."""
@@ -37,11 +38,14 @@ def extended(
     data: dict[str, Any] = settings.model_dump(mode="json")
     model = data["model"]
     for name, entry in model["parameters"].items():
-        entry["start"] = min(max(values[name], entry["lower"]), entry["upper"])
+        found = [values[key] for key in settings.names_of(name)]
+        start = sum(found) / len(found)  # of a constant that each test has for itself, in the middle of them
+        entry["start"] = min(max(start, entry["lower"]), entry["upper"])
     bounds = {(one.name, key): pair for one in settings.effects() for key, pair in one.bounds().items()}
     for name, numbers in model["effects"].items():
         known = {key.split(".")[1]: v for key, v in values.items() if key.split(".")[0] == name}
-        numbers.update({key: _within(v, bounds.get((name, key), EVERYWHERE)) for key, v in known.items()})
+        ends_of = {key: bounds.get((name, key.partition(AT)[0]), EVERYWHERE) for key in known}
+        numbers.update({key: _within(v, ends_of[key]) for key, v in known.items()})
     ends = effect.bounds()
     places = {name.split(".")[1]: value for name, value in place.items()}
     own = {name: _within(value, ends.get(name, EVERYWHERE)) for name, value in places.items()}

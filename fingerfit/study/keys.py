@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, WrapValidator
+from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, WrapValidator, create_model
 from pydantic_core import PydanticCustomError
 
 from fingerfit.core.described import HEAD, Line, Positive, Strict, one_of, rows, wanted
@@ -236,9 +236,21 @@ KINDS: dict[str, type[StudyKeys]] = {"width": BlockStudy, "brick": BrickStudy, "
 """By the key that tells what the body is."""
 
 
+_ANY: dict[str, Any] = {
+    name: (field.annotation | None, Field(default=None, description=field.description))  # type: ignore[operator]
+    for name, field in StudyKeys.model_fields.items()
+} | {"body": (BlockKeys | BrickKeys | MeshKeys | None, Field(default=None, description="The body."))}
+OneTest = create_model("OneTest", __base__=Strict, **_ANY)
+SeveralTests = create_model(
+    "SeveralTests", __base__=OneTest,
+    tests=(dict[str, OneTest], Field(min_length=2, description="By name, what differs in each test.")),  # type: ignore[valid-type]
+)  # fmt: skip
+
+
 def schema() -> dict[str, Any]:
     """JSON schema of study.yaml."""
-    return TypeAdapter(BlockStudy | BrickStudy | MeshedStudy).json_schema()
+    kinds: Any = BlockStudy | BrickStudy | MeshedStudy | SeveralTests
+    return TypeAdapter(kinds).json_schema()
 
 
 def describe() -> str:
@@ -246,4 +258,6 @@ def describe() -> str:
     lines = ["# Keys of study.yaml", "", "Made by `fingerfit docs`; do not edit.", "", *HEAD, *rows(StudyKeys)]
     for kind in (BlockKeys, BrickKeys, MeshKeys):
         lines += ["", f"## {(kind.__doc__ or '').rstrip('.')}", "", *HEAD, *rows(kind, "body.")]
+    several = "By name, what differs in each of several tests: any key above, in place of the one at the top."
+    lines += ["", "## Several tests in one study", "", *HEAD, f"| `tests.*` | `None` | {several} |"]
     return "\n".join(lines) + "\n"

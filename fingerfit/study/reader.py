@@ -24,6 +24,7 @@ from fingerfit.study.keys import (
     NoiseKeys,
     PictureKeys,
 )
+from fingerfit.study.several import TESTS, several
 from fingerfit.study.study import UNKNOWN, Body, Chain, Layer, Noise, Step, Study, wrong_name
 
 COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
@@ -49,6 +50,11 @@ def load_study(path: Path) -> Study:
     """
     file = study_path(path)
     data = read_yaml(file)
+    return several(data, file, _load) if isinstance(data, dict) and TESTS in data else _load(data, file)
+
+
+def _load(data: Any, file: Path) -> Study:
+    """The study of one test."""
     known = set(BlockStudy.model_fields)
     if isinstance(data, dict) and not known & set(data):
         expected = "some of " + ", ".join(BlockStudy.model_fields)

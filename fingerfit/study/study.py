@@ -136,7 +136,7 @@ class Chain:
 
 @dataclass(frozen=True)
 class Study:
-    """What was measured.
+    """What was measured: in one test, or in the first of several.
 
     Parameters
     ----------
@@ -160,6 +160,10 @@ class Study:
         Size of the study's unit of length, for tables of points.
     table : Path or None
         Table of the steps.
+    test : str
+        Name of this test, where the study has several.
+    tests : tuple of Study
+        All of them, this one too; empty where there is one.
     """
 
     path: Path
@@ -176,6 +180,17 @@ class Study:
     indenter_nodes: str = "TOP"
     chain: Chain = Chain()
     table: Path | None = None
+    test: str = ""
+    tests: tuple[Study, ...] = ()
+
+    @property
+    def every(self) -> tuple[Study, ...]:
+        """The tests of the study, at least one."""
+        return self.tests or (self,)
+
+    def of_test(self, name: str) -> Study:
+        """One of its tests; the study itself for the name of none."""
+        return next((test for test in self.tests if test.test == name), self)
 
     @property
     def layer_names(self) -> list[str]:

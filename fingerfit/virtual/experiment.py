@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,8 +30,9 @@ from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import MeshSettings
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.solvers.registry import get_solver
+from fingerfit.study.several import TESTS
 from fingerfit.study.study import Noise, Step, Study
-from fingerfit.virtual.file import read_truth
+from fingerfit.virtual.file import read_truths
 from fingerfit.virtual.scan import check_memory, take_pictures
 from fingerfit.virtual.truth import BRIGHTEST, Truth
 
@@ -273,10 +275,12 @@ def _study_text(truth: Truth, solved: Solved, folder: Path) -> str:
     if truth.dim == 3:
         return _study_in_space(truth, solved, folder)
     layers = "".join(f"    - {{name: {lay['name']}, height: {lay['height']:g}}}\n" for lay in truth.layers)
+    sides = truth.written.get("boundary") or {}
+    base, indenter = sides.get("base", "held"), sides.get("indenter", "glued")
     return (
         f"title: {truth.title}\n"
         "units: {length: mm, force: N, time: s}\n"
-        "control: force\n"
+        f"control: {truth.written.get('control', 'force')}\n"
         "steps: steps.csv\n"
         "pictures: {before: pictures/before.nii.gz, noise: estimated}\n"
         f"noise: {{force: {_force_spread(truth, solved):.3g},"
@@ -286,7 +290,7 @@ def _study_text(truth: Truth, solved: Solved, folder: Path) -> str:
         f"  thickness: {truth.thickness:g}\n"
         f"  origin: [0, 0]\n"
         f"  layers:\n{layers}"
-        "boundary: {base: held, indenter: glued}\n"
+        f"boundary: {{base: {base}, indenter: {indenter}}}\n"
     )
 
 
@@ -326,7 +330,29 @@ def run_experiment(description: Path, out: Path) -> None:
     """
     if not description.exists():
         raise InputError(description, "file", "nothing", "the description of an experiment")
-    truth = read_truth(description)
-    with tempfile.TemporaryDirectory() as folder:
-        write_study(truth, solve(truth, Path(folder)), out)
+    truths = read_truths(description)
+    for name, truth in truths.items():
+        with tempfile.TemporaryDirectory() as folder:
+            write_study(truth, solve(truth, Path(folder)), out / name)
+    if "" not in truths:
+        _join(out, truths)
     tell(f"{out}: written")
+
+
+def _join(out: Path, truths: Mapping[str, Truth]) -> None:
+    """Write the study of several tests, each of which is in a folder of its own."""
+    import yaml
+
+    tests = {}
+    for name in truths:
+        own = yaml.safe_load((out / name / "study.yaml").read_text(encoding="utf-8"))
+        own["steps"] = f"{name}/{own['steps']}"
+        for part, keys in (("pictures", ("before",)), ("body", ("mesh", "refined"))):
+            own[part] = {key: f"{name}/{value}" if key in keys else value for key, value in own[part].items()}
+        tests[name] = own
+    first = next(iter(tests.values()))
+    shared = {key: value for key, value in first.items() if all(own.get(key) == value for own in tests.values())}
+    differ = {name: {k: v for k, v in own.items() if k not in shared} for name, own in tests.items()}
+    write_text(out / "study.yaml", yaml.safe_dump({**shared, TESTS: differ}, sort_keys=False, default_flow_style=None))
+    for name in truths:  # the study is the one above, of all tests
+        (out / name / "study.yaml").unlink()

@@ -21,6 +21,7 @@ from fingerfit.model.laws import LAWS, OGDEN, impossible
 from fingerfit.model.scales import bound, extent
 from fingerfit.prepare.plausible import HEIGHT, too_deep
 from fingerfit.solvers.registry import get_solver
+from fingerfit.study.several import TESTS, each
 from fingerfit.study.study import wrong_name
 from fingerfit.virtual.keys import (
     BlockDescription,
@@ -38,8 +39,8 @@ _SINGLE = (float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max))
 _DOUBLE = (sys.float_info.min, sys.float_info.max)
 
 
-def read_truth(path: Path) -> Truth:
-    """Read the description of an experiment.
+def read_truths(path: Path) -> dict[str, Truth]:
+    """Read the description of an experiment: that of each test by its name, which is empty where there is one.
 
     Raises
     ------
@@ -47,6 +48,21 @@ def read_truth(path: Path) -> Truth:
         With one line for everything that is wrong.
     """
     data = read_yaml(path)
+    return each(data, path, _read) if isinstance(data, dict) and TESTS in data else {"": _read(data, path)}
+
+
+def read_truth(path: Path) -> Truth:
+    """Read the description of an experiment of one test.
+
+    Raises
+    ------
+    Problems
+        With one line for everything that is wrong.
+    """
+    return _read(read_yaml(path), path)
+
+
+def _read(data: Any, path: Path) -> Truth:
     body = data.get("body") if isinstance(data, dict) else None
     shape = body if isinstance(body, dict) else {}
     kinds: dict[str, type[Experiment]] = {"width": PlaneExperiment, "brick": BrickExperiment, "mesh": MeshedExperiment}

@@ -191,6 +191,15 @@ class WrittenDescription(Strict):
     pictures: dict[str, Any] | None = Field(default=None, description="As in study.yaml.")
 
 
+class WrittenBlock(Strict):
+    """What goes into study.yaml of a block in place of what is described."""
+
+    boundary: BoundaryDescription = Field(
+        default_factory=BoundaryDescription, description="As in study.yaml; held and glued when left out."
+    )
+    control: Literal["force", "displacement"] = Field(default="force", description="As in study.yaml.")
+
+
 class WrittenMeshed(WrittenDescription):
     """The same for a body with a mesh of its own, which its study must not have."""
 
@@ -234,6 +243,9 @@ class PlaneExperiment(Experiment):
     body: BlockDescription = Field(description="The body as it really is.")
     mesh: MeshDescription = Field(description="Mesh of the body: element, across, per_layer, grading.")
     picture: PictureDescription = Field(description="Pictures that are taken.")
+    study: WrittenBlock = Field(
+        default_factory=WrittenBlock, description="What goes into study.yaml, without the truth."
+    )
 
 
 class BrickExperiment(Experiment):
@@ -261,7 +273,8 @@ class MeshedExperiment(Experiment):
 def describe() -> str:
     """Markdown tables of all keys, for docs/experiment-keys.md."""
     lines = ["# Keys of experiment.yaml", "", "Made by `fingerfit docs`; do not edit.", ""]
-    lines += ["## A block in the plane", "", *HEAD, *rows(PlaneExperiment), ""]
+    several = "By name, what differs in each of several tests: any key of its kind, in place of the one at the top."
+    lines += ["## A block in the plane", "", *HEAD, *rows(PlaneExperiment), f"| `tests.*` | `None` | {several} |", ""]
     lines += ["## A brick", "", "Its other keys are those of a block.", "", *HEAD]
     lines += [
         *rows(BrickDescription, "body."),

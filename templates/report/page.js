@@ -3,14 +3,16 @@
   const data = JSON.parse(document.getElementById("data").textContent);
   const all = (what, from = document) => Array.from(from.querySelectorAll(what));
   const one = (id) => document.getElementById(id);
+  // what is shown of one test, where the study has several
+  let test = data.tests ? data.tests[0] : data;
   const state = { model: data.order[data.order.length - 1], picture: 0, view: 0, region: null, effect: null, flipped: false };
   let timer = null;
 
-  const model = () => data.models[state.model];
+  const model = () => test.models[state.model];
   // plane pictures are one view; volumes are seen slice by slice
-  const shot = () => (data.views.length ? `${state.picture}@${state.view}` : `${state.picture}`);
-  const frame = () => data.frames[state.view], map = () => data.maps[state.view];
-  const uri = (key) => (key in data.panels ? data.uris[data.panels[key]] : null);
+  const shot = () => (test.views.length ? `${state.picture}@${state.view}` : `${state.picture}`);
+  const frame = () => test.frames[state.view], map = () => test.maps[state.view];
+  const uri = (key) => (key in test.panels ? data.uris[test.panels[key]] : null);
   const put = (img, source) => {
     if (source) { if (img.getAttribute("src") !== source) img.src = source; } else img.removeAttribute("src");
     img.closest("figure").hidden = !source;
@@ -35,7 +37,7 @@
   };
 
   function drawOver() {
-    const mesh = data.meshes[state.model], region = state.region === null ? null : model().regions[state.region];
+    const mesh = test.meshes[state.model], region = state.region === null ? null : model().regions[state.region];
     for (const over of all("svg.over")) {
       if (!frame()) continue;
       clear(over, frame());
@@ -74,13 +76,14 @@
     const here = model(), count = here.pictures.length;
     state.picture = Math.max(0, Math.min(state.picture, count - 1));
     const shown = here.pictures[state.picture];
-    for (const part of all("[data-for]")) part.hidden = part.dataset.for !== state.model;
+    for (const part of all("[data-for]")) part.hidden = part.dataset.for !== state.model || part.dataset.test !== test.test;
+    for (const button of all("button[data-choose]")) button.setAttribute("aria-pressed", String(button.dataset.choose === test.test));
     for (const button of all("button[data-model]")) {
       button.classList.toggle("chosen", button.dataset.model === state.model);
       button.setAttribute("aria-pressed", String(button.dataset.model === state.model));
     }
     one("steps").hidden = count === 0;
-    one("viewer").hidden = !Object.keys(data.panels).some((key) => key.startsWith(`measured|${state.model}|`));
+    one("viewer").hidden = !Object.keys(test.panels).some((key) => key.startsWith(`measured|${state.model}|`));
     for (const id of ["slider", "slider-2"]) {
       const slider = one(id);
       if (slider) { slider.max = Math.max(0, count - 1); slider.value = state.picture; slider.disabled = count < 2; }
@@ -92,7 +95,7 @@
     for (const part of all(".now-words")) {
       part.textContent = shown ? `difference ${shown.words}: ${shown.ratio} times the noise level` : "";
     }
-    const views = data.views, group = views.length ? views[state.view].group : "";
+    const views = test.views, group = views.length ? views[state.view].group : "";
     one("slices").hidden = views.length === 0 || count === 0;
     if (views.length) {
       const own = views.map((v, n) => n).filter((n) => views[n].group === group);
@@ -122,7 +125,7 @@
           : Number(row.dataset.pictureStep) === state.picture;
       row.classList.toggle("chosen", inside && own);
     }
-    const mesh = data.meshes[state.model], legend = one("layers");
+    const mesh = test.meshes[state.model], legend = one("layers");
     one("mesh-choice").hidden = !mesh;
     legend.replaceChildren();
     if (mesh && one("mesh").checked) {
@@ -153,14 +156,20 @@
 
   for (const img of all("img[data-picture]")) img.src = data.uris[Number(img.dataset.picture)];
   for (const button of all("button[data-model]")) button.addEventListener("click", () => go({ model: button.dataset.model }));
+  for (const button of all("button[data-choose]")) {
+    button.addEventListener("click", () => {
+      test = data.tests.find((own) => own.test === button.dataset.choose);
+      go({ picture: model().pictures.length - 1, view: test.views.length ? middle(test.views[0].group) : 0, region: null });
+    });
+  }
   for (const id of ["slider", "slider-2"]) {
     const slider = one(id);
     if (slider) slider.addEventListener("input", () => go({ picture: Number(slider.value) }));
   }
-  const members = (group) => data.views.map((v, n) => n).filter((n) => data.views[n].group === group);
+  const members = (group) => test.views.map((v, n) => n).filter((n) => test.views[n].group === group);
   const middle = (group) => members(group)[Math.floor(members(group).length / 2)];
   for (const button of all("button[data-group]")) button.addEventListener("click", () => go({ view: middle(button.dataset.group) }));
-  one("slice").addEventListener("input", () => go({ view: members(data.views[state.view].group)[Number(one("slice").value)] }));
+  one("slice").addEventListener("input", () => go({ view: members(test.views[state.view].group)[Number(one("slice").value)] }));
   one("back").addEventListener("click", () => go({ picture: state.picture - 1 }));
   one("on").addEventListener("click", () => go({ picture: state.picture + 1 }));
   one("blink").addEventListener("click", blink);
@@ -190,6 +199,6 @@
     });
   }
   state.picture = Math.max(0, model().pictures.length - 1);
-  if (data.views.length) state.view = middle(data.views[0].group);
+  if (test.views.length) state.view = middle(test.views[0].group);
   draw();
 })();

@@ -12,7 +12,8 @@ from seeds import seed_of
 from fingerfit.core.errors import InputError, Problems
 from fingerfit.imaging.pictures import read_picture
 from fingerfit.study.reader import load_study
-from fingerfit.virtual.experiment import FULL_SCALE, add_noise, read_truth, run_experiment, solve, write_study
+from fingerfit.virtual.experiment import FULL_SCALE, add_noise, run_experiment, solve, write_study
+from fingerfit.virtual.file import read_truth
 
 DESCRIPTION = {
     "title": "small",

@@ -20,8 +20,7 @@ def test_a_killed_solve_is_told(tmp_path, monkeypatch):
     problem = SimpleNamespace(
         asked=set(),
         sims=tmp_path,
-        mesh_names={},
-        mesh_files={},
+        mesh_paths={},
         solver={},
         settings=SimpleNamespace(solver="builtin", time_limit=None),
     )

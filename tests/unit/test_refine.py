@@ -25,11 +25,13 @@ LAYERS = [("top", 6.0), ("bottom", 6.0)]
 
 def fit_on(search, refined=None):
     meshes = {SEARCH: search} | ({REFINED: refined} if refined else {})
-    return SimpleNamespace(
+    problem = SimpleNamespace(
         settings=SimpleNamespace(parameters=lambda: PARAMETERS),
         meshes=meshes,
         mesh_of=lambda asked: asked.mesh,
     )
+    problem.every = (problem,)
+    return problem
 
 
 def at(values, mesh):

@@ -17,7 +17,8 @@ from fingerfit.mesh.blocks import brick
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import MeshSettings
 from fingerfit.study.reader import load_study
-from fingerfit.virtual.experiment import FULL_SCALE, add_noise, read_truth, run_experiment, solve, write_study
+from fingerfit.virtual.experiment import FULL_SCALE, add_noise, run_experiment, solve, write_study
+from fingerfit.virtual.file import read_truth
 from fingerfit.virtual.scan import sample_places
 
 SIZE = [12.0, 10.0, 8.0]

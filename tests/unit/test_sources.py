@@ -117,7 +117,7 @@ def test_a_command_changes_its_own_stage_alone(project):
     for old, affected in (
         ('"""Figures of a finished fit."""', {"plot"}),
         ('"""Bring a finger\'s mesh to a subject."""', set()),
-        ("    files = {", {"propose", "estimate", "plot", "diagnose"}),  # of a function that they call
+        ("    files = [", {"propose", "estimate", "plot", "diagnose"}),  # of a function that they call
     ):
         assert text.count(old) == 1
         path.write_text(

@@ -7,7 +7,8 @@ from fingerfit.diagnosis.comparison import Comparison, anchor_of
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
-from fingerfit.virtual.experiment import read_truth, solve, write_study
+from fingerfit.virtual.experiment import solve, write_study
+from fingerfit.virtual.file import read_truth
 
 PLACE = (0.32, 0.42)
 DESCRIPTION = {

@@ -11,7 +11,8 @@ from fingerfit.core.files import write_json
 from fingerfit.diagnosis.diagnose import Diagnosis, added, diagnose
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
-from fingerfit.virtual.experiment import read_truth, solve, write_study
+from fingerfit.virtual.experiment import solve, write_study
+from fingerfit.virtual.file import read_truth
 
 WAVES = """\
 title: stiff and soft fields like a chessboard

@@ -74,7 +74,9 @@ wildcard_constraints:
     model=r"[\w+-]+",
     round=r"\d+",
     sim=r"[0-9a-f]{20}",
-    figure="force|search|deformed_mesh|pictures",
+    figure=r"(force|search|deformed_mesh|pictures)(-\w+)?",
+    # of the files of a study with several tests
+    test=r"(-\w+)?",
     goals=r"fit|[\w+]+",
 
 
@@ -183,13 +185,25 @@ def study_files(wildcards):
 
 def meshes(wildcards):
     """The meshes of a model."""
+    return [path for paths in mesh_files(wildcards).values() for path in paths]
+
+
+def mesh_files(wildcards):
+    """The same by option of the commands, of each test one."""
     run = run_of(wildcards)
-    return [f"{run.folder}/mesh.inp", *[f"{run.folder}/refined.inp"] * run.refined]
+    names = ["mesh", *["refined"] * run.refined]
+    return {name: [f"{run.folder}/{name}{test}.inp" for test in run.tests] for name in names}
 
 
 def mesh_options(wildcards):
     """The meshes of a model as options of the commands."""
-    return " ".join(f"--{Path(path).stem} {path}" for path in meshes(wildcards))
+    return " ".join(f"--{name} {' '.join(paths)}" for name, paths in mesh_files(wildcards).items())
+
+
+def data(wildcards):
+    """The measurements of a model, of each test one file."""
+    run = run_of(wildcards)
+    return [f"{run.folder}/prepared{test}.npz" for test in run.tests]
 
 
 def sims(wildcards):

@@ -7,7 +7,7 @@ rule diagnose_model:
         last=last_round,
         settings="{study}/{model}/settings.json",
         study=study_files,
-        data="{study}/{model}/prepared.npz",
+        data=data,
         estimate="{study}/{model}/estimate.json",
     output:
         diagnosis="{study}/{model}/diagnosis.json",

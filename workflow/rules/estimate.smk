@@ -5,7 +5,7 @@ rule estimate:
         rounds=rounds_and_solutions,
         last=last_round,
         settings="{study}/{model}/settings.json",
-        data="{study}/{model}/prepared.npz",
+        data=data,
     output:
         estimate="{study}/{model}/estimate.json",
         table=report(
@@ -41,7 +41,7 @@ rule plot:
         meshes=meshes,
         rounds=rounds_and_solutions,
         settings="{study}/{model}/settings.json",
-        data="{study}/{model}/prepared.npz",
+        data=data,
         last=last_round,
     output:
         figure=report(

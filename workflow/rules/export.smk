@@ -3,7 +3,7 @@ rule export_model:
     input:
         meshes=meshes,
         rounds=rounds_and_solutions,
-        data="{study}/{model}/prepared.npz",
+        data=data,
         estimate="{study}/{model}/estimate.json",
         compare="{study}/{model}/compare.npz",
     output:

@@ -29,10 +29,10 @@ rule prepare:
         settings="{study}/{model}/settings.json",
         study=study_files,
     output:
-        mesh="{study}/{model}/mesh.inp",
-        data="{study}/{model}/prepared.npz",
+        mesh="{study}/{model}/mesh{test}.inp",
+        data="{study}/{model}/prepared{test}.npz",
     log:
-        "{study}/{model}/logs/prepare.log",
+        "{study}/{model}/logs/prepare{test}.log",
     conda:
         "../envs/fingerfit.yaml"
     threads: 1
@@ -44,7 +44,8 @@ rule prepare:
         code=part("prepare", "code"),
         made_from=part("prepare", "made_from"),
     shell:
-        "exec python -P -m fingerfit prepare {input.settings} --out {output.data} --mesh {output.mesh} 2> {log}"
+        "exec python -P -m fingerfit prepare {input.settings} --out {output.data} --mesh {output.mesh}"
+        " --test={wildcards.test} 2> {log}"
 
 
 rule refine:
@@ -53,9 +54,9 @@ rule refine:
         settings="{study}/{model}/settings.json",
         study=study_files,
     output:
-        mesh="{study}/{model}/refined.inp",
+        mesh="{study}/{model}/refined{test}.inp",
     log:
-        "{study}/{model}/logs/refine.log",
+        "{study}/{model}/logs/refine{test}.log",
     conda:
         "../envs/fingerfit.yaml"
     threads: 1
@@ -67,4 +68,5 @@ rule refine:
         code=part("prepare", "code"),
         made_from=part("prepare", "made_from"),
     shell:
-        "exec python -P -m fingerfit prepare {input.settings} --refined {output.mesh} 2> {log}"
+        "exec python -P -m fingerfit prepare {input.settings} --refined {output.mesh} --test={wildcards.test}"
+        " 2> {log}"

@@ -8,7 +8,7 @@ checkpoint propose:
         before=before_round,
         meshes=meshes,
         settings="{study}/{model}/settings.json",
-        data="{study}/{model}/prepared.npz",
+        data=data,
     output:
         round="{study}/{model}/rounds/{round}.json",
     log:

@@ -81,12 +81,20 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
     """All that the templates name."""
     panels = Panels(inputs.models)
     models = [_model(inputs, panels, model, n) for n, model in enumerate(inputs.models)]
+    tests, shown = [_script_data(panels, models)], list(models)
+    for own in inputs.others:
+        drawn = Panels(own, panels)
+        beside = [_model(inputs, drawn, model, n) for n, model in enumerate(own)]
+        tests.append(_script_data(drawn, beside))
+        shown += beside
     rungs, constants = inputs.ladder.get("rungs") or [], constants_figures(inputs.ladder)
     found = headline(inputs)
     return {
         "study": inputs.study,
         "headline": found,
         "models": models,
+        "shown": shown,
+        "tests": [own[0].test for own in (inputs.models, *inputs.others) if inputs.others],
         "rungs": _rungs(inputs),
         "ladder_figure": panels.keep(ladder_figure(inputs.ladder)) if rungs else None,
         "constants_figures": [(name, panels.keep(figure)) for name, figure in constants.items()],
@@ -94,22 +102,30 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
         "units": {name: p.get("unit", "") for rung in rungs for name, p in (rung.get("parameters") or {}).items()},
         "verdicts": VERDICTS,
         "files": inputs.files,
-        "in_space": any(m["in_sections"] for m in models),
+        "in_space": any(m["in_sections"] for m in shown),
         "versions": _versions(),
         "shown_rows": SHOWN_ROWS,
         "views": panels.view_data(),
         "pictured": any(m["pictured"] for m in models),
         "data": {
             "uris": panels.uris,
-            "panels": panels.keys,
-            "meshes": panels.meshes,
             "colours": COLOURS,
-            "frames": panels.frame_data(),
-            "maps": panels.map_data(),
-            "views": panels.view_data(),
-            "models": {m["name"]: {k: m[k] for k in FOR_SCRIPT} for m in models},
             "order": [m["name"] for m in models],
+            **({"tests": tests} if inputs.others else tests[0]),
         },
+    }
+
+
+def _script_data(panels: Panels, models: list[dict[str, Any]]) -> dict[str, Any]:
+    """What the page's script knows of a test."""
+    return {
+        **({"test": models[0]["test"]} if models[0]["test"] else {}),
+        "panels": panels.keys,
+        "meshes": panels.meshes,
+        "frames": panels.frame_data(),
+        "maps": panels.map_data(),
+        "views": panels.view_data(),
+        "models": {m["name"]: {k: m[k] for k in FOR_SCRIPT} for m in models},
     }
 
 
@@ -131,6 +147,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
     effects, named = [str(name) for name in diagnosis.get("effects") or []], titles(diagnosis)
     return {
         "name": model.name,
+        "test": model.test,
         "label": rung_label(model.rung or {"model": model.name}, index == 0),
         "model": model,
         "pictures": pictures,

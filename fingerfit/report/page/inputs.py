@@ -15,6 +15,7 @@ from fingerfit.core.files import digest, free_memory, read_bytes, read_json, rea
 from fingerfit.diagnosis.residual import RESPONSE
 from fingerfit.provenance.inputs import study_files
 from fingerfit.settings.choices import KNOWN
+from fingerfit.study.several import AT, TESTS
 
 LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
 SETTINGS, ESTIMATE = "settings.json", "estimate.json"
@@ -183,15 +184,21 @@ class Compare:
         return len(self.mesh_rings) > 0 and self.mesh_moved.shape == (self.views, len(self.mesh_points), 2)
 
 
-def read_compare(path: Path) -> Compare:
-    """Read ``compare.npz``.
+def arrays_of_test(arrays: dict[str, np.ndarray], test: str) -> dict[str, np.ndarray]:
+    """Arrays of one test by their plain names; all of them for no name."""
+    ending = f"{AT}{test}" if test else ""
+    return {name.removesuffix(ending): values for name, values in arrays.items() if name.endswith(ending)}
+
+
+def read_compare(path: Path, test: str = "") -> Compare:
+    """Read ``compare.npz``, of a study with several tests one of them.
 
     Raises
     ------
     StateError
         When it is damaged, or pictures do not belong together.
     """
-    data = read_npz(path)
+    data = arrays_of_test(read_npz(path), test)
     known: dict[str, Any] = {name: data[name] for name in Compare.__dataclass_fields__ if name in data}
     for name in ("force_noise", "displacement_noise"):  # one for all steps, or one for each
         known[name] = np.broadcast_to(known.get(name, 0.0), np.shape(known.get("step", ()))).astype(float)
@@ -234,6 +241,8 @@ class Model:
         As the workflow wrote them, empty when they are not there.
     solver : dict
         Identity of the solver of the estimate, empty when it is not known.
+    test : str
+        Which test of the study it is compared with, where there are several.
     """
 
     name: str
@@ -244,6 +253,7 @@ class Model:
     stiffness: np.ndarray = field(default_factory=lambda: _empty(0, 4))
     settings: dict[str, Any] = field(default_factory=dict)
     solver: dict[str, Any] = field(default_factory=dict)
+    test: str = ""
 
     @property
     def verdict(self) -> str:
@@ -282,12 +292,15 @@ class Inputs:
         From the first rung to the last.
     files : list of (name, fingerprint)
         What was read.
+    others : list of list of Model
+        The same models beside the other tests of a study with several; `models` are beside the first.
     """
 
     study: str
     ladder: dict[str, Any]
     models: list[Model]
     files: list[tuple[str, str]]
+    others: list[list[Model]] = field(default_factory=list)
 
 
 def read_inputs(study: Path) -> Inputs:
@@ -315,25 +328,35 @@ def read_inputs(study: Path) -> Inputs:
     names = [*rungs, *sorted(there - set(rungs), key=lambda name: (name.count("+"), name))]
     if not names:
         raise StateError(f"{study}: no model was compared with the measurements yet")
-    models = [_model(study / name, name, rungs.get(name, {})) for name in names]
+    models, *others = [
+        [_model(study / name, name, rungs.get(name, {}), test) for name in names] for test in _tests(study, names)
+    ]
     parts = [
         LADDER,
         *(f"{name}/{part}" for name in names for part in (SETTINGS, ESTIMATE, COMPARE, DIAGNOSIS, PATTERNS)),
     ]
     files = [(part, digest((study / part).read_bytes())) for part in parts if (study / part).exists()]
     files += [(name, digest(read_bytes(path, limit=free_memory()))) for name, path in _study_files(models).items()]
-    return Inputs(str(ladder.get("study") or study.name), ladder, models, files)
+    return Inputs(str(ladder.get("study") or study.name), ladder, models, files, others)
 
 
-def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
-    compare = read_compare(folder / COMPARE) if (folder / COMPARE).exists() else None
+def _tests(study: Path, names: list[str]) -> list[str]:
+    """Names of the tests that models were compared with; one that is empty for a study with one."""
+    for name in names:
+        if (study / name / COMPARE).exists():
+            return [str(test) for test in read_npz(study / name / COMPARE).get(TESTS, [""])]
+    return [""]
+
+
+def _model(folder: Path, name: str, rung: dict[str, Any], test: str) -> Model:
+    compare = read_compare(folder / COMPARE, test) if (folder / COMPARE).exists() else None
     diagnosis = _json(folder / DIAGNOSIS)
     arrays = read_npz(folder / PATTERNS) if (folder / PATTERNS).exists() else {}
     patterns = {}
     shows = {str(entry.get("effect")): str(entry.get("shows")) for entry in diagnosis.get("ranking") or []}
     for effect in diagnosis.get("patterns") or []:
         part = shows.get(effect, "")
-        values = arrays.get(f"{part}_{effect}")
+        values = arrays.get(f"{part}_{effect}{AT * bool(test)}{test}")
         known = compare is not None and (compare.mapped or part == RESPONSE)
         if known and values is not None and values.shape == getattr(compare, part).shape:
             patterns[str(effect)] = (part, values)
@@ -341,7 +364,7 @@ def _model(folder: Path, name: str, rung: dict[str, Any]) -> Model:
     file = folder.parent / "sims" / str(_json(folder / ESTIMATE).get("sim")) / "solver.json"
     solver = read_json(file, kept=False) if file.exists() else {}
     settings = {key: value for key, value in _json(folder / SETTINGS).items() if key != KNOWN}
-    return Model(name, rung, compare, diagnosis, patterns, stiffness, settings, solver)
+    return Model(name, rung, compare, diagnosis, patterns, stiffness, settings, solver, test)
 
 
 def _json(path: Path) -> Any:

@@ -33,6 +33,8 @@ class Panels:
     Parameters
     ----------
     models : list of Model
+    before : Panels, optional
+        Of another test: pictures are kept together.
 
     Attributes
     ----------
@@ -46,15 +48,15 @@ class Panels:
         Outlines of the deformed mesh by model; of volumes, lines by ``picture@slice``.
     """
 
-    def __init__(self, models: list[Model]) -> None:
-        self.uris: list[str] = []
+    def __init__(self, models: list[Model], before: Panels | None = None) -> None:
+        self.uris: list[str] = before.uris if before else []
         self.keys: dict[str, int] = {}
         self.meshes: dict[str, Any] = {}
         self.frames: list[Frame] = []
         self.maps: list[dict[str, Any]] = []
         self.cuts: list[Slice] = []
         self._map_frames: list[Frame] = []
-        self._known: dict[str, int] = {}
+        self._known: dict[str, int] = before._known if before else {}
         self._owners: dict[str, np.ndarray] = {}
         self._greys: dict[tuple[bytes, float, int], int] = {}
         pictured = [m.compare for m in models if m.compare is not None and m.compare.pictures]

@@ -1,0 +1,115 @@
+"""A fitted model against all tests of its study: their values are one vector, with one covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.comparison import Comparison, Slope, anchor_of
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.rounds import Asked, Round
+from fingerfit.model.effect import Effect
+from fingerfit.study.data import Data
+
+
+@dataclass(frozen=True)
+class JointResidual:
+    """Which values of all tests are known, shape (all,), and these, shape (kept,)."""
+
+    kept: np.ndarray
+    vector: np.ndarray
+
+
+class JointComparison(Comparison):
+    """The comparisons of several tests as one. Noise and errors of meshes of different tests do not know of each other.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+        Of all tests.
+    last : Round
+        Its last round.
+    everything : sequence of Data
+        Of each test, prepared with all pictures.
+    """
+
+    def __init__(self, problem: InverseProblem, last: Round, everything: Sequence[Data]) -> None:
+        self.problem, self.last = problem, last
+        self.base, self.anchor = finest(problem, last), anchor_of(problem, last)
+        self.mesh = problem.mesh_of(self.base)
+        self._tests = tuple(
+            Comparison(test, replace(last, batch=[asked.every[n] for asked in last.batch]), data, self.base.every[n])
+            for n, (test, data) in enumerate(zip(problem.every, everything, strict=True))
+        )
+        kept, known = ([getattr(one.residual, name) for one in self._tests] for name in ("kept", "vector"))
+        joined: Any = JointResidual(np.concatenate(kept), np.concatenate(known))
+        self.residual = joined
+
+    @property
+    def every(self) -> tuple[Comparison, ...]:
+        """The comparisons of the tests."""
+        return self._tests
+
+    def read(self, asked: Asked) -> np.ndarray | None:
+        """Displacements and response of the simulations of a guess; None where a test has no solution."""
+        return _joined([test.read(one) for test, one in zip(self._tests, asked.every, strict=True)])
+
+    def own(self, slope: Slope | None = None) -> np.ndarray:
+        """Slopes of the model's own constants, shape (kept, parameters)."""
+        return np.concatenate([test.own() for test in self._tests])
+
+    def slope(self, name: str) -> np.ndarray:
+        """Slope by a constant."""
+        return np.concatenate([test.slope(name) for test in self._tests])
+
+    def nuisance(self, slope: Slope | None = None) -> np.ndarray:
+        """Signals of unknown size with standard deviation 1: those of each test for itself."""
+        return _diagonal([test.nuisance() for test in self._tests])
+
+    def common(self) -> np.ndarray:
+        """What all values of a step of a test have in common."""
+        return _diagonal([test.common() for test in self._tests])
+
+    def step_of(self) -> np.ndarray:
+        """Index of the step, in its own test, that each value belongs to."""
+        return np.concatenate([test.step_of() for test in self._tests])
+
+    @property
+    def covariance(self) -> np.ndarray:  # type: ignore[override]
+        """Of the noise and of the errors of the meshes, shape (kept, kept)."""
+        return _diagonal([test.covariance for test in self._tests])
+
+    def columns(self, candidate: Candidate, without: Asked | None = None) -> np.ndarray | None:
+        """Slopes of a candidate; zero in tests that do not show it, None where a simulation has no solution."""
+        found = []
+        for n, test in enumerate(self._tests):
+            own = replace(candidate, asked=tuple(asked.every[n] for asked in candidate.asked))
+            found.append(test.columns(own, without.every[n] if without else None))
+        return _joined(found)
+
+    def observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
+        """Slope of an effect on the observation by one of its parameters, of all values."""
+        return np.concatenate([test.observed(effect, values, name) for test in self._tests])
+
+
+def comparison_of(problem: InverseProblem, last: Round, everything: Data | Sequence[Data]) -> Comparison:
+    """A fitted model against its study, of one test or of several."""
+    if isinstance(everything, Data):
+        return Comparison(problem, last, everything)
+    return JointComparison(problem, last, everything)
+
+
+def _joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if len(known) == len(parts) else None
+
+
+def _diagonal(blocks: list[np.ndarray]) -> np.ndarray:
+    from scipy.linalg import block_diag
+
+    return np.asarray(block_diag(*blocks))

@@ -1,0 +1,135 @@
+"""The fit of a study with several tests: one guess is simulated in each, and one likelihood holds for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fingerfit.core.errors import InputError
+from fingerfit.core.files import digest
+from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.problem import SEARCH, InverseProblem
+from fingerfit.fit.rounds import Asked
+from fingerfit.forward.score import JointPrediction
+from fingerfit.study.data import Data
+from fingerfit.study.study import Study
+
+if TYPE_CHECKING:
+    from fingerfit.settings.config import Settings
+
+
+def problem_of(
+    settings: Settings, data: Sequence[Data], mesh_files: Sequence[dict[str, Path]], sims: Path
+) -> InverseProblem:
+    """The fit of a study: of its only test, or of all of them together.
+
+    Parameters
+    ----------
+    settings : Settings
+    data : sequence of Data
+        Measurements of the tests, in their order.
+    mesh_files : sequence of dict
+        Their meshes: ``search`` and, where there is one, ``refined``.
+    sims : Path
+        Folder of the simulations.
+    """
+    if len(data) == 1:
+        return InverseProblem(settings, data[0], mesh_files[0], sims)
+    names = [test.test for test in settings.read_study().tests]
+    made = zip(data, mesh_files, names, strict=True)
+    return JointProblem.of([InverseProblem(settings, own, files, sims, test=name) for own, files, name in made])
+
+
+@dataclass(frozen=True)
+class JointProblem(InverseProblem):
+    """The fits of several tests as one; for questions of mesh and dimension its meshes are those of the first.
+
+    Parameters
+    ----------
+    tests : tuple of InverseProblem
+    """
+
+    tests: tuple[InverseProblem, ...] = ()
+
+    @classmethod
+    def of(cls, tests: Sequence[InverseProblem]) -> JointProblem:
+        """Of the fits of tests, which share their settings."""
+        one = tests[0]
+        # whoever asks for the data of all tests must ask each of them
+        nothing: Any = None
+        return cls(one.settings, nothing, one.mesh_files, one.sims, tests=tuple(tests))
+
+    @property
+    def every(self) -> tuple[InverseProblem, ...]:
+        """The fits of the tests."""
+        return self.tests
+
+    @property
+    def mesh_paths(self) -> dict[str, Path]:
+        """Files of the meshes by the hashes of their contents."""
+        return {name: path for test in self.tests for name, path in test.mesh_paths.items()}
+
+    @property
+    def exact(self) -> bool:
+        """Whether forces and points alone are fitted, in all tests."""
+        return all(test.exact for test in self.tests)
+
+    @cached_property
+    def matcher(self) -> Any:
+        """Matches of guesses on the meshes of the search; made of those of the tests."""
+        return [test.matcher for test in self.tests]
+
+    def ask(
+        self,
+        values: Mapping[str, float],
+        role: str = SEARCH,
+        gain: float = 1.0,
+        study: Study | None = None,
+        mesh: str | None = None,
+    ) -> Asked:
+        """The simulations of a guess, one of each test."""
+        asked = tuple(test.ask(values, role, gain, study, mesh) for test in self.tests)
+        return Asked(dict(values), digest(*(one.sim for one in asked)), asked[0].mesh, "", role, asked)
+
+    def refusal(self, asked: Asked) -> InputError | None:
+        """Why the solver does not take the deck of a test; None where it takes all."""
+        return next(filter(None, (test.refusal(one) for test, one in self._pairs(asked))), None)
+
+    def with_settings(self, settings: Settings) -> JointProblem:
+        """The fit of another model to the same measurements."""
+        return JointProblem.of([test.with_settings(settings) for test in self.tests])
+
+    def prediction(self, asked: Asked) -> Any:
+        """What should have been measured in each test."""
+        return JointPrediction(tuple(test.prediction(one) for test, one in self._pairs(asked)))
+
+    def folds(self, asked: Asked) -> bool:
+        """Whether a body goes through itself in the pictures of a test."""
+        return any(test.folds(one) for test, one in self._pairs(asked))
+
+    def predict_all(self, batch: Sequence[Asked], processes: int) -> None:
+        """Keep the predictions of all guesses that have a solution."""
+        for n, test in enumerate(self.tests):
+            test.predict_all([asked.every[n] for asked in batch], processes)
+
+    def score(self, prediction: Any) -> float:
+        """Score of all tests together: the sum of their negative log likelihoods."""
+        return sum(test.score(own) for test, own in zip(self.tests, prediction.tests, strict=True))
+
+    def deviations(self, prediction: Any) -> np.ndarray:
+        """Response and points less what was measured, in units of the noise, of all tests."""
+        pairs = zip(self.tests, prediction.tests, strict=True)
+        return np.concatenate([test.deviations(own) for test, own in pairs])
+
+    def objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
+        """Score of a linear model at a distance of shape (parameters,) from its base."""
+        parts = [test.objective(own) for test, own in zip(self.tests, model.every, strict=True)]
+        return lambda delta: sum(part(delta) for part in parts)
+
+    def _pairs(self, asked: Asked) -> list[tuple[InverseProblem, Asked]]:
+        return list(zip(self.tests, asked.every, strict=True))
