@@ -296,6 +296,26 @@ def test_in_a_browser(whole, tmp_path, width):
     assert all(found.values()), found
 
 
+def test_a_switch_between_tests(tmp_path):
+    """Each test has its own pictures and tables; what is said of the model is said once."""
+    sample.write(tmp_path, done=False)
+    path, tests = tmp_path / "base/compare.npz", ("plate", "ball")
+    first, second = (sample.compare(tilt, seed=seed) for tilt, seed in ((0.045, 3), (0.02, 4)))
+    arrays = {
+        f"{key}@{name}": value for name, own in zip(tests, (first, second), strict=True) for key, value in own.items()
+    }
+    sample.save(path, {"tests": np.array(tests), **arrays})
+    write_page(tmp_path, tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert re.findall(r'<button type="button" data-choose="(\w+)">', text) == list(tests)
+    data = data_of(text)
+    assert [one["test"] for one in data["tests"]] == list(tests)
+    shown = [data["uris"][one["panels"]["difference|base|3"]] for one in data["tests"]]
+    assert shown[0] != shown[1]
+    assert len(re.findall(r'<div data-for="base" data-test="ball">', text)) == 3
+    assert text.count('<table class="found">') == 1
+
+
 def test_its_own_policy_lets_the_page_run(whole, tmp_path):
     binary = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
     if binary is None:

@@ -1,0 +1,52 @@
+"""A study of two tests through the workflow: files and figures of each, one table; nothing runs again."""
+
+import yaml
+from test_runs import configure, run, snapshot
+
+STUDY = {
+    "units": {"length": "mm", "force": "N", "time": "s"},
+    "control": "displacement",
+    "steps": "steps.csv",
+    "noise": {"force": 0.02},
+    "body": {"width": 12, "thickness": 70, "layers": [{"name": "gel", "height": 12}]},
+    "boundary": {"base": "held", "indenter": "glued"},
+    "tests": {"plate": {}, "greased": {"boundary": {"base": "slides", "indenter": "slides"}}},
+}
+CONFIG = {
+    "study": "studies/two",
+    "model": {
+        "material": {"alpha": 1.4, "poisson": 0.49},
+        "mesh": {"element": "CPE4", "across": 3, "per_layer": 3},
+        "refined": {"element": "CPE4", "across": 4, "per_layer": 4},
+        "parameters": {"mu": {"unit": "MPa", "start": 0.04, "lower": 0.01, "upper": 0.1}},
+    },
+    "fit": {
+        "score": "likelihood",
+        "replicates": 20,
+        "stages": [{"name": "grid", "kind": "grid", "points": 2}],
+    },
+}
+
+
+def test_two_tests_through_the_workflow(tmp_path):
+    study = tmp_path / "studies/two"
+    study.mkdir(parents=True)
+    (study / "study.yaml").write_text(yaml.safe_dump(STUDY, sort_keys=False))
+    (study / "steps.csv").write_text("step,displacement,force\n1,0.5,5\n2,1,10.5\n")
+    configure(tmp_path, CONFIG)
+    run(tmp_path, "--cores", "2")
+    folder = tmp_path / "results/two/base"
+    made = {path.name for path in folder.iterdir() if path.is_file()}
+    assert made >= {
+        "prepared-plate.npz", "mesh-plate.inp", "refined-greased.inp", "table.txt", "estimate.json"
+    }  # fmt: skip
+    assert {path.name for path in (folder / "figures").iterdir()} == {
+        "force-plate.png", "force-greased.png", "search.png"
+    }  # fmt: skip
+    # forces of one and the same table cannot fit both: it is said, with the test
+    assert "force of step 2 is" in (folder / "table.txt").read_text()
+    before = snapshot(tmp_path)
+    run(tmp_path, "--cores", "2")
+    assert snapshot(tmp_path) == before
+    said = run(tmp_path, "--cores", "2", "--dry-run")
+    assert "prepare" not in said
