@@ -113,9 +113,12 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
     found = _test_all(problem, last, everything, threads)
     run, refits = found.run, dict[str, Refit]()
     score_test, ranking, tests = found.score_test, found.ranking, found.tests
-    halves: set[str] = set()
+    halves, ended = set[str](), dict[str, Refit]()
     fitted, held_out = errors(found.comparison)
-    for _ in range(BATCHES):
+    outline = max(data.outline for data in found.comparison.measured)
+    verdict = decide(score_test, ranking, {}, tests, held_out=held_out)
+    # of a body of another shape refits say nothing
+    for _ in range(0 if outline and not explains(score_test) else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits)
         ended = nearest(ended_well(score_test, refits, fitted))
@@ -141,7 +144,7 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
         run += more
     stiffness = stiffness_map(found.comparison, found.everywhere)
     verdict = by_settings(of_family(verdict, score_test, ranking), score_test, ranking, tests)
-    verdict = elsewhere(verdict, max(data.outline for data in found.comparison.measured))
+    verdict = elsewhere(verdict, outline)
     verdict = far_off(verdict, found.comparison)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking))
     untold = found.lacking, untestable(problem)

@@ -14,7 +14,7 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import cure_of
-from fingerfit.model.effect import FAMILIES, NUMERICS
+from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE
 
 LARGEST = 0.5
 """Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
@@ -155,7 +155,7 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
 
 
 def elsewhere(verdict: Verdict, outline: float) -> Verdict:
-    """The verdict, but none on effects where the picture before compression shows another body than the study states.
+    """The verdict, but on the outline where the picture before compression shows another body than the study states.
 
     That is seen without any model, and whatever is fitted to a body of another shape imitates it.
 
@@ -168,11 +168,10 @@ def elsewhere(verdict: Verdict, outline: float) -> Verdict:
     if not outline or verdict.kind == "adequate":
         return verdict
     text = (
-        f"unexplained: the picture before compression shows a side of the body {outline:.2g} mm from where body in"
-        " study.yaml has it: correct it, or take body.outline: picture. A body that was pressed, or swelled, before"
-        " that picture looks like this as well"
+        f"missing: sides of the body elsewhere; the picture before compression shows one {outline:.2g} mm from where"
+        " body in study.yaml has it. A body that was pressed, or swelled, before that picture looks like this as well"
     )
-    return Verdict("unexplained", (), text, verdict.threshold, "geometry")
+    return Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
 
 
 def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:

@@ -14,7 +14,6 @@ from fingerfit.model.applicable import cure_of, unmet
 from fingerfit.model.effect import NUMERICS, Effect
 from fingerfit.model.laws import LAWS, foreign
 from fingerfit.prepare.prepare import make_mesh
-from fingerfit.search.stages import LEAST_SQUARES
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, MeshSettings, Settings, too_long
 from fingerfit.solvers.registry import get_solver
@@ -33,7 +32,6 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
         or not at all or of another dimension, a score without the data it compares.
     """
     problems = [problem for test in study.every for problem in _missing_data(settings, test, where)]
-    problems += [problem for test in study.every for problem in _nothing_to_register(settings, test, where)]
     problems += _unusable_folder(settings, where) + _of_several(settings, study, where)
     problems += _strange_layers(settings, study, where)
     for test in study.every:
@@ -226,20 +224,6 @@ def _unweighted_points(settings: Settings, study: Study) -> list[FingerfitError]
     if settings.fit.score != "likelihood" or not pointed or study.noise.points is not None:
         return []
     return [InputError(study.path, "noise.points", "nothing", "a number or estimated, since points are measured")]
-
-
-def _nothing_to_register(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
-    """Stages of least squares on displacements that nobody measured."""
-    if any(
-        (step.picture or step.points) and step.number in (settings.fit.steps or [step.number]) for step in study.steps
-    ):
-        return []
-    expected = "a simplex (equal, independent), or steps with pictures or points"
-    return [
-        InputError(where, f"fit.stages.{n}.kind", f"{stage.kind}, without pictures or points", expected)
-        for n, stage in enumerate(settings.fit.stages)
-        if stage.kind == LEAST_SQUARES
-    ]
 
 
 def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
