@@ -172,7 +172,10 @@ def test_the_page_is_named_and_shown_where_there_is_a_screen(tmp_path, monkeypat
         (["run", "--config", "no.yaml"], "no.yaml: file: found No such file or directory"),
         (["run", "tilt"], "tilt: settings: found none: config.yaml is for studies/phantom"),
         (["discover", "--config", "no.yaml"], "no.yaml: file: found No such file or directory"),
-        (["new", "other"], "new: options: found no data, or too many; expected --pictures and --forces, or --example"),
+        (
+            ["new", "other"],
+            "new: options: found no data, or too many; expected --pictures and --forces, or --from, or --exam",
+        ),
         (["new", "other", "--pictures", "no", "--forces", "no.csv"], "--pictures: folder: found no; expected a folder"),
         (
             ["experiment", "x.yaml", "--out", "tilt"],

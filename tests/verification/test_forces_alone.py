@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scripts import EXAMPLES, make_study_of
+from scripts import EXAMPLES, script_of
 from seeds import generator
 
 from fingerfit.deck.mesh_file import format_mesh
@@ -13,7 +13,7 @@ from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.settings.config import load_settings
 from fingerfit.study.reader import load_study
 
-SCRIPT, CONFIG = make_study_of("ecoflex"), EXAMPLES / "ecoflex/fixed.yaml"
+SCRIPT, CONFIG = script_of("ecoflex"), EXAMPLES / "ecoflex/fixed.yaml"
 MU, ALPHA = 0.01, 2.0
 
 
