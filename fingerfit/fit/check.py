@@ -13,7 +13,6 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import cure_of, unmet
 from fingerfit.model.effect import NUMERICS, Effect
 from fingerfit.model.laws import LAWS, foreign
-from fingerfit.search.stages import LEAST_SQUARES
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, MeshSettings, Settings, too_long
 from fingerfit.solvers.registry import get_solver
@@ -32,7 +31,6 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
     """
     layers = study.layer_names
     problems: list[FingerfitError] = _missing_data(settings, study, where)
-    problems += _nothing_to_register(settings, study, where)
     problems += _unusable_folder(settings, where) + _unweighted_points(settings, study)
     model = settings.model
     strange: set[str] = set()
@@ -168,20 +166,6 @@ def _unweighted_points(settings: Settings, study: Study) -> list[FingerfitError]
     if settings.fit.score != "likelihood" or not pointed or study.noise.points is not None:
         return []
     return [InputError(study.path, "noise.points", "nothing", "a number or estimated, since points are measured")]
-
-
-def _nothing_to_register(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
-    """Stages of least squares on displacements that nobody measured."""
-    if any(
-        (step.picture or step.points) and step.number in (settings.fit.steps or [step.number]) for step in study.steps
-    ):
-        return []
-    expected = "a simplex (equal, independent), or steps with pictures or points"
-    return [
-        InputError(where, f"fit.stages.{n}.kind", f"{stage.kind}, without pictures or points", expected)
-        for n, stage in enumerate(settings.fit.stages)
-        if stage.kind == LEAST_SQUARES
-    ]
 
 
 def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:

@@ -11,12 +11,11 @@ from fingerfit.core.processes import side_by_side
 from fingerfit.fit.course import next_round
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round, write_folders
+from fingerfit.solvers.cost import BUILTIN, expected_seconds
 from fingerfit.solvers.registry import get_solver
 
-BUILTIN = "builtin"
-SHORT = 2000
-"""Nodes of a mesh in the plane up to which a simulation takes about as long as the start of a job, 0.3 s
-(benchmarks/phantom.md)."""
+SHORT = 1.0
+"""Seconds of a simulation that is not worth a job of its own, whose start takes 0.3 s (benchmarks/phantom.md)."""
 ITERATIONS = 10
 """Iterations of a search that one job makes at most: a line is told every few seconds, and not much is lost when it is
 ended. A choice."""
@@ -69,6 +68,6 @@ def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: b
 
 
 def is_short(problem: InverseProblem) -> bool:
-    """Whether a simulation takes less than the start of a job: in the plane, by the solver that is a part of this."""
-    mesh = problem.meshes[SEARCH]
-    return problem.settings.solver == BUILTIN and mesh.dim == 2 and len(mesh.points) <= SHORT
+    """Whether a simulation takes about as long as the start of a job: of a small mesh, by the built-in solver."""
+    solver, mesh = problem.settings.solver, problem.meshes[SEARCH]
+    return solver == BUILTIN and expected_seconds(solver, mesh.dim, len(mesh.points)) <= SHORT

@@ -29,8 +29,10 @@ class Matcher:
 
     def __init__(self, data: Data, mesh: Mesh) -> None:
         self._data = data
-        pictured = len(data.picture_step) > 0
-        self._patches = Patches.over(mesh, ACROSS, data.spacing) if pictured else Patches.around(data.points, ACROSS)
+        if len(data.points) and not len(data.picture_step):
+            self._patches = Patches.around(data.points, ACROSS)
+        else:
+            self._patches = Patches.over(mesh, ACROSS, data.spacing)
         self._reader = Reader(data, mesh, self._patches)
 
     def match(self, outcome: Outcome, made: Synthesis) -> Match:

@@ -11,6 +11,7 @@ from fingerfit.core.errors import FingerfitError
 from fingerfit.imaging.pictures import shape_of
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import Settings
+from fingerfit.solvers.cost import BUILTIN, expected_seconds
 from fingerfit.study.reader import load_study
 
 BASE = 600
@@ -21,10 +22,6 @@ PER_PIXEL = 8e-6
 """MB of a number in double precision."""
 MAP = 36
 """Numbers for each pixel beside the pictures: where it comes from, and in which element. Measured: 40 in all with 3."""
-PLANE, SPACE = 5e-4, 3e-3
-"""Seconds of a simulation for each node: benchmarks/solver.md and, for 7000 nodes, benchmarks/indentation.md."""
-EXTERNAL = 10
-"""How much longer a program takes than the built-in solver: 4 to 84 times in the same tables."""
 WARP = 2.5e-7
 """Seconds for each pixel of each picture of a guess: benchmarks/warp.md."""
 GUESSES = 150
@@ -49,8 +46,8 @@ class Size:
         Of one picture before it is trimmed, and their number with the one before compression.
     guesses, replicates : int
         The most that a search may ask for; replicates of the measurement.
-    external : bool
-        Whether the solver is another program.
+    solver : str
+        Its name.
     """
 
     nodes: int = 0
@@ -59,13 +56,12 @@ class Size:
     pictures: int = 0
     guesses: int = 0
     replicates: int = 0
-    external: bool = False
+    solver: str = BUILTIN
 
     @property
     def simulation(self) -> float:
-        """Expected seconds of one simulation: of the built-in solver in space they grow as nodes to the power 1.5."""
-        seconds = PLANE * self.nodes if self.dim == 2 else SPACE * self.nodes * math.sqrt(max(self.nodes / 7000, 1))
-        return seconds * (EXTERNAL if self.external else 1)
+        """Expected seconds of one simulation."""
+        return expected_seconds(self.solver, self.dim, self.nodes)
 
     @property
     def comparison(self) -> float:
@@ -115,4 +111,4 @@ def size_of(settings: Settings) -> Size:
     except (FingerfitError, OSError):
         pass
     fit = settings.fit
-    return Size(nodes, dim, pixels, pictures, fit.max_evaluations, fit.replicates, settings.solver != "builtin")
+    return Size(nodes, dim, pixels, pictures, fit.max_evaluations, fit.replicates, settings.solver)

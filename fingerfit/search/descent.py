@@ -12,13 +12,18 @@ from fingerfit.search.simplex import Request
 from fingerfit.search.stages import MET, NO_SOLUTION, UNIT, Point, Search, Space, Stage
 
 STEP = 0.03
-"""Step of a slope: in the logarithm, or as a share of the scale of a parameter or of the distance of its bounds. A
-choice: of central differences of an exponential it makes an error of STEP^2 / 6, 0.015 %."""
+"""Longest step of a slope: in the logarithm, or as a share of the scale of a parameter or of the distance of its
+bounds. A choice: of central differences of an exponential it makes an error of STEP^2 / 6, 0.015 %. Where only shorter
+moves are trusted, it is shorter in proportion, to see what bends over such a move, but at least a tenth: a solver has a
+tolerance."""
 MOVE = 0.7
 """Longest move, in the same coordinates: a modulus doubles. A choice."""
 MOVES = 30
 """A descent that has not ended after as many moves has not converged. The longest way between bounds that are a factor
 of a thousand apart takes ten."""
+NEGLIGIBLE = 0.1
+"""Fall of the misfit, in squares of the noise, that moves constants by a third of their standard errors: where a move
+promises less and does not keep it, the descent has ended. What is left is up to the slopes that follow a search."""
 STILL = 1.0
 """Damping: what moves nothing by the noise of one value stays where it is (Levenberg 1944)."""
 NO_SLOPE = "not converged: no solution beside the best guess"
@@ -66,11 +71,11 @@ def descend(stage: Stage, space: Space, start: np.ndarray, matches: Matches) -> 
         What is known of guesses, None without solution; it has all points that were asked for.
     """
     z, trust = space.clip(start), MOVE
-    yield _around(space, z), 0
+    yield Request((z, *_beside(space, z, STEP))), 0
     here = matches[space.point(z)]
     if here is None:
         return z, NO_SOLUTION
-    slopes = yield from _slopes(space, z, here, matches, 0)
+    slopes = yield from _slopes(space, z, here, matches, 0, STEP)
     for move in range(1, MOVES + 1):
         known = np.isfinite(here.left) & np.isfinite(slopes).all(axis=1)
         if not known.any():
@@ -82,7 +87,8 @@ def descend(stage: Stage, space: Space, start: np.ndarray, matches: Matches) -> 
         far = _length(stage, space, z, trial)
         if far <= stage.tolx:
             return z, MET if slopes.any(axis=0).all() else NO_SLOPE
-        yield _around(space, trial, (far,)), move
+        reach = STEP * max(trust / MOVE, 0.1)
+        yield Request((trial, *_beside(space, trial, reach)), (), (far,)), move
         there = matches[space.point(trial)]
         promised = left @ left - np.square(left - columns @ step).sum()
         true = -1.0
@@ -92,18 +98,20 @@ def descend(stage: Stage, space: Space, start: np.ndarray, matches: Matches) -> 
         trust = 0.4 * trust if true < 0.25 else min(2 * trust, MOVE) if true > 0.75 else trust
         if there is not None and true > 0:
             z, here = trial, there
-            slopes = yield from _slopes(space, z, here, matches, move)
+            slopes = yield from _slopes(space, z, here, matches, move, reach)
+        elif promised < NEGLIGIBLE:
+            return z, MET
         elif trust <= stage.tolx:
             return z, NO_FALL
+        else:
+            reach = STEP * max(trust / MOVE, 0.1)
+            yield Request(tuple(_beside(space, z, reach))), move
+            slopes = yield from _slopes(space, z, here, matches, move, reach)
     return z, TOO_MANY
 
 
-def _around(space: Space, z: np.ndarray, spread: tuple[float, ...] | None = None) -> Request:
-    return Request((z, *_beside(space, z)), (), spread)
-
-
-def _beside(space: Space, z: np.ndarray, sign: float = 1.0) -> list[np.ndarray]:
-    return [space.clip(z + sign * space.inward(z, STEP * axis)) for axis in np.eye(len(z))]
+def _beside(space: Space, z: np.ndarray, reach: float, sign: float = 1.0) -> list[np.ndarray]:
+    return [space.clip(z + sign * space.inward(z, reach * axis)) for axis in np.eye(len(z))]
 
 
 def _length(stage: Stage, space: Space, z: np.ndarray, trial: np.ndarray) -> float:
@@ -112,11 +120,11 @@ def _length(stage: Stage, space: Space, z: np.ndarray, trial: np.ndarray) -> flo
 
 
 def _slopes(
-    space: Space, z: np.ndarray, here: Match, matches: Matches, count: int
+    space: Space, z: np.ndarray, here: Match, matches: Matches, count: int, reach: float
 ) -> Generator[tuple[Request, int], list[float], np.ndarray]:
     """Derivatives of what is read, shape (values, parameters): by the other side where one has no solution, 0 where
     neither has."""
-    ahead, behind = _beside(space, z), [space.clip(point) for point in _beside(space, z, -1.0)]
+    ahead, behind = _beside(space, z, reach), [space.clip(point) for point in _beside(space, z, reach, -1.0)]
     other = [n for n, point in enumerate(ahead) if matches[space.point(point)] is None]
     if other:
         yield Request(tuple(behind[n] for n in other)), count

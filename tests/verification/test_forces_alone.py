@@ -5,15 +5,12 @@ import pytest
 from scripts import EXAMPLES, script_of
 from seeds import generator
 
-from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.diagnosis.diagnose import diagnose, errors
-from fingerfit.fit.problem import InverseProblem
-from fingerfit.fit.simulate import run_fit
-from fingerfit.prepare.prepare import make_mesh, prepare
+from fingerfit.fit.estimate import estimate_of
+from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
-from fingerfit.study.reader import load_study
 
-SCRIPT, CONFIG = script_of("ecoflex"), EXAMPLES / "ecoflex/fixed.yaml"
+SCRIPT = script_of("ecoflex")
 MU, ALPHA = 0.01, 2.0
 
 
@@ -35,17 +32,16 @@ def several_tests(folder, alpha, seed=1):
     return paths
 
 
-def diagnosed(folder, alpha):
+def settings_of(folder, config, alpha):
+    """Settings of an example, for tests that are made up and written here."""
     SCRIPT.make_study(several_tests(folder, alpha), folder / "study")
-    settings = load_settings(CONFIG)
-    settings = settings.model_copy(update={"study": str(folder / "study")})
-    study = load_study(folder / "study")
-    mesh = make_mesh(study, settings.model.mesh)
-    (folder / "mesh.inp").write_text(format_mesh(mesh))
-    data = prepare(study, mesh, settings.fit.steps, 1.0, 0.3)
-    problem = InverseProblem(settings, data, {"search": folder / "mesh.inp"}, folder / "results/sims")
+    return load_settings(EXAMPLES / f"ecoflex/{config}.yaml").model_copy(update={"study": str(folder / "study")})
+
+
+def diagnosed(folder, alpha):
+    problem, everything = begin(settings_of(folder, "fixed", alpha), folder / "results")
     last, _ = run_fit(problem, 1)
-    return diagnose(problem, last, prepare(study, mesh, None, 1.0, 0.3))
+    return diagnose(problem, last, everything)
 
 
 def test_the_factor_between_specimens_is_taken_apart():
@@ -80,3 +76,18 @@ def test_nothing_is_missing_where_nothing_is(tmp_path):
     found = diagnosed(tmp_path, 1.4)
     assert found.verdict.kind == "adequate"
     assert errors(found.comparison)[0] < 1.0  # 16 seeds: 0.41, 0.12
+
+
+def test_least_squares_end_at_the_constants_of_the_simplex(tmp_path):
+    settings, found, asked = settings_of(tmp_path, "config", ALPHA), {}, {}
+    for kind in ("independent", "least_squares"):
+        stage = settings.fit.stages[-1].model_copy(update={"name": kind, "kind": kind})
+        fit = settings.fit.model_copy(update={"stages": [settings.fit.stages[0], stage]})
+        problem, _ = begin(settings.model_copy(update={"fit": fit}), tmp_path / kind)
+        last, _ = run_fit(problem, 1)
+        assert last.stop == "tolerances met"
+        found[kind], asked[kind] = estimate_of(problem, last, 1)["parameters"], len(last.history)
+    for name, entry in found["independent"].items():
+        # from where they end, slopes lead to the same minimum of one score. Measured: within 1e-5
+        assert found["least_squares"][name]["value"] == pytest.approx(entry["value"], abs=0.5 * entry["standard_error"])
+    assert asked["least_squares"] <= 0.5 * asked["independent"]

@@ -1,16 +1,11 @@
 """The least squares of the search and its simplex, on one study."""
 
-from dataclasses import replace
-
 import pytest
 import small_body
 
-from fingerfit.core.errors import Problems
-from fingerfit.fit.check import check_against_study
 from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
-from fingerfit.study.reader import load_study
 
 DESCENT = {"name": "least squares", "kind": "least_squares", "tolx": 0.02}
 
@@ -35,13 +30,3 @@ def test_least_squares_find_the_constants_of_the_simplex_in_half_of_its_simulati
         # within 0.1 standard errors
         assert found["least squares"][name]["value"] == pytest.approx(entry["value"], abs=0.5 * entry["standard_error"])
     assert asked["least squares"] <= 0.5 * asked["simplex"]
-
-
-def test_forces_alone_are_refused(study):
-    config = small_body.config_of(study)
-    config["fit"] |= {"score": "likelihood", "stages": [DESCENT]}
-    made = load_study(study)
-    without = replace(made, before=None, steps=tuple(replace(step, picture=None) for step in made.steps))
-    del config["fit"]["steps"]
-    with pytest.raises(Problems, match=r"fit\.stages\.0\.kind: found least_squares, without pictures or points"):
-        check_against_study(load_settings(config), without)

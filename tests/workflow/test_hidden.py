@@ -117,8 +117,10 @@ def test_the_first_rung_misses_the_tilt(place):
     assert found["verdict"] == "missing"
     assert found["effects"] == ["tilt"]
     assert found["sentence"].startswith("missing: tilt of the indenter; it explains ")
-    first, second = found["ranking"][:2]
+    first, *others = found["ranking"]
     assert first["effect"] == "tilt"
+    # the probe of its family has the tilt among its numbers, and falls as deep or a little deeper
+    second = next(entry for entry in others if entry["effect"] != "indenter_probe")
     # five standard errors, the size over the root of the fall; 9 seeds: low by 1.3 of them, with 0.8 as their spread
     size = first["size"]["slope"]
     assert size == pytest.approx(SLOPE, abs=5 * size / first["predicted_fall"] ** 0.5)
