@@ -8,6 +8,7 @@ import itertools
 import os
 import re
 import shutil
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from fingerfit.core.files import write_text
 from fingerfit.core.folders import OURS, SHIPPED
 from fingerfit.core.units import UNITS
 from fingerfit.imaging.pictures import Picture, read_picture
+from fingerfit.readers.dicom import find_series
 from fingerfit.readers.points import natural
 from fingerfit.start.forces import Forces, read_forces
 
@@ -47,12 +49,12 @@ def draft(study: Path, pictures: Path, forces: Path) -> list[str]:
         For files that are there already, and what cannot be read.
     """
     refuse_known(study)
-    before, others = _pictures(pictures)
+    before, others, links, order = _pictures(pictures, study)
     table = read_forces(forces)
     steps = _step_numbers(table)
-    named, pairing = _paired(steps, others)
+    named, pairing = _paired(steps, others, order)
     named = {number: Path(os.path.relpath(path, study)) for number, path in named.items()}
-    first = read_picture(before)
+    first = _first(before, links)
     facts = {
         "sources": f"{pictures.as_posix()} and {forces.as_posix()}",
         "before": Path(os.path.relpath(before, study)).as_posix(),
@@ -64,10 +66,12 @@ def draft(study: Path, pictures: Path, forces: Path) -> list[str]:
         "measured": sorted(named),
     }
     files = {number: path.as_posix() for number, path in named.items()}
-    return write_draft(study, facts, {"steps.csv": steps_text(table, steps, "picture", files)})
+    return write_draft(study, facts, {"steps.csv": steps_text(table, steps, "picture", files)}, links)
 
 
-def write_draft(study: Path, facts: Mapping[str, Any], texts: Mapping[str, str]) -> list[str]:
+def write_draft(
+    study: Path, facts: Mapping[str, Any], texts: Mapping[str, str], links: Mapping[Path, Sequence[Path]] | None = None
+) -> list[str]:
     """Write study.yaml and, where there is none, config.yaml, with other files; returns what to tell.
 
     Parameters
@@ -78,6 +82,8 @@ def write_draft(study: Path, facts: Mapping[str, Any], texts: Mapping[str, str])
         pictures or points), ``before`` and ``pixel`` of pictures or ``points``, and ``given``, texts of known keys.
     texts : dict
         Further files by their name in the folder.
+    links : dict or None
+        Folders, with the files that they get links to.
     """
     measured, table = facts["measured"], facts["table"]
     common = {
@@ -93,6 +99,8 @@ def write_draft(study: Path, facts: Mapping[str, Any], texts: Mapping[str, str])
     known = dict.fromkeys(("title", "control", "noise", "body", "boundary"), "") | facts.get("given", {})
     own = [name for name in ("study.yaml", "config.yaml") if not (study / name).exists()]
     made = {name: _render(f"{name}.j2", common | dict(facts) | {"given": known}) for name in own} | dict(texts)
+    for folder, files in (links or {}).items():
+        _link(folder, files)
     for name, text in made.items():
         write_text(study / name, text)
     told = [f"{study / name}" for name in FILES if name in made]
@@ -145,16 +153,37 @@ def refuse_known(study: Path, files: Sequence[str] = FILES) -> None:
             raise FingerfitError(f"{study / name}: is there already; take another folder, or remove it")
 
 
-def _pictures(folder: Path) -> tuple[Path, list[Path]]:
-    """The picture before compression, and the others in the order of the numbers in their names."""
+def _pictures(folder: Path, study: Path) -> tuple[Path, list[Path], dict[Path, Sequence[Path]], str]:
+    """The picture before compression, the others in order, links to make for some, and what their order is."""
     if not folder.is_dir():
         raise InputError("--pictures", "folder", folder, "a folder with pictures")
     found = sorted((p for p in folder.iterdir() if _is_picture(p)), key=lambda path: natural(path.name))
+    links: dict[Path, Sequence[Path]] = {}
+    order = "in the order of their names"
+    if all(path.is_dir() for path in found) and (series := find_series(folder)):
+        found, order = [one.files[0].parent for one in series], "in the order in which they were acquired"
+        if len(set(found)) < len(found):  # several series in a folder: each gets one of its own
+            links = {study / f"pictures/{one.text or 'series'}_{n}": one.files for n, one in enumerate(series)}
+            found = list(links)
     if len(found) < 2:
         expected = "one before compression and at least one during it (.nii.gz, .nrrd, .mha, ... or folders of DICOM)"
         raise InputError(folder, "pictures", f"{len(found)} pictures", expected)
     before = next((path for path in found if _BEFORE.search(path.name)), found[0])
-    return before, [path for path in found if path != before]
+    return before, [path for path in found if path != before], links, order
+
+
+def _link(folder: Path, files: Sequence[Path]) -> Path:
+    folder.mkdir(parents=True)
+    for file in files:
+        (folder / file.name).symlink_to(os.path.relpath(file, folder))
+    return folder
+
+
+def _first(picture: Path, links: Mapping[Path, Sequence[Path]]) -> Picture:
+    if picture not in links:
+        return read_picture(picture)
+    with tempfile.TemporaryDirectory(prefix="fingerfit-") as name:
+        return read_picture(_link(Path(name).resolve() / picture.name, [file.resolve() for file in links[picture]]))
 
 
 def _is_picture(path: Path) -> bool:
@@ -174,13 +203,13 @@ def _step_numbers(table: Forces) -> list[int]:
     return numbers if rising else list(range(1, len(table.columns["force"]) + 1))
 
 
-def _paired(steps: Sequence[int], pictures: Sequence[Path]) -> tuple[dict[int, Path], str]:
+def _paired(steps: Sequence[int], pictures: Sequence[Path], order: str) -> tuple[dict[int, Path], str]:
     """Pictures by step, and how that was found out in words."""
     numbers = [int(found[-1]) if (found := re.findall(r"\d+", _stem(path))) else -1 for path in pictures]
     if len(set(numbers)) == len(numbers) and set(numbers) <= set(steps):
         return dict(zip(numbers, pictures, strict=True)), "by the number in its name"
     if len(pictures) == len(steps):
-        return dict(zip(steps, pictures, strict=True)), "in the order of their names"
+        return dict(zip(steps, pictures, strict=True)), order
     names = ", ".join(path.name for path in pictures)
     return {}, f"none: {len(pictures)} pictures ({names}) and {len(steps)} steps; fill in the column picture"
 
