@@ -281,7 +281,10 @@ def new(args: argparse.Namespace) -> None:
     from fingerfit.start.measured import draft_from
 
     check = f"fingerfit check {args.study} --picture mesh.png"
-    pictures, files = bool(args.pictures or args.forces), bool(args.sources or args.scale or args.rate)
+    pictures, files = (
+        bool(args.pictures or args.forces),
+        any(one is not None for one in (args.sources, args.scale, args.rate)),
+    )
     if args.example and not (pictures or files):
         lines, then = example(args.study, args.example), f"fingerfit run {args.study}"
     elif args.pictures and args.forces and not (args.example or files):

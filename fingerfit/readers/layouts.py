@@ -106,7 +106,16 @@ def layout_of(head: Sequence[str]) -> tuple[Layout, dict[str, int]] | None:
 def unit_of(cell: str) -> str:
     """The unit of length that a head names; empty where it names none."""
     found = _UNIT.search(cell)
-    return _LENGTHS.get(found[1].lower(), "") if found else ""
+    return unit_named(found[1]) if found else ""
+
+
+def unit_named(text: str) -> str:
+    """A unit of length as it is named here; empty for what is none.
+
+    >>> unit_named("Pixels"), unit_named("µm"), unit_named("furlong")
+    ('pixel', 'um', '')
+    """
+    return _LENGTHS.get(text.strip().lower(), "")
 
 
 def uncorrelated(layout: Layout, head: Sequence[str], column: Callable[[int], np.ndarray]) -> np.ndarray | bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.units import UNITS
-from fingerfit.readers.tables import Table, read_table
+from fingerfit.readers.tables import read_table
 
 KINDS = {"force": "force", "displacement": "length", "time": "time", "step": ""}
 """What is looked for, and the kind of its unit."""
@@ -71,9 +71,9 @@ def columns_of(head: Sequence[str]) -> tuple[dict[str, int], dict[str, str]]:
     return places, units
 
 
-def is_machine(table: Table) -> bool:
-    """Whether a table is the record of a machine: it has a column of forces, and none of displacements of points."""
-    return "force" in columns_of(table.head)[0]
+def is_machine(head: Sequence[str]) -> bool:
+    """Whether a table is the record of a machine: it has a column of forces."""
+    return "force" in columns_of(head)[0]
 
 
 def read_machine(files: Path | Mapping[str, Path], columns: Sequence[str] | None = None) -> Machine:

@@ -12,7 +12,7 @@ import numpy as np
 from fingerfit.core.errors import InputError
 from fingerfit.core.units import UNITS
 from fingerfit.imaging.points import polynomials
-from fingerfit.readers.layouts import AXES, LAYOUTS, MOTIONS, PIXEL, layout_of, uncorrelated, unit_of
+from fingerfit.readers.layouts import AXES, LAYOUTS, MOTIONS, PIXEL, layout_of, uncorrelated, unit_named, unit_of
 from fingerfit.readers.matlab import read_matlab
 from fingerfit.readers.tables import Table, read_table
 
@@ -26,6 +26,10 @@ _FEWEST = 9
 """Points of a frame; fewer are no field."""
 _SAME = 1e-5
 """Share of the extent within which two places are one point."""
+_STILL = 1e-3
+"""Share of the largest displacement up to which the first frame is the one before compression. A choice."""
+BEFORE = "the picture before compression"
+"""Name of a frame of which there is no file."""
 _FLAT = 0.05
 """Depth of a surface, as a share of its extent, up to which it is drafted as plane. A choice."""
 
@@ -91,7 +95,8 @@ def read_points(paths: Sequence[Path], columns: Sequence[str] | None = None) -> 
             raise InputError(paths[1], "files", f"{len(paths)} files of MATLAB", "one, which has all frames")
         program, unit, fields = read_matlab(paths[0])
         names = tuple(f"{paths[0].name}, frame {n}" for n in range(len(fields)))
-        found = Record(names, tuple(f[0] for f in fields), tuple(f[1] for f in fields), program, unit.lower(), True)
+        at, by = (tuple(one[n] for one in fields) for n in range(2))
+        found = Record(names, at, by, program, unit_named(unit), True)
     else:
         tables = [read_table(path, "points") for path in paths]
         first = tables[0]
@@ -102,7 +107,22 @@ def read_points(paths: Sequence[Path], columns: Sequence[str] | None = None) -> 
     for name, places, moved in zip(found.names, found.places, found.moved, strict=True):
         if (count := int(np.isfinite(moved).all(axis=1).sum())) < _FEWEST or not np.isfinite(places).all():
             raise InputError(name, "points", f"{count} with a displacement", f"at least {_FEWEST}")
-    return found
+    return _from_reference(found)
+
+
+def _from_reference(record: Record) -> Record:
+    """The record with the picture before compression as frame 0, of which many programs write no file."""
+    size = [float(np.nanmedian(np.abs(one).max(axis=1))) for one in record.moved]
+    if size[0] <= _STILL * max(size):
+        return record
+    told = f"{Path(record.names[0]).name} has displacements already: it is frame 1, and frame 0 the picture before it"
+    return replace(
+        record,
+        names=(BEFORE, *record.names),
+        places=(record.places[0], *record.places),
+        moved=(np.zeros_like(record.moved[0]), *record.moved),
+        remarks=(*record.remarks, told),
+    )
 
 
 def _fields(tables: Sequence[Table], columns: Sequence[str] | None) -> Record:

@@ -75,10 +75,7 @@ def read_table(path: Path, field: str = "table") -> Table:
     """
     import pandas as pd
 
-    lines = _text(path, field).splitlines()
-    start, delimiter = _form(lines)
-    if start is None:
-        raise InputError(path, field, "no rows of numbers", "a table with a row of numbers for each point or reading")
+    lines, start, delimiter = _opened(path, field)
     numbers = [n for n, line in enumerate(lines) if n >= start and line.strip()]
     rows = [lines[n] for n in numbers]
     wide = len(_cells(rows[0], delimiter))
@@ -95,6 +92,27 @@ def read_table(path: Path, field: str = "table") -> Table:
         skipinitialspace=True,
     )
     return Table(path, _head(lines[:start], delimiter, wide), cells, [n + 1 for n in numbers])
+
+
+def read_head(path: Path, field: str = "table") -> tuple[str, ...]:
+    """Names of the columns of a table, whose numbers are not read.
+
+    Raises
+    ------
+    InputError
+        For what is no text or has no numbers.
+    """
+    lines, start, delimiter = _opened(path, field)
+    return _head(lines[:start], delimiter, len(_cells(lines[start], delimiter)))
+
+
+def _opened(path: Path, field: str) -> tuple[list[str], int, str]:
+    """Lines of a table, the first one with numbers, the delimiter."""
+    lines = _text(path, field).splitlines()
+    start, delimiter = _form(lines)
+    if start is None:
+        raise InputError(path, field, "no rows of numbers", "a table with a row of numbers for each point or reading")
+    return lines, start, delimiter
 
 
 def _text(path: Path, field: str) -> str:

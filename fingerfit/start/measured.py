@@ -16,8 +16,8 @@ import yaml
 from fingerfit.core.errors import InputError
 from fingerfit.readers.keys import DataKeys, IndenterKeys, MachineKeys, PointKeys, read_data
 from fingerfit.readers.machine import Machine, at_displacements, at_times, is_machine, loading, ramps, read_machine
-from fingerfit.readers.points import Record, common, in_mm, natural, plane, read_points, turned
-from fingerfit.readers.tables import read_table
+from fingerfit.readers.points import BEFORE, Record, common, in_mm, natural, plane, read_points, turned
+from fingerfit.readers.tables import read_head, read_table
 from fingerfit.start.draft import refuse_known, steps_text, write_draft
 from fingerfit.start.forces import Forces
 
@@ -98,7 +98,7 @@ def _given(sources: Sequence[Path], scale: float | None, rate: float | None) -> 
     """What is said of the files, the folder they count from, and what errors name."""
     if len(sources) == 1 and sources[0].suffix in (".yaml", ".yml"):
         given = read_data(sources[0])
-        if scale or rate:
+        if scale is not None or rate is not None:
             expected = "no such options: points.scale and rate stand in the file"
             raise InputError(sources[0], "--scale, --rate", "given beside data.yaml", expected)
         return given, sources[0].parent, str(sources[0])
@@ -108,7 +108,7 @@ def _given(sources: Sequence[Path], scale: float | None, rate: float | None) -> 
         if not inside:
             raise InputError(source, "folder", "no tables", "files " + ", ".join(_TABLES))
         files += sorted(inside, key=lambda path: natural(path.name))
-    machines = [path for path in files if path.suffix.lower() != ".mat" and is_machine(read_table(path))]
+    machines = [path for path in files if path.suffix.lower() != ".mat" and is_machine(read_head(path))]
     if len(machines) > 1:
         raise InputError(machines[1], "file", "a second table of forces", f"one, as {machines[0]}")
     points = [str(path) for path in files if path not in machines]
@@ -128,8 +128,10 @@ def _record(keys: PointKeys, folder: Path, where: str) -> Record:
     paths: list[Path] = []
     for name in names:
         found = [folder / name]
-        if any(mark in name for mark in "*?["):
-            found = sorted(folder.glob(name), key=lambda path: natural(path.name))
+        if not found[0].exists() and any(mark in name for mark in "*?["):
+            anchor = Path(name).anchor
+            every = Path(anchor or folder).glob(name.removeprefix(anchor))
+            found = sorted(every, key=lambda path: natural(path.name))
         if not found:
             raise InputError(where, "points.files", name, "a pattern of files that exist")
         paths += found
@@ -162,7 +164,10 @@ def _readings(given: DataKeys, record: Record | None, machine: Machine | None, f
     moves = _indenter(given.indenter, given.points, record, folder, where) if given.indenter and given.points else None
     if machine is not None:
         rows = len(machine.columns["force"])
-        if rows == count:
+        if rows == count - 1 and record.names[0] == BEFORE:
+            columns = {name: np.append(0.0, one) for name, one in machine.columns.items() if name != "time"}
+            how = "a reading for each file; before the first one force and displacement are taken as 0"
+        elif rows == count:
             columns, how = dict(machine.columns), "a reading for each frame"
         elif given.rate is not None and "time" in machine.columns:
             times = given.start + np.arange(count) / given.rate

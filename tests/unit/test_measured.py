@@ -79,6 +79,20 @@ def test_the_last_of_several_loadings_is_taken(place):
     assert [float(cell) for cell in last[1:]] == pytest.approx([2 * 78 + 39, 2, 1.4])
 
 
+@pytest.mark.parametrize("readings", [2, 3])
+def test_a_first_file_that_has_displacements_is_not_before_compression(place, readings):
+    Path("dic/frame_0.csv").unlink()
+    rows = "".join(f"{0.1 * n},{2 * n}\n" for n in range(3 - readings, 3))
+    Path("machine.csv").write_text(f"travel (mm),force (N)\n{rows}", encoding="utf-8")
+    draft_from(Path("mine"), [Path("dic"), Path("machine.csv")])
+    text = Path("mine/study.yaml").read_text(encoding="utf-8")
+    assert "frame_1.csv has displacements already: it is frame 1" in text
+    assert ("before the first one force and displacement are taken as 0" in text) == (readings == 2)
+    assert Path("mine/steps.csv").read_text(encoding="utf-8") == (
+        "step,displacement,force,points\n1,0.1,2,points/1.csv\n2,0.2,4,points/2.csv\n"
+    )
+
+
 def test_settings_that_are_there_are_kept(place):
     Path("mine").mkdir()
     Path("mine/config.yaml").write_text("study: mine\n", encoding="utf-8")
