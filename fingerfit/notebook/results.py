@@ -8,14 +8,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fingerfit.core.errors import StateError
+from fingerfit.core.files import check_kept
 from fingerfit.diagnosis.diagnose import Diagnosis, added
 from fingerfit.diagnosis.diagnose import diagnose as diagnosis_of
 from fingerfit.diagnosis.ranking import summary
 from fingerfit.fit.estimate import estimate_of
-from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.prepare.prepare import prepare
 from fingerfit.report.plots import chosen_figure, figures_of
+from fingerfit.settings.choices import read_checked
 from fingerfit.settings.config import load_settings
 from fingerfit.study import reader
 from fingerfit.study.data import Data
@@ -81,6 +86,17 @@ class Result:
 
         found = self.estimate["correlation"]
         return pd.DataFrame(found["matrix"], index=found["names"], columns=found["names"])
+
+    @property
+    def steps(self) -> pd.DataFrame:
+        """Fitted steps: force (N) and displacement (mm) of the indenter; of the model the one that is free."""
+        import pandas as pd
+
+        data, shown = self.problem.data, finest(self.problem, self.last)
+        free = "displacement" if data.control == "force" else "force"
+        found = {"step": data.step, "force": data.force, "displacement": data.displacement}
+        found[f"model_{free}"] = self.problem.prediction(shown).response
+        return pd.DataFrame(found).set_index("step")
 
     @property
     def search(self) -> pd.DataFrame:
@@ -177,6 +193,30 @@ def fit(config: Path | str | Mapping[str, Any], folder: Path | str = FOLDER, thr
     place = Path(folder).resolve() / Path(settings.study).resolve().name / settings.model.full_name
     problem, everything = begin(settings, place)
     return _fitted(problem, everything, threads)
+
+
+def load_result(folder: Path | str) -> Result:
+    """The fit that the command line left in ``results/STUDY/MODEL``; call it where that was called.
+
+    Nothing is simulated again, and a diagnosis keeps its simulations beside those of the fit.
+
+    Raises
+    ------
+    FingerfitError
+        For a fit that is not there, not finished or damaged.
+    """
+    model = Path(folder)
+    rounds = sorted(model.glob("rounds/*.json"), key=lambda path: (len(path.name), path.name))
+    if not rounds or (last := Round.load(rounds[-1])).stop is None:
+        raise StateError(f"{model}: has no finished fit; make it: fingerfit run")
+    files = {SEARCH: model / "mesh.inp", REFINED: model / "refined.inp"}
+    files = {name: path for name, path in files.items() if name == SEARCH or path.exists()}
+    for path in files.values():
+        check_kept(path)
+    settings, data = read_checked(model / "settings.json"), Data.load(model / "prepared.npz")
+    problem = InverseProblem(settings, data, files, model.parent / "sims")
+    everything = prepare(problem.study, problem.meshes[SEARCH], None, settings.fit.smooth, settings.fit.crop)
+    return Result(problem, last, everything, 0)
 
 
 def diagnose(result: Result, threads: int = 1) -> Found:
