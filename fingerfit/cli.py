@@ -66,11 +66,21 @@ def _described(text: str, example: str) -> dict[str, Any]:
 
 def _add_start(command: Command) -> None:
     """What a user calls first, and last."""
-    text = "draft a study from a folder of pictures and a table of forces, or copy an example"
+    text = "draft a study from pictures and a table of forces, or from files of other programs, or copy an example"
     sub = command("new", text, "fingerfit new mine --pictures scans --forces forces.csv")
     sub.add_argument("study", type=Path, help="folder of the study, which is made")
     sub.add_argument("--pictures", type=Path, metavar="FOLDER", help="one before compression and some during it")
     sub.add_argument("--forces", type=Path, metavar="CSV", help="a row for each step; its head names the columns")
+    sub.add_argument(
+        "--from",
+        dest="sources",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="displacements, forces; or a data.yaml",
+    )
+    sub.add_argument("--scale", type=float, metavar="MM", help="size of a pixel, where --from has pixels")
+    sub.add_argument("--rate", type=float, metavar="HZ", help="frames in a second, where --from has readings in time")
     sub.add_argument("--example", metavar="NAME", help="phantom, hidden-tilt or hidden-inclusion")
 
     text = "fit a study: what is done already is not done again"

@@ -291,13 +291,21 @@ def new(args: argparse.Namespace) -> None:
     """Draft a study, or copy an example."""
     from fingerfit.core.errors import InputError
     from fingerfit.start.draft import draft, example
+    from fingerfit.start.measured import draft_from
 
-    if args.example and not (args.pictures or args.forces):
+    check = f"fingerfit check {args.study} --picture mesh.png"
+    pictures, files = (
+        bool(args.pictures or args.forces),
+        any(one is not None for one in (args.sources, args.scale, args.rate)),
+    )
+    if args.example and not (pictures or files):
         lines, then = example(args.study, args.example), f"fingerfit run {args.study}"
-    elif args.pictures and args.forces and not args.example:
-        lines, then = draft(args.study, args.pictures, args.forces), f"fingerfit check {args.study} --picture mesh.png"
+    elif args.pictures and args.forces and not (args.example or files):
+        lines, then = draft(args.study, args.pictures, args.forces), check
+    elif args.sources and not (args.example or pictures):
+        lines, then = draft_from(args.study, args.sources, args.scale, args.rate), check
     else:
-        raise InputError("new", "options", "no data, or too many", "--pictures and --forces, or --example")
+        raise InputError("new", "options", "no data, or too many", "--pictures and --forces, or --from, or --example")
     print(*lines, f"then: {then}", sep="\n")
 
 
@@ -364,6 +372,7 @@ def docs(args: argparse.Namespace) -> None:
     from fingerfit.core.errors import InputError
     from fingerfit.core.files import write_json, write_text
     from fingerfit.model import keys as effect_keys
+    from fingerfit.readers import keys as data_keys
     from fingerfit.settings import runs
     from fingerfit.study import keys as study_keys
     from fingerfit.virtual import keys as truth_keys
@@ -373,5 +382,6 @@ def docs(args: argparse.Namespace) -> None:
     for name, source in (("config", runs), ("study", study_keys)):
         write_json(args.folder / f"workflow/schemas/{name}.schema.json", source.schema())
     write_text(args.folder / "docs/config.md", runs.describe())
-    for name, described in (("study", study_keys), ("effect", effect_keys), ("experiment", truth_keys)):
+    tables = {"study": study_keys, "effect": effect_keys, "experiment": truth_keys, "data": data_keys}
+    for name, described in tables.items():
         write_text(args.folder / f"docs/{name}-keys.md", described.describe())

@@ -7,9 +7,9 @@ from types import ModuleType
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 
-def make_study_of(example: str) -> ModuleType:
-    """The script ``make_study.py`` of an example, as a module."""
-    spec = importlib.util.spec_from_file_location(f"make_study_of_{example}", EXAMPLES / example / "make_study.py")
+def script_of(example: str, name: str = "make_study") -> ModuleType:
+    """A script of an example, as a module."""
+    spec = importlib.util.spec_from_file_location(f"{name}_of_{example}", EXAMPLES / example / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

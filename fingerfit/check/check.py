@@ -57,6 +57,8 @@ class Checked:
         Of the search; without settings a coarse one of the same shape.
     data : Data
         All that was measured, prepared.
+    finer : Mesh or None
+        Of the last steps of a fit, where there is one.
     """
 
     path: Path
@@ -65,6 +67,7 @@ class Checked:
     source: str
     mesh: Mesh
     data: Data
+    finer: Mesh | None = None
 
 
 def check_study(path: Path, config: Path | None = None, picture: Path | None = None, solve: bool = True) -> str:
@@ -107,26 +110,27 @@ def check_study(path: Path, config: Path | None = None, picture: Path | None = N
         for one in every:
             name = one.study.test
             file = picture.with_stem(f"{picture.stem}-{name}") if name else picture
-            save(figure_study(one.study, one.mesh, one.data), file)
+            save(figure_study(one.study, one.mesh, one.data, one.finer), file)
             lines.append(f"drawn: {file}")
     return "\n".join(lines)
 
 
 def _checked(path: Path, study: Study, settings: Settings | None, where: Path, source: str) -> Checked:
     """One test of a study, read and prepared."""
+    finer = None
     if settings is None:
         mesh = make_mesh(study, _coarse(study))
         steps, smooth, crop = None, *(FitSettings.model_fields[name].default for name in ("smooth", "crop"))
     else:
         mesh = make_mesh(study, settings.model.mesh)
         if settings.finer(study):
-            make_mesh(study, settings.model.refined, finer=True)
+            finer = make_mesh(study, settings.model.refined, finer=True)
         steps, smooth, crop = settings.fit.steps, settings.fit.smooth, settings.fit.crop
     data = prepare(study, mesh, steps, smooth, crop)
     if settings is not None:
         check_data(settings, study, data)
         refuse_magnitudes(settings, study, mesh, where)
-    return Checked(path, study, settings, source, mesh, data)
+    return Checked(path, study, settings, source, mesh, data, finer)
 
 
 def settings_for(path: Path, config: Path | None) -> tuple[Settings | None, Path, str]:
@@ -186,8 +190,32 @@ def _body(checked: Checked) -> list[str]:
     thick = f", thickness {study.thickness:g} mm" if mesh.dim == 2 else ""
     lines = [f"body: layers {', '.join(study.layer_names)} (from the indenter down){thick}"]
     if checked.settings is not None or study.body.mesh is not None:
-        lines.append(f"mesh: {len(mesh.points)} nodes, {mesh.element_count} {mesh.blocks[0].element}")
+        lines.append(f"mesh: {_size(mesh)}")
+    if checked.finer is not None:
+        lines.append(f"finer mesh: {_size(checked.finer)}")
     return lines
+
+
+def _size(mesh: Mesh) -> str:
+    return f"{len(mesh.points)} nodes, {mesh.element_count} {mesh.blocks[0].element}"
+
+
+def _points(checked: Checked) -> list[str]:
+    """How many points, where, and in which layers; those of a step."""
+    from fingerfit.imaging.sections import parts_of
+    from fingerfit.imaging.warp import Probe
+
+    data, mesh = checked.data, checked.mesh
+    if not len(data.points):
+        return []
+    steps, counts = np.unique(data.points_step, return_counts=True)
+    first = data.points[data.points_step == steps[0]]
+    part = parts_of(mesh)[Probe(mesh, first).element]
+    layers = ", ".join(f"{name.lower()} {(part == n).sum()}" for n, name in enumerate(mesh.parts))
+    extent = ", ".join(f"{axis} from {low:.4g} to {high:.4g}" for axis, low, high in zip(
+        "xyz", first.min(axis=0), first.max(axis=0), strict=False))  # fmt: skip
+    number = f"{counts[0]}" if np.ptp(counts) == 0 else f"{counts.min()} to {counts.max()}"
+    return [f"points: {number} at each of {len(steps)} steps; {extent} mm; in {layers}"]
 
 
 def _steps(checked: Checked) -> list[str]:
@@ -352,6 +380,7 @@ REMARKS: tuple[Callable[[Checked], list[str]], ...] = (
     _body,
     _steps,
     _noise,
+    _points,
     _pictures,
     _told,
     _effects,

@@ -29,13 +29,13 @@ _WIDE = 5.0
 _LONGEST = 0.1
 """Length of the longest arrow as a share of the body: long enough to be seen, too short to cover the body."""
 _MANY = 200
-"""Nodes from which on markers are small: larger ones would touch each other in a panel."""
+"""Nodes or points from which on markers are small, and arrows are drawn for some alone: they would cover each other."""
 _VIEWS = (((0, 2), "from the side, against y", -1.0), ((1, 2), "from the end, against x", 1.0),
           ((0, 1), "from above, against z", 1.0))  # fmt: skip
 """Axes to the right and upwards, words, and whether what is further along the third axis is nearer to the eye."""
 
 
-def figure_study(study: Study, mesh: Mesh, data: Data) -> Figure:
+def figure_study(study: Study, mesh: Mesh, data: Data, finer: Mesh | None = None) -> Figure:
     """The mesh with parts, node sets and surfaces in colours, over the picture where there is one; points with arrows.
 
     Parameters
@@ -45,21 +45,26 @@ def figure_study(study: Study, mesh: Mesh, data: Data) -> Figure:
         Of the search.
     data : Data
         Measurements, prepared.
+    finer : Mesh or None
+        Of the last steps of a fit.
     """
-    return _plane(study, mesh, data) if mesh.dim == 2 else _space(study, mesh, data)
+    return (_plane if mesh.dim == 2 else _space)(study, mesh, data, finer)
 
 
-def _plane(study: Study, mesh: Mesh, data: Data) -> Figure:
+def _plane(study: Study, mesh: Mesh, data: Data, finer: Mesh | None) -> Figure:
     pictured, pointed = bool(len(data.measured)), bool(len(data.points))
     low, high = _limits(mesh, data)
     shape = (high[1] - low[1]) / (high[0] - low[0])
-    count = 1 + pointed
+    count = 1 + pointed + (finer is not None)
     figure = Figure(figsize=(count * _WIDE + 3.0, float(np.clip(_WIDE * shape, 2.0, 9.0)) + 0.8), layout="compressed")
     panels = np.atleast_1d(figure.subplots(1, count, sharex=True, sharey=True))
     for number, axes in enumerate(panels):
         if pictured:
             axes.imshow(data.before, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent(data))
-        if number == 0 or pictured:
+        if finer is not None and number == count - 1:
+            draw_mesh(axes, finer, finer.points, fill=not pictured, line=0.4 if pictured else 0.2)
+            axes.set_title(f"finer mesh, {finer.element_count} elements", fontsize=10)
+        elif number == 0 or pictured:
             draw_mesh(axes, mesh, mesh.points, fill=not pictured, line=0.8 if pictured else 0.4)
         else:
             _draw_faint(axes, mesh.points, [(block.nodes, block.element) for block in mesh.blocks])
@@ -78,7 +83,7 @@ def _plane(study: Study, mesh: Mesh, data: Data) -> Figure:
     return figure
 
 
-def _space(study: Study, mesh: Mesh, data: Data) -> Figure:
+def _space(study: Study, mesh: Mesh, data: Data, finer: Mesh | None) -> Figure:
     """Rows of three views from outside: parts, node sets, surfaces, points; slices where there are volumes."""
     rows: list[Callable[[Any, tuple[int, int], float], None]] = [
         lambda axes, view, sign: _draw_parts(axes, mesh, view, sign),
@@ -88,6 +93,8 @@ def _space(study: Study, mesh: Mesh, data: Data) -> Figure:
         rows.append(lambda axes, view, sign: _draw_surfaces(axes, mesh, view, sign))
     if len(data.points):
         rows.append(lambda axes, view, sign: _draw_points(axes, data, view, mesh))
+    if finer is not None:
+        rows.append(lambda axes, view, sign: _draw_finer(axes, finer, view, sign))
     low, high = _limits(mesh, data)
     size = high - low
     pictured = bool(len(data.measured))
@@ -190,6 +197,11 @@ def _draw_parts(axes: Any, mesh: Mesh, view: tuple[int, int], sign: float) -> No
         axes.plot([], [], "s", color=COLOURS[number % len(COLOURS)], label=name.lower())
 
 
+def _draw_finer(axes: Any, finer: Mesh, view: tuple[int, int], sign: float) -> None:
+    _draw_parts(axes, finer, view, sign)
+    axes.set_title(f"finer mesh, {finer.element_count} elements")
+
+
 def _draw_surfaces(axes: Any, mesh: Mesh, view: tuple[int, int], sign: float) -> None:
     for number, (name, chosen) in enumerate(sorted(mesh.surfaces.items(), key=lambda one: -len(one[1]))):
         corners = [mesh.points[nodes] for nodes in _faces(mesh, chosen)]
@@ -253,9 +265,9 @@ def _draw_points(axes: Any, data: Data, view: tuple[int, int], mesh: Mesh) -> No
     longest = float(np.linalg.norm(data.points_displacement[chosen], axis=1).max())
     times = _round(_LONGEST * float(np.ptp(mesh.body, axis=0).max()) / longest) if longest else 1.0
     axes.plot(*points.T, "o", color="#0072B2", markersize=1.5 if len(points) > _MANY else 3.0)
-    axes.quiver(
-        *points.T, *(times * moved).T, angles="xy", scale_units="xy", scale=1.0, color="#D55E00", width=0.004, zorder=3
-    )
+    some = slice(None, None, -(-len(points) // _MANY))
+    arrows = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "color": "#D55E00", "width": 0.004, "zorder": 3}
+    axes.quiver(*points[some].T, *(times * moved[some]).T, **arrows)
     size = "in true size" if times == 1 else f"{times:g} times as long"
     axes.set_title(f"{len(points)} points at step {data.step[last]}, arrows {size}", fontsize=10)
 

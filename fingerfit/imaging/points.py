@@ -66,10 +66,10 @@ def estimate_covariance(points: np.ndarray, displacement: np.ndarray, step: np.n
     apart = _APART * np.ptp(first, axis=0).max()
     if any(part.sum() != len(first) or (np.abs(points[part] - first) > apart).any() for part in parts):
         raise ValueError("steps with different points")
-    basis = _polynomials(first, DEGREE)
+    basis = polynomials(first, DEGREE)
     for degree in range(DEGREE - 1, 0, -1):
         if SURPLUS * basis.shape[1] > len(first):
-            basis = _polynomials(first, degree)
+            basis = polynomials(first, degree)
     if SURPLUS * basis.shape[1] > len(first):
         raise ValueError(f"{len(first)} points a step")
     rest = np.stack([displacement[part] for part in parts])
@@ -79,7 +79,7 @@ def estimate_covariance(points: np.ndarray, displacement: np.ndarray, step: np.n
     return found
 
 
-def _polynomials(points: np.ndarray, degree: int) -> np.ndarray:
+def polynomials(points: np.ndarray, degree: int) -> np.ndarray:
     """Products of powers of the coordinates up to a degree, shape (points, coefficients)."""
     size = np.ptp(points, axis=0)
     unit = 2 * (points - points.mean(axis=0)) / np.where(size > 0, size, 1.0)

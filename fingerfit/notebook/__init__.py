@@ -2,14 +2,14 @@
 
 The commands of the workflow call the same functions; here nothing is kept but simulations.
 
-    from fingerfit.notebook import add, diagnose, fit
+    import fingerfit
 
-    result = fit("config.yaml", threads=2)
+    result = fingerfit.fit("config.yaml", threads=2)
     result.constants
-    found = diagnose(result, threads=2)
-    better = add(result, found, "tilt")
+    found = fingerfit.diagnose(result, threads=2)
+    better = fingerfit.add(result, found, "tilt")
 """
 
-from fingerfit.notebook.results import Found, Result, add, diagnose, fit, load_study
+from fingerfit.notebook.results import Found, Result, add, diagnose, fit, load_result, load_study
 
-__all__ = ["Found", "Result", "add", "diagnose", "fit", "load_study"]
+__all__ = ["Found", "Result", "add", "diagnose", "fit", "load_result", "load_study"]

@@ -8,16 +8,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fingerfit.core.errors import StateError
+from fingerfit.core.files import check_kept
 from fingerfit.diagnosis.diagnose import Diagnosis, Everything, added
 from fingerfit.diagnosis.diagnose import diagnose as diagnosis_of
 from fingerfit.diagnosis.ranking import summary
 from fingerfit.fit.estimate import estimate_of
-from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.joint import problem_of
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.prepare.prepare import prepare
 from fingerfit.report.plots import chosen_figure, figures_of
+from fingerfit.settings.choices import read_checked
 from fingerfit.settings.config import load_settings
 from fingerfit.study import reader
+from fingerfit.study.data import Data
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,6 +87,23 @@ class Result:
 
         found = self.estimate["correlation"]
         return pd.DataFrame(found["matrix"], index=found["names"], columns=found["names"])
+
+    @property
+    def steps(self) -> pd.DataFrame:
+        """Fitted steps: force (N) and displacement (mm) of the indenter; of the model the one that is free.
+
+        Of a study with several tests, rows are found by test and step.
+        """
+        import pandas as pd
+
+        shown, tables = finest(self.problem, self.last), dict[str, Any]()
+        for test, asked in zip(self.problem.every, shown.every, strict=True):
+            data = test.data
+            free = "displacement" if data.control == "force" else "force"
+            found = {"step": data.step, "force": data.force, "displacement": data.displacement}
+            found[f"model_{free}"] = test.prediction(asked).response
+            tables[test.test] = pd.DataFrame(found).set_index("step")
+        return pd.concat(tables, names=["test"]) if len(tables) > 1 else next(iter(tables.values()))
 
     @property
     def search(self) -> pd.DataFrame:
@@ -176,6 +200,34 @@ def fit(config: Path | str | Mapping[str, Any], folder: Path | str = FOLDER, thr
     place = Path(folder).resolve() / Path(settings.study).resolve().name / settings.model.full_name
     problem, everything = begin(settings, place)
     return _fitted(problem, everything, threads)
+
+
+def load_result(folder: Path | str) -> Result:
+    """The fit that the command line left in ``results/STUDY/MODEL``; call it where that was called.
+
+    Nothing is simulated again, and a diagnosis keeps its simulations beside those of the fit.
+
+    Raises
+    ------
+    FingerfitError
+        For a fit that is not there, not finished or damaged.
+    """
+    model = Path(folder)
+    rounds = sorted(model.glob("rounds/*.json"), key=lambda path: (len(path.name), path.name))
+    if not rounds or (last := Round.load(rounds[-1])).stop is None:
+        raise StateError(f"{model}: has no finished fit; make it: fingerfit run")
+    settings = read_checked(model / "settings.json")
+    ends = [f"-{test.test}" if test.test else "" for test in settings.read_study().every]
+    names = {SEARCH: "mesh", REFINED: "refined"}
+    files = [{key: model / f"{name}{end}.inp" for key, name in names.items()} for end in ends]
+    files = [{key: path for key, path in own.items() if key == SEARCH or path.exists()} for own in files]
+    for path in (path for own in files for path in own.values()):
+        check_kept(path)
+    data = [Data.load(model / f"prepared{end}.npz") for end in ends]
+    problem, fitting = problem_of(settings, data, files, model.parent / "sims"), settings.fit
+    measured = [prepare(test.study, test.meshes[SEARCH], None, fitting.smooth, fitting.crop) for test in problem.every]
+    everything = measured[0] if len(measured) == 1 else measured
+    return Result(problem, last, everything, 0)
 
 
 def diagnose(result: Result, threads: int = 1) -> Found:

@@ -8,6 +8,7 @@ import itertools
 import os
 import re
 import shutil
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ from fingerfit.core.files import write_text
 from fingerfit.core.folders import OURS, SHIPPED
 from fingerfit.core.units import UNITS
 from fingerfit.imaging.pictures import Picture, read_picture
+from fingerfit.readers.dicom import find_series
+from fingerfit.readers.points import natural
 from fingerfit.start.forces import Forces, read_forces
 
 MARK = "# CHECK"
@@ -45,38 +48,65 @@ def draft(study: Path, pictures: Path, forces: Path) -> list[str]:
     FingerfitError
         For files that are there already, and what cannot be read.
     """
-    _refuse_known(study)
-    before, others = _pictures(pictures)
+    refuse_known(study)
+    before, others, links, order = _pictures(pictures, study)
     table = read_forces(forces)
     steps = _step_numbers(table)
-    named, pairing = _paired(steps, others)
+    named, pairing = _paired(steps, others, order)
     named = {number: Path(os.path.relpath(path, study)) for number, path in named.items()}
-    first = read_picture(before)
+    first = _first(before, links)
     facts = {
-        "study": study.as_posix(),
-        "name": study.name,
-        "pictures": pictures.as_posix(),
-        "forces": forces.as_posix(),
+        "sources": f"{pictures.as_posix()} and {forces.as_posix()}",
         "before": Path(os.path.relpath(before, study)).as_posix(),
-        "pairing": pairing,
+        "pairing": f"pictures and steps: {pairing}",
         "table": table,
-        "units": {"length": "mm", "force": "N", "time": "s"} | dict(table.units),
-        "noise": _noise(table),
         "kind": _kind(first),
         "box": _box(first, UNITS["length"][table.units.get("length", "mm")]),
         "pixel": " x ".join(f"{size:.4g}" for size in first.spacing),
-        "held_out": sorted(named)[-2::-2][::-1] if len(named) > 3 else [],
-        "fitted": sorted(named)[::-2][::-1] if len(named) > 3 else [],
+        "measured": sorted(named),
     }
-    texts = {
-        "study.yaml": _render("study.yaml.j2", facts),
-        "config.yaml": _render("config.yaml.j2", facts),
-        "steps.csv": _steps(table, steps, named),
+    files = {number: path.as_posix() for number, path in named.items()}
+    return write_draft(study, facts, {"steps.csv": steps_text(table, steps, "picture", files)}, links)
+
+
+def write_draft(
+    study: Path, facts: Mapping[str, Any], texts: Mapping[str, str], links: Mapping[Path, Sequence[Path]] | None = None
+) -> list[str]:
+    """Write study.yaml and, where there is none, config.yaml, with other files; returns what to tell.
+
+    Parameters
+    ----------
+    study : Path
+    facts : dict
+        For the templates of a draft: ``sources``, ``pairing``, ``table``, ``kind``, ``box``, ``measured`` (steps with
+        pictures or points), ``before`` and ``pixel`` of pictures or ``points``, and ``given``, texts of known keys.
+    texts : dict
+        Further files by their name in the folder.
+    links : dict or None
+        Folders, with the files that they get links to.
+    """
+    measured, table = facts["measured"], facts["table"]
+    common = {
+        "study": study.as_posix(),
+        "name": study.name,
+        "units": {"length": "mm", "force": "N", "time": "s"} | dict(table.units),
+        "noise": _noise(table),
+        "held_out": measured[-2::-2][::-1] if len(measured) > 3 else [],
+        "fitted": measured[::-2][::-1] if len(measured) > 3 else [],
+        "before": None,
+        "points": None,
     }
-    for name, text in texts.items():
+    known = dict.fromkeys(("title", "control", "noise", "body", "boundary"), "") | facts.get("given", {})
+    own = [name for name in ("study.yaml", "config.yaml") if not (study / name).exists()]
+    made = {name: _render(f"{name}.j2", common | dict(facts) | {"given": known}) for name in own} | dict(texts)
+    for folder, files in (links or {}).items():
+        _link(folder, files)
+    for name, text in made.items():
         write_text(study / name, text)
-    marks = sum(text.count(MARK) for text in texts.values())
-    return [*(f"{study / name}" for name in FILES), f"{marks} lines are marked {MARK}: look at each of them"]
+    told = [f"{study / name}" for name in FILES if name in made]
+    told += [f"{study / name}: is there already and is kept" for name in FILES if name not in made]
+    marks = sum(text.count(MARK) for text in made.values())
+    return [*told, f"{marks} lines are marked {MARK}: look at each of them"]
 
 
 def example(study: Path, name: str) -> list[str]:
@@ -90,7 +120,7 @@ def example(study: Path, name: str) -> list[str]:
     folder = SHIPPED / "studies" / name
     if name not in (known := examples()):
         raise InputError("--example", "name", name, "one of " + ", ".join(known))
-    _refuse_known(study)
+    refuse_known(study)
     own = folder / "study.yaml"
     shutil.copytree(folder / "pictures", study / "pictures", dirs_exist_ok=True)
     for path in (own, folder / "steps.csv"):
@@ -110,22 +140,50 @@ def _plane(folder: Path) -> bool:
     return (folder / "study.yaml").is_file() and not (folder / "config.yaml").exists()
 
 
-def _refuse_known(study: Path) -> None:
-    for name in FILES:
+def refuse_known(study: Path, files: Sequence[str] = FILES) -> None:
+    """Refuse to write over a study.
+
+    Raises
+    ------
+    FingerfitError
+        For a file that is there already.
+    """
+    for name in files:
         if (study / name).exists():
             raise FingerfitError(f"{study / name}: is there already; take another folder, or remove it")
 
 
-def _pictures(folder: Path) -> tuple[Path, list[Path]]:
-    """The picture before compression, and the others in the order of the numbers in their names."""
+def _pictures(folder: Path, study: Path) -> tuple[Path, list[Path], dict[Path, Sequence[Path]], str]:
+    """The picture before compression, the others in order, links to make for some, and what their order is."""
     if not folder.is_dir():
         raise InputError("--pictures", "folder", folder, "a folder with pictures")
-    found = sorted((p for p in folder.iterdir() if _is_picture(p)), key=lambda path: _natural(path.name))
+    found = sorted((p for p in folder.iterdir() if _is_picture(p)), key=lambda path: natural(path.name))
+    links: dict[Path, Sequence[Path]] = {}
+    order = "in the order of their names"
+    if all(path.is_dir() for path in found) and (series := find_series(folder)):
+        found, order = [one.files[0].parent for one in series], "in the order in which they were acquired"
+        if len(set(found)) < len(found):  # several series in a folder: each gets one of its own
+            links = {study / f"pictures/{one.text or 'series'}_{n}": one.files for n, one in enumerate(series)}
+            found = list(links)
     if len(found) < 2:
         expected = "one before compression and at least one during it (.nii.gz, .nrrd, .mha, ... or folders of DICOM)"
         raise InputError(folder, "pictures", f"{len(found)} pictures", expected)
     before = next((path for path in found if _BEFORE.search(path.name)), found[0])
-    return before, [path for path in found if path != before]
+    return before, [path for path in found if path != before], links, order
+
+
+def _link(folder: Path, files: Sequence[Path]) -> Path:
+    folder.mkdir(parents=True)
+    for file in files:
+        (folder / file.name).symlink_to(os.path.relpath(file, folder))
+    return folder
+
+
+def _first(picture: Path, links: Mapping[Path, Sequence[Path]]) -> Picture:
+    if picture not in links:
+        return read_picture(picture)
+    with tempfile.TemporaryDirectory(prefix="fingerfit-") as name:
+        return read_picture(_link(Path(name).resolve() / picture.name, [file.resolve() for file in links[picture]]))
 
 
 def _is_picture(path: Path) -> bool:
@@ -138,11 +196,6 @@ def _is_picture(path: Path) -> bool:
     return path.name.lower().endswith(endings)
 
 
-def _natural(name: str) -> list[tuple[int, str]]:
-    """Sorts step_10 after step_2."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
-
-
 def _step_numbers(table: Forces) -> list[int]:
     given = table.columns.get("step", [])
     numbers = [int(value) for value in given if value == int(value) and value >= 0]
@@ -150,13 +203,13 @@ def _step_numbers(table: Forces) -> list[int]:
     return numbers if rising else list(range(1, len(table.columns["force"]) + 1))
 
 
-def _paired(steps: Sequence[int], pictures: Sequence[Path]) -> tuple[dict[int, Path], str]:
+def _paired(steps: Sequence[int], pictures: Sequence[Path], order: str) -> tuple[dict[int, Path], str]:
     """Pictures by step, and how that was found out in words."""
     numbers = [int(found[-1]) if (found := re.findall(r"\d+", _stem(path))) else -1 for path in pictures]
     if len(set(numbers)) == len(numbers) and set(numbers) <= set(steps):
         return dict(zip(numbers, pictures, strict=True)), "by the number in its name"
     if len(pictures) == len(steps):
-        return dict(zip(steps, pictures, strict=True)), "in the order of their names"
+        return dict(zip(steps, pictures, strict=True)), order
     names = ", ".join(path.name for path in pictures)
     return {}, f"none: {len(pictures)} pictures ({names}) and {len(steps)} steps; fill in the column picture"
 
@@ -199,14 +252,15 @@ def _kind(picture: Picture) -> str:
     return "brick" if near else "mesh"
 
 
-def _steps(table: Forces, steps: Sequence[int], named: Mapping[int, Path]) -> str:
+def steps_text(table: Forces, steps: Sequence[int], kind: str, files: Mapping[int, str]) -> str:
+    """Text of steps.csv; `kind` is ``picture``, ``points`` or empty, with the files of the steps."""
     kinds = [name for name in ("time", "displacement", "force") if name in table.columns]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["step", *kinds, "picture"])
+    writer.writerow(["step", *kinds, *[kind] * bool(kind)])
     for place, number in enumerate(steps):
-        picture = named[number].as_posix() if number in named else ""
-        writer.writerow([number, *(f"{table.columns[name][place]:.10g}" for name in kinds), picture])
+        values = [f"{table.columns[name][place]:.10g}" for name in kinds]
+        writer.writerow([number, *values, *[files.get(number, "")] * bool(kind)])
     return out.getvalue()
 
 

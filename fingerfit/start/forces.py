@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import read_text
-from fingerfit.core.units import UNITS
+from fingerfit.readers.machine import columns_of
 
 MOST = 200
-"""Rows of a table that are taken for steps: more is the record of a machine, of which someone has to choose."""
-_KINDS = {"force": "force", "displacement": "length", "time": "time", "step": ""}
-_WORDS = {
-    "force": r"force|load|(?<![a-z])f(?![a-z])",
-    "displacement": r"displ|extension|travel|stroke|position|compression|indentation|depth",
-    "time": r"time|(?<![a-z])t(?![a-z])",
-    "step": r"step|frame|number",
-}
-_UNIT = re.compile(r"[\[(/_ ]\s*([a-zA-Zµμ]+)\s*[\])]?$")
+"""Rows of a table that are taken for steps: more is the record of a machine, for `fingerfit new --from`."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +48,7 @@ def read_forces(path: Path) -> Forces:
     lines = [line for line in read_text(path, "table").splitlines() if line.strip()]
     mark = max(";\t,", key=(lines[0] if lines else "").count)
     head, *rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=mark)] or [[]]
-    places, units = _columns(head)
+    places, units = columns_of(head)
     if "force" not in places:
         raise InputError(path, "columns", ", ".join(head) or "an empty table", "a head with a column force or load")
     if not 1 <= len(rows) <= MOST:
@@ -65,23 +56,6 @@ def read_forces(path: Path) -> Forces:
     columns = {name: _numbers(path, rows, place, head[place], mark) for name, place in places.items()}
     columns, remarks = _tidy(columns)
     return Forces(columns, {name: head[place] for name, place in places.items()}, units, remarks)
-
-
-def _columns(head: Sequence[str]) -> tuple[dict[str, int], dict[str, str]]:
-    """Places of the columns that are known by their name, the first of each, and their units where they are named."""
-    places: dict[str, int] = {}
-    units: dict[str, str] = {}
-    for place, cell in enumerate(head):
-        unit = _UNIT.search(cell)
-        name = cell[: unit.start()] if unit else cell
-        kind = next((kind for kind, words in _WORDS.items() if re.search(words, name.lower() or cell.lower())), "")
-        if not kind or kind in places:
-            continue
-        places[kind] = place
-        known = {u.lower(): u for u in UNITS.get(_KINDS[kind], {})} | {"µm": "um", "μm": "um"}
-        if unit and (unit[1] in known.values() or unit[1].lower() in known):
-            units[_KINDS[kind]] = unit[1] if unit[1] in known.values() else known[unit[1].lower()]
-    return places, units
 
 
 def _numbers(path: Path, rows: Sequence[Sequence[str]], place: int, head: str, mark: str) -> list[float]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
-from scripts import make_study_of
+from scripts import script_of
 from seeds import generator
 
 from fingerfit import cli
@@ -266,7 +266,7 @@ HEAD = "Time (s),Compression (mm),Load (N)\n"
 def test_tests_of_silicone(tmp_path, rows, says):
     (tmp_path / "a.csv").write_text(HEAD + rows)
     with pytest.raises(InputError) as raised:
-        make_study_of("ecoflex").make_study([tmp_path / "a.csv"], tmp_path / "out")
+        script_of("ecoflex").make_study([tmp_path / "a.csv"], tmp_path / "out")
     assert says in str(raised.value)
     assert not (tmp_path / "out").exists()
 

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
-from scripts import make_study_of
+from scripts import script_of
 
 from fingerfit.core.errors import InputError
 from fingerfit.study.reader import load_study
 
-SCRIPT = make_study_of("ecoflex")
+SCRIPT = script_of("ecoflex")
 DATA = Path(__file__).resolve().parents[3] / "shared/real/ecoflex_compression/EF10_50T"
 
 

@@ -1,10 +1,11 @@
 """The example with skin between two pads, on files of the authors' format that are made here."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scripts import EXAMPLES, make_study_of
+from scripts import EXAMPLES, script_of
 from seeds import generator
 
 from fingerfit.core.errors import InputError
@@ -16,13 +17,15 @@ from fingerfit.deck.render import render_deck
 from fingerfit.imaging.points import estimate_covariance
 from fingerfit.model.catalogue import catalogue
 from fingerfit.prepare.prepare import make_mesh, prepare
+from fingerfit.start.measured import draft_from
 from fingerfit.study.reader import load_study
 
 DATA = Path(__file__).resolve().parents[3] / "shared/real/skin_extension"
-SCRIPT, STUDY = make_study_of("skin"), EXAMPLES / "skin"
+SCRIPT, STUDY = script_of("skin", "make_mesh"), EXAMPLES / "skin"
 GEO = "L0 = 100;\nH0 = 40;\nL = 100;\nH = 50;\nl_pad = 8.0; // length\nh_pad = 8.0;\ndL_pad = 32.0;\n"
 NUMBERS = {"L0": 100.0, "H0": 40.0, "L": 100.0, "H": 50.0, "l_pad": 8.0, "h_pad": 8.0, "dL_pad": 32.0}
 NOISE = 0.01
+FRAMES = (6, 12, 18, 24, 30, 36, 42, 49)
 
 
 def authors_files(folder):
@@ -44,19 +47,26 @@ def authors_files(folder):
     return folder
 
 
+def made(authors, out):
+    """The study that README.md makes of the authors' files."""
+    shutil.copy(STUDY / "data.yaml", authors)
+    draft_from(out, [authors / "data.yaml"])
+    SCRIPT.make_mesh(authors / "healthy_skin.geo", out)
+    return load_study(out)
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("skin")
-    SCRIPT.make_study(authors_files(folder / "authors"), folder / "study")
-    return load_study(folder / "study")
+    return made(authors_files(folder / "authors"), folder / "study")
 
 
 def test_the_study_turns_the_pull_downwards(study):
-    assert len(study.steps) == len(SCRIPT.FRAMES)
-    assert study.steps[0].displacement == pytest.approx(4 * SCRIPT.FRAMES[0] / 49, abs=1e-4)
+    assert len(study.steps) == len(FRAMES)
+    assert study.steps[0].displacement == pytest.approx(4 * FRAMES[0] / 49, abs=1e-4)
     assert study.steps[0].force == pytest.approx(0.02 * study.steps[0].displacement, abs=1e-5)
     data = prepare(study, make_mesh(study, None), None, 1.0, 0.3)
-    last = data.points_step == len(SCRIPT.FRAMES) - 1
+    last = data.points_step == len(FRAMES) - 1
     # the measured x, along the pull, is the study's y; all points move towards the moving pad, downwards
     assert data.points[last][:, 1].min() == pytest.approx(11.0, abs=1e-4)
     assert (data.points_displacement[last][:, 1] < 0).all()
@@ -67,8 +77,8 @@ def test_noise_is_what_no_smooth_field_can_do(study):
     # 5 standard errors: of n degrees of freedom a variance is off by sqrt(2 / n), a covariance by 1 / sqrt(n); those of
     # a step are two of each of 18 x 9 points less the 21 coefficients of a polynomial of fifth degree
     freedom = 2 * (18 * 9 - 21)
-    assert data.points_noise == pytest.approx(NOISE, rel=5 / np.sqrt(2 * freedom * len(SCRIPT.FRAMES)))
-    between, own = data.between_steps / NOISE**2, np.eye(len(SCRIPT.FRAMES), dtype=bool)
+    assert data.points_noise == pytest.approx(NOISE, rel=5 / np.sqrt(2 * freedom * len(FRAMES)))
+    between, own = data.between_steps / NOISE**2, np.eye(len(FRAMES), dtype=bool)
     assert between[own] == pytest.approx(1.0, abs=5 * np.sqrt(2 / freedom))
     assert between[~own] == pytest.approx(0.0, abs=5 / np.sqrt(freedom))
 
@@ -131,28 +141,35 @@ def test_effects_of_the_study(study, name, tmp_path):
     assert changed != deck(study, mesh, {})
     (tmp_path / "mesh.inp").write_text(format_mesh(mesh))
     (tmp_path / "deck.inp").write_text(changed)
-    assert len(read_deck(tmp_path / "deck.inp").steps) >= len(SCRIPT.FRAMES)
+    assert len(read_deck(tmp_path / "deck.inp").steps) >= len(FRAMES)
 
 
 def test_what_is_wrong_is_told(tmp_path):
     with pytest.raises(InputError, match=r"healthy_skin.geo"):
-        SCRIPT.make_study(tmp_path, tmp_path / "out")
+        SCRIPT.make_mesh(tmp_path / "healthy_skin.geo", tmp_path / "out")
     (tmp_path / "healthy_skin.geo").write_text("L0 = 100;\n")
     with pytest.raises(InputError, match="dL_pad"):
         SCRIPT.read_numbers(tmp_path / "healthy_skin.geo")
     folder = authors_files(tmp_path / "authors")
-    (folder / "displacement/xt_dic_0006.out").write_text("1 2\n")
-    with pytest.raises(InputError, match="as in the first frame"):
-        SCRIPT.make_study(folder, tmp_path / "out")
+    (folder / "displacement/xt_dic_0006.out").write_text("1 2\n1 2\n")
+    with pytest.raises(InputError, match=r"xt_dic_0006.out: rows: found 2; expected 162, as in xt_dic_0000.out"):
+        made(folder, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_user_writes_ten_lines():
+    lines = (STUDY / "data.yaml").read_text(encoding="utf-8").splitlines()
+    assert sum(not line.startswith("#") for line in lines) <= 10
 
 
 def test_the_authors_files(tmp_path):
     if not DATA.is_dir():
         pytest.skip("the measured data (shared/real/skin_extension) are not here")
-    SCRIPT.make_study(DATA, tmp_path)
-    study = load_study(tmp_path)
+    study = made(Path(shutil.copytree(DATA, tmp_path / "authors")), tmp_path / "study")
     data = prepare(study, make_mesh(study, None), None, 1.0, 0.3)
-    assert len(data.points) == 8 * 537
+    assert len(data.points) == 8 * 531  # of 537; the others move otherwise than all around them
     assert 0.015 < data.points_noise < 0.025
+    assert study.steps[-1].displacement == pytest.approx(3.82341, abs=1e-5)
+    assert study.steps[-1].force == pytest.approx(0.07299, abs=1e-5)
     fine = make_mesh(study, None, finer=True)
-    assert len(fine.points) > 2 * len(read_mesh(tmp_path / "membrane.inp").points)
+    assert len(fine.points) > 2 * len(read_mesh(study.body.mesh).points)

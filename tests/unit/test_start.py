@@ -6,11 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import SimpleITK as sitk
 
 from fingerfit.check.check import check_study
 from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError, InputError, Problems
+from fingerfit.imaging.pictures import read_picture
 from fingerfit.start import machine, results
 from fingerfit.start.draft import MARK, draft, example, examples
 from fingerfit.start.forces import MOST, read_forces
@@ -116,6 +119,58 @@ def test_a_body_in_space_is_a_brick_where_it_stands_at_the_origin(tmp_path, monk
     assert ("4e+03" in text or "4000" in text) == body.startswith("brick")
 
 
+def scan(folder, number, time, text=""):
+    """A DICOM series of three slices with a bright block, in a file for each slice."""
+    folder.mkdir(parents=True, exist_ok=True)
+    writer = sitk.ImageFileWriter()
+    writer.KeepOriginalImageUIDOn()
+    for n in range(3):
+        values = np.zeros((1, 8, 8), dtype=np.uint16)
+        values[:, 2:6, 2:6] = 100
+        image = sitk.GetImageFromArray(values)
+        tags = {"0008|0060": "MR", "0020|000e": f"1.2.3.{number}", "0020|000d": "1.2.3", "0020|0013": str(n),
+                "0020|0032": f"0\\0\\{2 * n}", "0020|0037": "1\\0\\0\\0\\1\\0", "0020|0011": str(number),
+                "0008|0022": "20260101", "0008|0032": time, "0008|103e": text}  # fmt: skip
+        for tag, value in tags.items():
+            image.SetMetaData(tag, value)
+        writer.SetFileName(str(folder / f"{number}_{n}.dcm"))
+        writer.Execute(image)
+
+
+@pytest.mark.parametrize("places", [("all",) * 3, ("c", "a", "b")])
+def test_dicom_is_ordered_by_the_time_of_acquisition(tmp_path, monkeypatch, places):
+    """Three series in one folder, or in one each; the last in number is the first in time."""
+    monkeypatch.chdir(tmp_path)
+    for place, number, time in zip(places, (7, 2, 5), ("101500", "102000", "103000.5"), strict=True):
+        scan(Path("scans/study") / place, number, time, "T1 vibe")
+    Path("forces.csv").write_text("force N\n1\n2\n", encoding="utf-8")
+    draft(Path("mine"), Path("scans"), Path("forces.csv"))
+    text = Path("mine/study.yaml").read_text(encoding="utf-8")
+    rows = Path("mine/steps.csv").read_text(encoding="utf-8")
+    if places[0] == "all":
+        assert '"pictures/T1_vibe_0"' in text
+        assert rows == "step,force,picture\n1,1,pictures/T1_vibe_1\n2,2,pictures/T1_vibe_2\n"
+        assert sorted(path.name for path in Path("mine/pictures/T1_vibe_1").iterdir()) == [
+            f"2_{n}.dcm" for n in range(3)
+        ]
+        assert read_picture(Path("mine/pictures/T1_vibe_2")).values.shape == (3, 8, 8)
+    else:
+        assert "in the order in which they were acquired" in text
+        assert '"../scans/study/c"' in text
+        assert rows == "step,force,picture\n1,1,../scans/study/a\n2,2,../scans/study/b\n"
+
+
+def test_a_folder_without_series_is_one_line(tmp_path):
+    (tmp_path / "scans/empty").mkdir(parents=True)
+    (tmp_path / "scans/empty/notes.txt").write_text("none", encoding="utf-8")
+    with pytest.raises(InputError, match=r"scans: pictures: found 1 pictures; expected one before compression"):
+        draft(tmp_path / "mine", tmp_path / "scans", tmp_path / "forces.csv")
+    scan(tmp_path / "one", 1, "101500")
+    with pytest.raises(InputError, match=r"one: pictures: found 1 pictures; expected one before compression"):
+        draft(tmp_path / "mine", tmp_path / "one", tmp_path / "forces.csv")
+    assert not (tmp_path / "mine").exists()
+
+
 def test_an_example_is_ready(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert {"phantom", "hidden-tilt"} <= set(examples())
@@ -172,7 +227,10 @@ def test_the_page_is_named_and_shown_where_there_is_a_screen(tmp_path, monkeypat
         (["run", "--config", "no.yaml"], "no.yaml: file: found No such file or directory"),
         (["run", "tilt"], "tilt: settings: found none: config.yaml is for studies/phantom"),
         (["discover", "--config", "no.yaml"], "no.yaml: file: found No such file or directory"),
-        (["new", "other"], "new: options: found no data, or too many; expected --pictures and --forces, or --example"),
+        (
+            ["new", "other"],
+            "new: options: found no data, or too many; expected --pictures and --forces, or --from, or --exam",
+        ),
         (["new", "other", "--pictures", "no", "--forces", "no.csv"], "--pictures: folder: found no; expected a folder"),
         (
             ["experiment", "x.yaml", "--out", "tilt"],

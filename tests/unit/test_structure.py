@@ -17,7 +17,7 @@ ROOMS = (
     ("model",),
     ("deck", "search"),
     ("anatomy", "imaging", "solvers"),
-    ("morph", "settings"),
+    ("morph", "readers", "settings"),
     ("prepare", "testing"),
     ("forward",),
     ("fit",),
@@ -86,6 +86,7 @@ def test_files_are_short():
 
 def test_generated_files_are_up_to_date():
     from fingerfit.model import keys as effect_keys
+    from fingerfit.readers import keys as data_keys
     from fingerfit.settings import runs
     from fingerfit.study import keys as study_keys
     from fingerfit.virtual import keys as truth_keys
@@ -93,7 +94,8 @@ def test_generated_files_are_up_to_date():
     for name, source in (("config", runs), ("study", study_keys)):
         text = (ROOT / f"workflow/schemas/{name}.schema.json").read_text(encoding="utf-8")
         assert json.loads(text) == source.schema()
-    tables = {"config": runs, "study-keys": study_keys, "effect-keys": effect_keys, "experiment-keys": truth_keys}
+    tables = {"config": runs, "study-keys": study_keys, "effect-keys": effect_keys, "experiment-keys": truth_keys,
+              "data-keys": data_keys}  # fmt: skip
     for name, source in tables.items():
         assert (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") == source.describe()
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scripts import EXAMPLES, make_study_of
+from scripts import EXAMPLES, script_of
 from seeds import generator
 
 from fingerfit.diagnosis.diagnose import diagnose, errors
@@ -10,7 +10,7 @@ from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
 
-SCRIPT = make_study_of("ecoflex")
+SCRIPT = script_of("ecoflex")
 MU, ALPHA = 0.01, 2.0
 
 

@@ -7,8 +7,8 @@ import pytest
 import yaml
 from small_body import SMALL, config_of, written
 
+import fingerfit
 from fingerfit.core.errors import InputError
-from fingerfit.notebook import fit
 
 ROOT = Path(__file__).parents[2]
 
@@ -24,7 +24,7 @@ def names(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         exec(lines.replace("studies/hidden-tilt", str(study)), found)
-        found["again"] = fit("tilt.yaml")
+        found["again"] = fingerfit.fit("tilt.yaml")
     return found
 
 
@@ -48,6 +48,17 @@ def test_tables_are_those_of_the_estimate(names):
     assert result.search.score.min() == result.last.best["score"]
     assert names["again"].run == 0
     assert names["again"].constants.equals(result.constants)
+
+
+def test_there_are_ten_lines_of_one_package(names):
+    (lines,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL)
+    assert sum(bool(line.strip()) for line in lines.splitlines()) <= 10
+    steps = names["result"].steps
+    assert steps.model_displacement.to_numpy() == pytest.approx(steps.displacement.to_numpy(), abs=0.05)
+    assert callable(fingerfit.fit) and fingerfit.fit.__name__ == "fingerfit.fit"  # the room and the verb
+    assert {"add", "diagnose", "fit", "load_result", "load_study"} <= set(dir(fingerfit))
+    with pytest.raises(AttributeError, match="module 'fingerfit' has no attribute 'fitt'"):
+        _ = fingerfit.fitt
 
 
 def test_figures_have_names(names):

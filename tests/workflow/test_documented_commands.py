@@ -87,6 +87,12 @@ SESSIONS = {
         "fingerfit new mine --pictures scans --forces forces.csv",
         "> sed -i 's/thickness:/thickness: 70/' mine/study.yaml",
         "fingerfit check mine --picture mesh.png",
+        "> rm -r mine; mkdir dic; python -c \"import sys; sys.path.append('tests'); import programs, pathlib as p;"
+        " programs.write(p.Path('dic'), 'VIC-3D'); p.Path('machine.csv').write_text(programs.INSTRON)\"",
+        "fingerfit new mine --from dic machine.csv --rate 5",
+        "> sed -i 's/thickness:/thickness: 70/' mine/study.yaml; fingerfit check mine --picture mesh.png --no-solve",
+        "> mkdir data; printf 'machine: {file: ../machine.csv}\\n' > data/data.yaml; rm -r mine",
+        "fingerfit new mine --from data/data.yaml",
     ],
     "tests": ["make test", "> make test-all"],
     "fast": ["make fast"],
@@ -254,7 +260,13 @@ def project(tmp_path):
     for name in ("phantom", "hidden-tilt", "fingertip", "fingertip-coarse"):
         made = shutil.ignore_patterns("*.inp", *(["pictures", "sealed", "st*"] if name == "fingertip" else []))
         shutil.copytree(ROOT / "studies" / name, tmp_path / "studies" / name, ignore=made)
-    for name in ("tests/conftest.py", "tests/seeds.py", "tests/faults/table.py", "tests/unit/test_ogden.py"):
+    for name in (
+        "tests/conftest.py",
+        "tests/seeds.py",
+        "tests/programs.py",
+        "tests/faults/table.py",
+        "tests/unit/test_ogden.py",
+    ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, tmp_path / name)
     for name, pairs in COARSE.items():

@@ -21,6 +21,8 @@ from figures import check_deformed, check_forces, check_pictures, check_search, 
 from matplotlib.image import imread
 from seeds import seed_of
 
+import fingerfit
+from fingerfit.core.errors import StateError
 from fingerfit.core.files import read_json
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
@@ -167,6 +169,17 @@ def test_the_figures_show_the_fit(made, tmp_path, monkeypatch):
     check_search(drawn["search"], last)
     check_deformed(drawn["deformed_mesh"], mesh, problem.outcome(shown), problem.data)
     check_pictures(drawn["pictures"], problem.data, prediction.pictures)
+
+
+def test_python_opens_what_the_command_line_fitted(made, monkeypatch):
+    monkeypatch.chdir(made)
+    result = fingerfit.load_result("results/study/base")
+    written = read_json(made / "results/study/base/estimate.json")["parameters"]
+    assert result.constants.value.to_dict() == {name: entry["value"] for name, entry in written.items()}
+    steps = result.steps
+    assert steps.model_displacement.to_numpy() == pytest.approx(steps.displacement.to_numpy(), abs=0.1)
+    with pytest.raises(StateError, match="results/study/other: has no finished fit; make it: fingerfit run"):
+        fingerfit.load_result("results/study/other")
 
 
 def test_rules_are_in_good_condition(made):

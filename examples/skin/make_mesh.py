@@ -1,6 +1,6 @@
-"""Extension of skin between two glued pads (Elouneg and others) as a study of measured points and forces.
+"""Meshes of the skin between two glued pads (Elouneg and others), of the lengths in the authors' .geo file.
 
-    python examples/skin/make_study.py healthy_skin
+    python examples/skin/make_mesh.py healthy_skin/healthy_skin.geo --out skin
 
 The pads lie along the last axis of the study's frame, the one of the moving pad, which is pulled downwards, below:
 the direction in which indenters push. The measured x runs along it, and the measured y to the left.
@@ -22,12 +22,8 @@ from fingerfit.core.files import read_text, write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.mesh.mesh import Block, Mesh
 
-FRAMES = (6, 12, 18, 24, 30, 36, 42, 49)
-"""Of the fifty, those that become steps: as far apart as the authors' filter in time is wide."""
 MARK = 2.0
 """How far inside the moving pad's inner edge the authors put the mark that positions count from, mm."""
-FORCE_NOISE, FRAME_NOISE = 0.002, 0.02
-"""N: what the authors' filters leave of a scatter of 0.012 N; mm: of the marks on the pads, as of two points."""
 FINE, COARSE = 1.4, 5.0
 """Elements between and around the pads and at the border, mm; those of the finer mesh are `FINER` times as small."""
 FINER = 0.6
@@ -48,25 +44,6 @@ def read_numbers(path: Path) -> dict[str, float]:
     if missing:
         raise InputError(path, "lengths", f"no {', '.join(missing)}", "lines such as dL_pad = 32.0;")
     return {name: found[name] for name in NAMES}
-
-
-def read_table(path: Path, columns: int) -> np.ndarray:
-    """Numbers of one of the authors' .out files, shape (rows, columns).
-
-    Raises
-    ------
-    InputError
-        When they are no such table.
-    """
-    try:
-        table = np.array(
-            [[float(cell) for cell in line.split()] for line in read_text(path).splitlines() if line.strip()]
-        )
-    except ValueError as error:
-        raise InputError(path, "rows", error, f"{columns} numbers each") from error
-    if table.ndim != 2 or table.shape[1] != columns or not np.isfinite(table).all():
-        raise InputError(path, "rows", "shape " + " x ".join(map(str, table.shape)), f"{columns} finite numbers each")
-    return table
 
 
 def lines(edges: list[float], fine: float, coarse: float) -> np.ndarray:
@@ -130,76 +107,26 @@ def membrane(numbers: dict[str, float], fine: float, coarse: float) -> Mesh:
     return Mesh(points, (Block("CPS4", number[quads]),), sets, {"SKIN": np.arange(len(quads))})
 
 
-def turned(places: np.ndarray) -> np.ndarray:
-    """Measured x and y in the study's frame, shape (points, 2)."""
-    return np.stack([-places[:, 1], places[:, 0]], axis=1)
-
-
-def make_study(folder: Path, out: Path) -> None:
-    """Write a study of the authors' files.
-
-    Parameters
-    ----------
-    folder : Path
-        With ``healthy_skin.geo``, ``displacement`` and ``reactionforce``.
-    out : Path
-        Folder of the study.
+def make_mesh(geometry: Path, out: Path) -> None:
+    """Write ``membrane.inp`` and the finer ``membrane_fine.inp``.
 
     Raises
     ------
     InputError
-        When a file is missing or something else.
+        When the file is missing or something else.
     """
-    numbers = read_numbers(folder / "healthy_skin.geo")
-    pad = read_table(folder / "displacement/xt_pad_mov.out", 2)
-    moved = -read_table(folder / "reactionforce/ux_pad_mov.out", 1)[:, 0]
-    force = -read_table(folder / "reactionforce/fx_pad_mov.out", 1)[:, 0]
-    first = read_table(folder / "displacement/xt_dic_0000.out", 2)
-    if len(force) != len(moved) or not len(moved):
-        expected = f"{len(moved)}, as ux_pad_mov.out"
-        raise InputError(folder / "reactionforce/fx_pad_mov.out", "rows", len(force), expected)
-    if len(pad) <= FRAMES[-1]:
-        raise InputError(folder / "displacement/xt_pad_mov.out", "rows", len(pad), f"{FRAMES[-1] + 1} frames")
-    rows, tables = [], {}
-    for number, frame in enumerate(FRAMES, 1):
-        path = folder / f"displacement/xt_dic_{frame:04d}.out"
-        now = read_table(path, 2)
-        if len(now) != len(first):
-            raise InputError(path, "rows", len(now), f"{len(first)}, as in the first frame")
-        table = np.concatenate([turned(first), turned(now - first)], axis=1)
-        text = "\n".join(",".join(f"{value:.5f}" for value in row) for row in table)
-        tables[out / f"points/{number}.csv"] = f"x,y,ux,uy\n{text}\n"
-        pull = -pad[frame, 0]
-        rows.append(f"{number},{pull:.5f},{np.interp(pull, moved, force):.5f},points/{number}.csv")
-    for path, text in tables.items():
-        write_text(path, text)
-    write_text(out / "steps.csv", "\n".join(["step,displacement,force,points", *rows]) + "\n")
+    numbers = read_numbers(geometry)
     for name, share in (("membrane", 1.0), ("membrane_fine", FINER)):
         write_text(out / f"{name}.inp", format_mesh(membrane(numbers, share * FINE, share * COARSE)))
-    write_text(
-        out / "study.yaml",
-        "title: Skin stretched between two pads; thickness not known\n"
-        "units: {length: mm, force: N, time: s}\n"
-        "control: displacement   # of the moving pad, away from the fixed one\n"
-        "steps: steps.csv\n"
-        f"noise: {{points: estimated, frame: {FRAME_NOISE:g}, displacement: {FRAME_NOISE:g}, force: {FORCE_NOISE:g}}}\n"
-        "body:\n"
-        "  mesh: membrane.inp\n"
-        "  refined: membrane_fine.inp\n"
-        "  thickness: unknown\n"
-        "  layers: [{name: skin, elements: SKIN}]\n"
-        "boundary: {base: held, indenter: glued}   # the fixed pad; the moving pad\n",
-    )
-    print(f"{out}: the thickness of the skin is not known, so that only modulus times thickness is identified")
 
 
 def main() -> int:
     """Read the arguments; returns the exit code."""
-    parser = argparse.ArgumentParser(description="Make a study of skin stretched between two pads (README.md).")
-    parser.add_argument("folder", type=Path, help="the authors' files")
+    parser = argparse.ArgumentParser(description="Make the meshes of skin stretched between two pads (README.md).")
+    parser.add_argument("geometry", type=Path, help="the authors' healthy_skin.geo")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent, help="folder of the study (this one)")
     args = parser.parse_args()
-    return exit_code(lambda: make_study(args.folder, args.out), parser.prog)
+    return exit_code(lambda: make_mesh(args.geometry, args.out), parser.prog)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,203 @@
+"""Records of testing machines: which column is what and in which unit, where the loading runs, readings at a time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.core.errors import InputError
+from fingerfit.core.units import UNITS
+from fingerfit.readers.tables import read_table
+
+KINDS = {"force": "force", "displacement": "length", "time": "time", "step": ""}
+"""What is looked for, and the kind of its unit."""
+_WORDS = {
+    "force": r"force|load|kraft|(?<![a-z])f(?![a-z])",
+    "displacement": r"displ|extension|travel|stroke|position|compression|indentation|depth|crosshead|weg",
+    "time": r"time|zeit|temps|(?<![a-z])t(?![a-z])",
+    "step": r"step|frame|number",
+}
+_UNIT = re.compile(r"[\[(/_ ]\s*([a-zA-Zµμ]+)\s*[\])]?$")
+_SWING = 0.05
+"""Share of the range by which a reading must turn back before a ramp ends: less is noise. A choice."""
+_RAMP = 0.5
+"""Share of the range that a ramp runs through at least. A choice."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Readings in s, mm and N; compression is positive.
+
+    Parameters
+    ----------
+    path : Path
+    columns : dict
+        force, displacement and time, as far as they were found, each of shape (readings,).
+    heads : dict
+        What the file calls them.
+    remarks : tuple of str
+        What was done to the numbers.
+    """
+
+    path: Path
+    columns: Mapping[str, np.ndarray]
+    heads: Mapping[str, str]
+    remarks: tuple[str, ...] = ()
+
+
+def columns_of(head: Sequence[str]) -> tuple[dict[str, int], dict[str, str]]:
+    """Places of the columns that are known by their name, the first of each, and their units where they are named.
+
+    >>> columns_of(["Zeit [s]", "Standardkraft (kN)", "Weg/mm"])
+    ({'time': 0, 'force': 1, 'displacement': 2}, {'time': 's', 'force': 'kN', 'length': 'mm'})
+    """
+    places: dict[str, int] = {}
+    units: dict[str, str] = {}
+    for place, cell in enumerate(head):
+        unit = _UNIT.search(cell)
+        name = cell[: unit.start()] if unit else cell
+        kind = next((kind for kind, words in _WORDS.items() if re.search(words, name.lower() or cell.lower())), "")
+        if not kind or kind in places:
+            continue
+        places[kind] = place
+        known = {u.lower(): u for u in UNITS.get(KINDS[kind], {})} | {"µm": "um", "μm": "um"}
+        if unit and (unit[1] in known.values() or unit[1].lower() in known):
+            units[KINDS[kind]] = unit[1] if unit[1] in known.values() else known[unit[1].lower()]
+    return places, units
+
+
+def is_machine(head: Sequence[str]) -> bool:
+    """Whether a table is the record of a machine: it has a column of forces."""
+    return "force" in columns_of(head)[0]
+
+
+def read_machine(files: Path | Mapping[str, Path], columns: Sequence[str] | None = None) -> Machine:
+    """Read a record: one table, or a file of one column for each of force, displacement and time.
+
+    Parameters
+    ----------
+    files : Path or mapping
+    columns : sequence of str or None
+        What the columns are, where the table does not say it: force, displacement, time, with units as ``force [kN]``.
+
+    Raises
+    ------
+    InputError
+        For what cannot be read, and a record without forces.
+    """
+    if isinstance(files, Mapping):
+        tables = [read_table(file, name) for name, file in files.items()]
+        path = tables[0].path
+        for table in tables:
+            if (wide := table.cells.shape[1]) != 1 or len(table.cells) != len(tables[0].cells):
+                found = f"{len(table.cells)} rows of {wide}"
+                raise InputError(
+                    table.path, "columns", found, f"one column of {len(tables[0].cells)} rows, as {path.name}"
+                )
+        head = [
+            f"{name} {table.head[0] if table.head else ''}".strip() for name, table in zip(files, tables, strict=True)
+        ]
+        values = [table.column(0) for table in tables]
+    else:
+        path, table = files, read_table(files, "machine")
+        head = list(columns or table.head)
+        if len(head) != table.cells.shape[1]:
+            told = f"{table.cells.shape[1]} columns" + ("" if columns else " without names")
+            raise InputError(path, "columns", told, f"{len(head)} names" if columns else "names: a line, or `columns`")
+        wanted = columns_of(head)[0].values()
+        values = [table.column(n) if n in wanted else np.zeros(0) for n in range(len(head))]
+    places, units = columns_of(head)
+    if "force" not in places:
+        raise InputError(path, "columns", ", ".join(head), "a head with a column force or load")
+    read = {name: values[place] for name, place in places.items() if name != "step"}
+    known = np.isfinite(np.stack(list(read.values()))).all(axis=0)
+    if known.sum() < 2:
+        raise InputError(path, "rows", f"{known.sum()} with numbers in all columns", "at least 2")
+    sizes = {name: UNITS[KINDS[name]].get(units.get(KINDS[name], ""), 1.0) for name in read}
+    remarks = [f"{(~known).sum()} rows of {path.name} lack a number: left out"] if not known.all() else []
+    default = {"force": "N", "displacement": "mm", "time": "s"}
+    remarks += [
+        f"{path.name} does not say the unit of {name}: taken as {default[name]}"
+        for name in read
+        if KINDS[name] not in units
+    ]
+    numbers = {name: sizes[name] * one[known] for name, one in read.items()}
+    if "time" in numbers and (np.diff(numbers["time"]) < 0).any():
+        row = int(np.flatnonzero(np.diff(numbers["time"]) < 0)[0]) + 2
+        raise InputError(path, f"reading {row}, {head[places['time']]}", "an earlier time", "times that rise")
+    for name in ("force", "displacement"):
+        if name in numbers and numbers[name].sum() < 0:
+            numbers[name] = -numbers[name]
+            remarks.append(f"{name} was negative: its sign is changed, compression is positive")
+    return Machine(path, numbers, {name: head[places[name]] for name in read}, tuple(remarks))
+
+
+def ramps(values: np.ndarray) -> list[tuple[int, int]]:
+    """First and last reading of each loading: where values rise through half of their range at least.
+
+    >>> ramps(np.array([0.0, 5, 10, 5, 0, 0, 5, 10]))
+    [(0, 2), (5, 7)]
+    """
+    swing = _SWING * float(np.ptp(values))
+    turns, low, high, rising = [0], 0, 0, True
+    for n, value in enumerate(values.tolist()):
+        if value >= values[high]:
+            high = n
+        if value <= values[low]:
+            low = n
+        if rising and value < values[high] - swing:
+            turns.append(high)
+            rising, low = False, n
+        elif not rising and value > values[low] + swing:
+            turns.append(low)
+            rising, high = True, n
+    turns.append(high if rising else low)
+    least = _RAMP * float(np.ptp(values))
+    return [(a, b) for a, b in pairwise(turns) if b > a and values[b] - values[a] >= least]
+
+
+def loading(machine: Machine) -> tuple[slice, tuple[str, ...]]:
+    """Readings of the last loading, and what is to be said of it."""
+    name = "displacement" if "displacement" in machine.columns else "force"
+    found = ramps(machine.columns[name])
+    if not found:
+        raise InputError(machine.path, name, "no loading in it", "values that rise")
+    told = [f"{machine.path.name} has {len(found)} loadings: the last one is taken"] if len(found) > 1 else []
+    start, stop = found[-1]
+    return slice(start, stop + 1), tuple(told)
+
+
+def at_times(machine: Machine, times: np.ndarray) -> dict[str, np.ndarray]:
+    """Readings at times, interpolated.
+
+    Raises
+    ------
+    InputError
+        For times beyond the record.
+    """
+    own = machine.columns["time"]
+    for n, time in enumerate(times.tolist()):
+        if not own[0] - 1e-9 <= time <= own[-1] + 1e-9:
+            raise InputError(machine.path, "time", f"{own[0]:g} to {own[-1]:g} s", f"{time:g} s, that of frame {n}")
+    return {name: np.interp(times, own, one) for name, one in machine.columns.items()}
+
+
+def at_displacements(machine: Machine, wanted: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Forces at displacements of the last loading, interpolated, and what is to be said of it.
+
+    Raises
+    ------
+    InputError
+        For displacements beyond those of the machine.
+    """
+    part, told = loading(machine)
+    own = np.maximum.accumulate(machine.columns["displacement"][part])
+    if wanted.max() > own[-1] * (1 + 1e-6):
+        found = f"at most {own[-1]:.4g} mm"
+        raise InputError(machine.path, "displacement", found, f"up to {wanted.max():.4g} mm, as the indenter moves")
+    return np.interp(wanted, own, machine.columns["force"][part]), told
