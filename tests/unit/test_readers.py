@@ -39,7 +39,7 @@ def damaged(content, how):
     above, rows = lines[:first], [line.split(mark) for line in lines[first:]]
     # the first horizontal displacement that is used
     head = [cell.strip('"') for cell in above[-1].split(mark)]
-    u = next(n for n, cell in enumerate(head) if re.match(r"U$|u_c|disp.*U |DISPLACEMENT_X|displacement_u|ux", cell))
+    u = next(n for n, cell in enumerate(head) if re.match(r"U$|u_c|disp.*U |DISPLACEMENT_X|disp_u|ux", cell))
     if how == "empty":
         above, rows = [], []
     elif how == "names alone":
