@@ -63,8 +63,8 @@ def damaged(content, how):
 
 
 DAMAGES = {
-    "empty": "no rows of numbers; expected a table",
-    "names alone": "no rows of numbers; expected a table",
+    "empty": "fewer than 2 rows of numbers; expected a table",
+    "names alone": "fewer than 2 rows of numbers; expected a table",
     "cut": r"line \d+: found \d+ cells; expected \d+, as in line",
     "a cell too many": r"line \d+: found \d+ cells; expected \d+, as in line",
     "a word": "line .*: found lost; expected a number",
@@ -328,8 +328,8 @@ def test_records_of_machines_in_one_unit(tmp_path, content, encoding):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda t: "", "no rows of numbers"),
-        (lambda t: t[: t.index('"0.000"')], "no rows of numbers"),
+        (lambda t: "", "fewer than 2 rows of numbers"),
+        (lambda t: t[: t.index('"0.000"')], "fewer than 2 rows of numbers"),
         (lambda t: t.replace('"Load"', '"Lot"'), "columns: found Time .*; expected a head with a column force or load"),
         (lambda t: t[t.index('"0.000"') :], "columns: found 3 columns without names; expected names"),
         (
