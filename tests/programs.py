@@ -54,8 +54,7 @@ def dice(n):
 
 def pyvale(n):
     u, v = field(n)
-    return text(["subset_x", "subset_y", "displacement_u", "displacement_v", "displacement_mag", "converged", "cost", "ftol",
-                 "xtol", "num_iterations"],
+    return text(["subset_x", "subset_y", "disp_u", "disp_v", "disp_mag", "converged", "cost_zncc", "ftol", "xtol", "num_iter"],
                 [20 * X, -20 * Y, 20 * u, -20 * v, 0 * u, 0 * u + 1, 0 * u, 0 * u, 0 * u, 0 * u + 5])  # fmt: skip
 
 

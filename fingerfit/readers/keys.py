@@ -117,15 +117,18 @@ def read_data(path: Path) -> DataKeys:
     Problems
         With one line for everything that is wrong.
     """
-    found, problems = described(DataKeys, read_yaml(path), path)
-    if not problems and found.points is None and found.machine is None:
-        problems.append(InputError(path, "file", "neither points nor machine", "one of them at least"))
+    data = read_yaml(path)
+    if isinstance(data, dict) and data.get("points") is None and data.get("machine") is None:
+        raise InputError(path, "file", "neither points nor machine", "one of them at least")
+    found, problems = described(DataKeys, data, path)
     for name in ("points", "indenter") if not problems else ():
         part = getattr(found, name)
         if part and part.columns and not {"x", "y"} <= set(part.columns):
             problems.append(InputError(path, f"{name}.columns", ", ".join(part.columns), "x and y among them"))
     if not problems and found.machine and (found.machine.file is None) == (found.machine.force is None):
         problems.append(InputError(path, "machine", "both or none of file and force", "one of them"))
+    if not problems and found.indenter and not found.points:
+        problems.append(InputError(path, "indenter", "positions, and no points", "points beside them"))
     if problems:
         raise Problems(problems)
     assert isinstance(found, DataKeys)

@@ -111,7 +111,7 @@ def _opened(path: Path, field: str) -> tuple[list[str], int, str]:
     lines = _text(path, field).splitlines()
     start, delimiter = _form(lines)
     if start is None:
-        raise InputError(path, field, "no rows of numbers", "a table with a row of numbers for each point or reading")
+        raise InputError(path, field, "fewer than 2 rows of numbers", "a table with a row for each point or reading")
     return lines, start, delimiter
 
 

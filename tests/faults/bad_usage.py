@@ -83,7 +83,7 @@ CASES = [
     script("ecoflex", "study --out made", "study"),
     script("ecoflex", "bytes.csv --out made", "bytes.csv", change=holds("bytes.csv", bytes(range(256)))),
     call("new made --from nowhere", "nowhere"),
-    call("new made --from study", "study"),
+    call("new made --from study/study.yaml", "study.yaml"),
     call("new made --from config.yaml", "config.yaml"),
     call("add", "effect"),
     call("add tillt", "tillt"),

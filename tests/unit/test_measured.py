@@ -125,6 +125,10 @@ DATA = {"points": {"files": "dic/*.csv"}, "machine": {"file": "machine.csv"}, "r
         ({"machine": None}, "machine: found points alone; expected forces or displacements of the indenter"),
         ({"machine": {"displacement": "machine.csv"}}, "machine: found both or none of file and force; expected one"),
         ({"machine": None, "points": None}, "file: found neither points nor machine; expected one of them at least"),
+        (
+            {"points": None, "indenter": {"file": "i.csv", "columns": ["x", "y"]}},
+            "indenter: found positions, and no points",
+        ),
         ({"frames": [1, 7]}, "frames: found 7; expected frames with a reading, 0 to 2"),
         ({"frames": [2, 1]}, r"frames: found \[2, 1\]; expected rising numbers"),
         ({"frames": "all"}, "frames: found all; expected how many"),

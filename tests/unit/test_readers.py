@@ -39,7 +39,7 @@ def damaged(content, how):
     above, rows = lines[:first], [line.split(mark) for line in lines[first:]]
     # the first horizontal displacement that is used
     head = [cell.strip('"') for cell in above[-1].split(mark)]
-    u = next(n for n, cell in enumerate(head) if re.match(r"U$|u_c|disp.*U |DISPLACEMENT_X|displacement_u|ux", cell))
+    u = next(n for n, cell in enumerate(head) if re.match(r"U$|u_c|disp.*U |DISPLACEMENT_X|disp_u|ux", cell))
     if how == "empty":
         above, rows = [], []
     elif how == "names alone":
@@ -63,8 +63,8 @@ def damaged(content, how):
 
 
 DAMAGES = {
-    "empty": "no rows of numbers; expected a table",
-    "names alone": "no rows of numbers; expected a table",
+    "empty": "fewer than 2 rows of numbers; expected a table",
+    "names alone": "fewer than 2 rows of numbers; expected a table",
     "cut": r"line \d+: found \d+ cells; expected \d+, as in line",
     "a cell too many": r"line \d+: found \d+ cells; expected \d+, as in line",
     "a word": "line .*: found lost; expected a number",
@@ -328,8 +328,8 @@ def test_records_of_machines_in_one_unit(tmp_path, content, encoding):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda t: "", "no rows of numbers"),
-        (lambda t: t[: t.index('"0.000"')], "no rows of numbers"),
+        (lambda t: "", "fewer than 2 rows of numbers"),
+        (lambda t: t[: t.index('"0.000"')], "fewer than 2 rows of numbers"),
         (lambda t: t.replace('"Load"', '"Lot"'), "columns: found Time .*; expected a head with a column force or load"),
         (lambda t: t[t.index('"0.000"') :], "columns: found 3 columns without names; expected names"),
         (
