@@ -54,7 +54,7 @@ FAMILY = {
     "state_probe": "state",
     "stiffening": "material",
     "stretched_pictures": "observation",
-    "structure_probe": "structure",
+    "stiffness_field": "structure",
     "swelling": "state",
     "swollen": "state",
     "tilt": "indenter",

@@ -19,6 +19,7 @@ from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
 from fingerfit.diagnosis.reservations import by_settings, doubted, elsewhere, largest_part, of_family, traced, untried
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.verdict import (
     SEEN,
     Refit,
@@ -160,7 +161,7 @@ def _test_all(problem: InverseProblem, last: Round, everything: Data, threads: i
     )
     comparison = Comparison(problem, last, everything)
     score_test = comparison.score_test
-    everywhere = rank_candidates(comparison, score_test, found)
+    everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found)]
     ranking = best_places(everywhere)
     if problem.meshes[SEARCH].dim == 3:
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)

@@ -13,6 +13,7 @@ from fingerfit.core.files import digest, keep_json, read_json, write_npz
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.diagnose import Diagnosis, are_fitted, errors, fitted_steps
 from fingerfit.diagnosis.families import families
+from fingerfit.diagnosis.field import field_of
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.diagnosis.verdict import unseen
@@ -63,6 +64,7 @@ def write_compare(comparison: Comparison, path: Path) -> None:
             "mesh_points": mesh.points,
             "mesh_moved": mesh.points + outcome.displacement[steps],
             **_outlines(mesh, comparison),
+            **_field(comparison),
             "mesh_layer": np.maximum(parts_of(mesh), 0),
             "layer_names": np.array(list(mesh.parts)),
             "step": data.step,
@@ -91,6 +93,13 @@ def _outlines(mesh: Mesh, comparison: Comparison) -> dict[str, np.ndarray]:
         most = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)
         return {"mesh_faces": faces, "mesh_face_part": part, "patch_layer": most}
     return {"mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks])}
+
+
+def _field(comparison: Comparison) -> dict[str, np.ndarray]:
+    """Stiffness as a field by element, where the model has one."""
+    found = field_of(comparison)
+    names = ("value", "spread", "seen")
+    return {f"field_{name}": np.asarray(getattr(found, name)) for name in names} if found else {}
 
 
 def shown(comparison: Comparison) -> int:
