@@ -82,6 +82,8 @@ class Body:
         Whether the thickness is known; when it is not, `thickness` is 1 mm.
     pictured : bool
         Whether the sides of a block are where the picture before compression shows them.
+    types : tuple of str
+        Element types in place of those of the mesh file.
     """
 
     layers: tuple[Layer, ...]
@@ -93,6 +95,7 @@ class Body:
     refined: Path | None = None
     thick: bool = True
     pictured: bool = False
+    types: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

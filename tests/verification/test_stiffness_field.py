@@ -114,7 +114,7 @@ def test_a_hidden_stripe_is_found_where_it_is(tmp_path):
     inside, outside = np.abs(far) < 1.0, np.abs(far) > 2.0
     weight = (inside / inside.sum() - outside / outside.sum()) @ found.basis
     contrast, error = weight @ found.size, np.sqrt(weight @ found.covariance @ weight)
-    print(f"contrast {contrast:.2f} +- {error:.2f}; moved by {ways[np.argmax(alike)]:.1f} mm; {one.size}")
+    print(f"contrast {contrast:.2f} +- {error:.2f}; moved by {ways[np.argmax(alike)]:.1f} mm; {len(one.size)} modes")
     assert error < 0.2  # an interval that says something: 0 is five of its standard errors away
     assert abs(np.expm1(contrast - CONTRAST)) < 0.2 or abs(contrast - CONTRAST) < 1.96 * error
     # the true field lies in its own interval: of normal errors in 95 % of the elements, of sharp edges in fewer
