@@ -10,7 +10,7 @@ from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.decks import with_effect
 from fingerfit.model.applicable import not_measured, unmet
-from fingerfit.model.effect import CONSTANTS, OBSERVATION, Effect
+from fingerfit.model.effect import CONSTANTS, OBSERVATION, OUTLINE, Effect
 from fingerfit.model.laws import foreign
 
 RIVALS = "only one of two effects that replace the same block of the deck"
@@ -48,7 +48,9 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     lacking: dict[str, InputError] = {}
     without, refined = problem.ask(values).sim, REFINED in problem.mesh_files
     for effect in problem.effects.values():
-        if effect.name in problem.settings.model.effects or unmet(effect, study, problem.meshes[SEARCH].dim, refined):
+        if effect.name in (OUTLINE, *problem.settings.model.effects):
+            continue
+        if unmet(effect, study, problem.meshes[SEARCH].dim, refined):
             continue
         if _is_fitted(effect, problem) or _rivals(effect, problem) or foreign(effect, problem.settings.model.law):
             continue
@@ -79,7 +81,7 @@ def untestable(problem: InverseProblem) -> dict[str, InputError]:
     """
     study, found = problem.study, dict[str, InputError]()
     for effect in problem.effects.values():
-        if effect.name in problem.settings.model.effects or effect.acts == OBSERVATION or effect.probe:
+        if effect.name in (OUTLINE, *problem.settings.model.effects) or effect.acts == OBSERVATION or effect.probe:
             continue
         if rivals := _rivals(effect, problem):
             found[effect.title] = InputError(study.path, "effects", f"a model without {rivals[0]}", RIVALS)

@@ -101,9 +101,11 @@ def diagnose(problem: InverseProblem, last: Round, everything: Data, threads: in
     found = _test_all(problem, last, everything, threads)
     run, refits = found.run, dict[str, Refit]()
     score_test, ranking, tests = found.score_test, found.ranking, found.tests
-    halves: set[str] = set()
+    halves, ended = set[str](), dict[str, Refit]()
     fitted, held_out = errors(found.comparison)
-    for _ in range(BATCHES):
+    verdict = decide(score_test, ranking, {}, tests, held_out=held_out)
+    # of a body of another shape refits say nothing
+    for _ in range(0 if everything.outline and not explains(score_test) else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits)
         ended = nearest(ended_well(score_test, refits, fitted))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 
@@ -33,12 +35,20 @@ def nominated(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[Ranked]:
 
 
 def families(score_test: ScoreTest, ranking: Sequence[Ranked]) -> dict[str, tuple[Ranked, float]]:
-    """The best of each family, the likeliest first, with the logarithm of its odds against the model without it."""
+    """The best of each family, the likeliest first, with the logarithm of the family's odds against the model without.
+
+    A member stands for a family whose probe may do better, as of an effect of another form; the family is as likely as
+    the best that it has.
+    """
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
-    found: dict[str, tuple[Ranked, float]] = {}
+    odds: dict[str, float] = {}
+    for one in ranking:
+        family = one.candidate.effect.family
+        odds[family] = max(one.odds(spread), odds.get(family, -np.inf))
+    best: dict[str, Ranked] = {}
     for one in sorted(nominated(score_test, ranking), key=lambda one: -one.odds(spread)):
-        found.setdefault(one.candidate.effect.family, (one, one.odds(spread)))
-    return found
+        best.setdefault(one.candidate.effect.family, one)
+    return {family: (best[family], odds[family]) for family in sorted(best, key=lambda name: -odds[name])}
 
 
 def leads(score_test: ScoreTest, ranking: Sequence[Ranked], one: Ranked) -> bool:

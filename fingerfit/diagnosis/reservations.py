@@ -12,7 +12,7 @@ from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
 from fingerfit.model.applicable import cure_of
-from fingerfit.model.effect import FAMILIES, NUMERICS
+from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE
 
 LARGEST = 0.5
 """Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
@@ -153,7 +153,7 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
 
 
 def elsewhere(verdict: Verdict, outline: float) -> Verdict:
-    """The verdict, but none on effects where the picture before compression shows another body than the study states.
+    """The verdict, but on the outline where the picture before compression shows another body than the study states.
 
     That is seen without any model, and whatever is fitted to a body of another shape imitates it.
 
@@ -166,11 +166,10 @@ def elsewhere(verdict: Verdict, outline: float) -> Verdict:
     if not outline or verdict.kind == "adequate":
         return verdict
     text = (
-        f"unexplained: the picture before compression shows a side of the body {outline:.2g} mm from where body in"
-        " study.yaml has it: correct it, or take body.outline: picture. A body that was pressed, or swelled, before"
-        " that picture looks like this as well"
+        f"missing: sides of the body elsewhere; the picture before compression shows one {outline:.2g} mm from where"
+        " body in study.yaml has it. A body that was pressed, or swelled, before that picture looks like this as well"
     )
-    return Verdict("unexplained", (), text, verdict.threshold, "geometry")
+    return Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
 
 
 def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:

@@ -63,7 +63,8 @@ class Outline:
         for name, outward, error in zip(SIDES, self.outward, self.error, strict=True):
             there = legval(along, outward)
             farthest = float(there[np.abs(there).argmax()])
-            if np.sqrt(np.mean(there**2)) > self.pixel / 2.0 + SURELY * np.sqrt(len(outward)) * error:
+            # half a pixel that all pictures of a kind may be off, and what chance makes, are independent of each other
+            if np.sqrt(np.mean(there**2)) > np.hypot(self.pixel / 2.0, SURELY * np.sqrt(len(outward)) * error):
                 found[name] = farthest
         return found
 

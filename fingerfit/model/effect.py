@@ -33,6 +33,9 @@ FAMILY_OF = {"boundary": "indenter"}
 NEEDS = ("time", "pictures", "displacements", "layers", "plane", "space", "refined")
 """What an effect may need of a study: times of all steps, pictures, pictures or points, a block of layers in
 the plane between a base and an indenter, a body in the plane, a body in space, a finer mesh."""
+OUTLINE = "outline"
+"""Name of the effect whose mesh has the sides that the picture before compression shows. It has no number and changes
+no deck, and is found without a refit."""
 CONSTANTS = ("alpha", "poisson")
 """Constants of each layer that effects may change; a model may fit them, too."""
 MESH_ERROR = "mesh"
@@ -167,7 +170,7 @@ class Effect:
     @property
     def simulated(self) -> bool:
         """Whether it takes simulations to see what it does."""
-        return self.acts != OBSERVATION and not self.signal
+        return self.acts != OBSERVATION and not self.signal and bool(self.parameters)
 
     def bound(self, scales: Mapping[str, float]) -> Effect:
         """The same with its shares as numbers, as far as what they are shares of is known (`scales`).

@@ -14,7 +14,17 @@ from pydantic_core import PydanticCustomError
 from fingerfit.core.described import HEAD, Line, Strict, described, one_of, rows, wanted
 from fingerfit.core.errors import InputError, Problems
 from fingerfit.core.keys import read_yaml, unknown_key
-from fingerfit.model.effect import ACTS, CONSTANTS, FAMILIES, FAMILY_OF, MESH_ERROR, NEEDS, Effect, EffectParameter
+from fingerfit.model.effect import (
+    ACTS,
+    CONSTANTS,
+    FAMILIES,
+    FAMILY_OF,
+    MESH_ERROR,
+    NEEDS,
+    OUTLINE,
+    Effect,
+    EffectParameter,
+)
 from fingerfit.model.formulas import FUNCTIONS, evaluate, names_in
 from fingerfit.model.scales import IN_WORDS as SCALES
 
@@ -124,7 +134,9 @@ class EffectKeys(Strict):
     words: Line = Field(description="What it is.")
     look: Line = Field(description="What it looks like in the data.")
     confirm: Line = Field(description="Which experiment would confirm it.")
-    parameters: dict[Name, NumberKeys] = Field(min_length=1, description="Its numbers, which are fitted.")
+    parameters: dict[Name, NumberKeys] = Field(
+        default={}, description=f"Its numbers, which are fitted: one or more, but for the effect {OUTLINE}."
+    )
     scan: dict[Name, Values] | None = Field(default=None, description="Places and the like that a first look tries.")
     refine: dict[str, Bounds] | None = Field(
         default=None, description="Bounds of those scanned numbers that a fit then moves, too; the others stay."
@@ -226,6 +238,8 @@ def _cross_check(given: Any, path: Path) -> Iterator[InputError]:
         return getattr(given, key, None) or {}
 
     scan, refine = inside("scan"), inside("refine")
+    if getattr(given, "parameters", None) == {} and path.stem != OUTLINE:
+        yield InputError(path, "parameters", "none", "at least one number of the effect")
     for name in scan.keys() & inside("parameters").keys():
         yield InputError(path, f"scan.{name}", name, "a name that no other number of the effect has")
     if (count := math.prod(map(len, scan.values()))) > PLACES:

@@ -16,6 +16,7 @@ from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.imaging.preprocess import noise_after_resizing, resize, scale_of, smooth
 from fingerfit.imaging.warp import backward_map, spline_coefficients
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.effect import OUTLINE
 from fingerfit.settings.choices import CONFIG
 from fingerfit.study.study import Study
 
@@ -130,8 +131,12 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     for n, picture in enumerate(pictures):
         measured[n] = smooth(prepared(picture).values, sigma)
     empty = _empty(raw, mesh)
-    outline = None if study.body.pictured else outline_of(study, raw)
-    elsewhere = outline.elsewhere if outline is not None else {}
+    outline = outline_of(study, raw)
+    # a mesh that follows the picture is no rectangle
+    follows = outline is not None and not np.allclose(
+        [mesh.points.min(axis=0), mesh.points.max(axis=0)], _rectangle(study)
+    )
+    elsewhere = outline.elsewhere if outline is not None and not follows else {}
     return Prepared(
         before=Picture(values, raw.spacing, raw.origin, raw.direction),
         coefficients=spline_coefficients(raw.values).astype(values.dtype),
@@ -147,11 +152,15 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
 
 def outline_of(study: Study, picture: Picture) -> Outline | None:
     """Where a picture before compression shows the sides of a block; None for other bodies and in space."""
-    body = study.body
-    if body.width is None or picture.dim != 2:
+    if study.body.width is None or picture.dim != 2:
         return None
-    low, size = np.array(body.origin), np.array([body.width, sum(layer.height or 0.0 for layer in body.layers)])
-    return measure_outline(picture, low, low + size)
+    return measure_outline(picture, *_rectangle(study))
+
+
+def _rectangle(study: Study) -> np.ndarray:
+    """Lower left and upper right corner of a block as the study states it, shape (2, 2), mm."""
+    low, height = np.array(study.body.origin), sum(layer.height or 0.0 for layer in study.body.layers)
+    return np.stack([low, low + np.array([study.body.width or 0.0, height])])
 
 
 def covers(mesh: Mesh, picture: Picture) -> np.ndarray:
@@ -269,7 +278,7 @@ def _outline_remarks(study: Study, elsewhere: Mapping[str, float]) -> list[str]:
     )
     return [
         f"{study.before.name} shows sides of the body elsewhere than body says: {words}; correct width, origin and"
-        " heights, or take body.outline: picture"
+        f" heights, or take the effect {OUTLINE}"
     ]
 
 

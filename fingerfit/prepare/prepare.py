@@ -15,6 +15,7 @@ from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.mesh.check import faults_of_mesh
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.effect import OUTLINE
 from fingerfit.prepare.pictures import Prepared, outline_of, prepare_pictures
 from fingerfit.prepare.plausible import falls, refuse_depth
 from fingerfit.prepare.points import points_covariance, read_points
@@ -47,7 +48,7 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
             settings.grading,
             body.origin,
         )
-        if body.pictured:
+        if settings.pictured:
             mesh = replace(mesh, points=_pictured(study).moved(mesh.points))
     elif body.mesh is not None:
         file = body.refined if finer and body.refined else body.mesh
@@ -61,12 +62,12 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
 
 def _pictured(study: Study) -> Outline:
     """The outline of a block as the picture before compression shows it."""
-    expected = "stated, or a picture before compression in the plane that shows the body and what is around it"
+    expected = f"a picture that shows the body and what is around it, or a model without {OUTLINE}"
     if study.before is None:
-        raise InputError(study.path, "body.outline", "picture, but no pictures", expected)
+        raise InputError(study.path, "pictures", "nothing", expected)
     found = outline_of(study, read_picture(study.before))
     if found is None or np.isnan(found.outward).all():
-        raise InputError(study.path, "body.outline", f"picture, but {study.before.name} shows no side", expected)
+        raise InputError(study.path, "pictures.before", f"no side of the body in {study.before.name}", expected)
     return found
 
 

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from fingerfit.core.contents import Contents
 from fingerfit.core.errors import FingerfitError, InputError, StateError
@@ -16,6 +16,7 @@ from fingerfit.core.files import keep_json, read_json, write_json
 from fingerfit.core.folders import OURS, PACKAGE, template_folders
 from fingerfit.fit.rounds import included_files, is_named
 from fingerfit.settings.config import CONFIG, Settings
+from fingerfit.solvers.registry import get_solver
 
 MARK = ".fingerfit.json"
 """What is known of the contents of files; it also tells that a folder is one of results."""
@@ -132,6 +133,9 @@ def hold(settings: Settings) -> IO[str]:
 def mend(settings: Settings, contents: Contents, remove: bool) -> list[str]:
     """Remove what is damaged of the results of a model, so that it is made again; a line for each.
 
+    So are rounds that asked another solver than the one that is here. Snakemake would know it by the code that made
+    them, but only in the folder where it made them.
+
     Parameters
     ----------
     settings : Settings
@@ -145,7 +149,12 @@ def mend(settings: Settings, contents: Contents, remove: bool) -> list[str]:
     StateError
         For what cannot be removed.
     """
-    lines = []
+    lines, done = [], "removed" if remove else "it will be removed"
+    others = list(_asked_of_others(settings, contents))
+    for path in others if remove else ():
+        path.unlink(missing_ok=True)
+    if others:
+        lines.append(f"{others[0].parent}: asked another solver or version; {done} and made again")
     for path, *beside in _damaged(settings, contents):
         try:
             # of a link into Snakemake's cache, what it leads to as well
@@ -155,7 +164,7 @@ def mend(settings: Settings, contents: Contents, remove: bool) -> list[str]:
             raise StateError(
                 f"{path}: is damaged and cannot be removed ({error.strerror}): rm {path.resolve()}"
             ) from error
-        lines.append(f"{path}: is damaged; {'removed' if remove else 'it will be removed'} and made again")
+        lines.append(f"{path}: is damaged; {done} and made again")
     return lines
 
 
@@ -214,6 +223,23 @@ def _damaged(settings: Settings, contents: Contents) -> Iterator[tuple[Path, ...
         solver = deck.with_name("solver.json")
         if not contents.remember(f"deck {deck}", contents.of([deck, solver]), partial(_is_named, deck, solver)):
             yield deck, solver  # the name is that of both
+
+
+def _asked_of_others(settings: Settings, contents: Contents) -> Iterator[Path]:
+    """Rounds whose simulations nobody here can run."""
+    try:
+        here = get_solver(settings.solver).identity()
+    except FingerfitError:
+        return  # check says so
+    for path in sorted(model_folder(settings).glob("rounds/*.json")):
+        if contents.intact(path):
+            asked = contents.remember(f"solver {path}", contents.of([path]), partial(_solver_of, path))
+            if asked != here:
+                yield path
+
+
+def _solver_of(path: Path) -> Any:
+    return read_json(path).get("solver")
 
 
 def _is_numbered(path: Path) -> bool:

@@ -12,9 +12,9 @@ from fingerfit.search.simplex import Request
 from fingerfit.search.stages import MET, NO_SOLUTION, UNIT, Point, Search, Space, Stage
 
 STEP = 0.03
-"""Longest step of a slope: in the logarithm, or as a share of the scale of a parameter or of the distance of its bounds.
-A choice: of central differences of an exponential it makes an error of STEP^2 / 6, 0.015 %. Where only shorter moves
-are trusted, it is shorter in proportion, to see what bends over such a move, but at least a tenth: a solver has a
+"""Longest step of a slope: in the logarithm, or as a share of the scale of a parameter or of the distance of its
+bounds. A choice: of central differences of an exponential it makes an error of STEP^2 / 6, 0.015 %. Where only shorter
+moves are trusted, it is shorter in proportion, to see what bends over such a move, but at least a tenth: a solver has a
 tolerance."""
 MOVE = 0.7
 """Longest move, in the same coordinates: a modulus doubles. A choice."""

@@ -8,12 +8,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fingerfit.core.described import Described, described, models_in
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.keys import read_yaml, unknown_key
+from fingerfit.model.effect import OUTLINE
 from fingerfit.model.laws import LAWS, impossible
 from fingerfit.model.parameters import round_value
 from fingerfit.search.stages import EQUAL, GRID
@@ -73,6 +74,13 @@ class MeshSettings(_Strict):
         description="Largest over smallest element: they shrink towards sides, base and indenter.",
     )
 
+    _pictured: bool = PrivateAttr(default=False)
+
+    @property
+    def pictured(self) -> bool:
+        """Whether the sides of a block lie where the picture before compression shows them: the model has `OUTLINE`."""
+        return self._pictured
+
 
 class ParameterSettings(_Strict):
     """A constant to be identified."""
@@ -116,6 +124,13 @@ class ModelSettings(Model, _Strict):
         description="Effects that were added, in order; numbers of an effect where they differ from its own. With all"
         " numbers of the last one no fit without it comes before.",
     )
+
+    @model_validator(mode="after")
+    def _follow_outline(self) -> ModelSettings:
+        for mesh in (self.mesh, self.refined):
+            if mesh is not None:
+                mesh._pictured = OUTLINE in self.effects
+        return self
 
 
 class StageSettings(_Strict):

@@ -166,11 +166,6 @@ class BlockKeys(Strict):
     width: Above = Field(description="A number above 0.")
     thickness: Above = Field(description="Out of plane, a number above 0.")
     origin: Two | None = Field(default=None, description="Lower left corner, [x, y]; [0, 0] when left out.")
-    outline: Literal["stated", "picture"] = Field(
-        default="stated",
-        description="stated: a rectangle, as written here; picture: its sides are where the picture before compression"
-        " shows them, and heights of layers are shares of that.",
-    )
     refined: None = Field(default=None, description="It is for a body with a mesh.")
 
 

@@ -145,8 +145,7 @@ def _body(body: Any, size: float, folder: Path) -> Body:
         return Body(layers, brick=(length, width, height))
     if isinstance(body, BlockKeys):
         x, y = _scaled(body.origin or (0.0, 0.0), size)
-        pictured = body.outline == "picture"
-        return Body(layers, body.width * size, (x, y), body.thickness * size, pictured=pictured)
+        return Body(layers, body.width * size, (x, y), body.thickness * size)
     thick = body.thickness != UNKNOWN
     return Body(
         layers,

@@ -80,8 +80,6 @@ class Body:
         Mesh file, and that of a finer mesh of the same body.
     thick : bool
         Whether the thickness is known; when it is not, `thickness` is 1 mm.
-    pictured : bool
-        Whether the sides of a block are where the picture before compression shows them.
     types : tuple of str
         Element types in place of those of the mesh file.
     """
@@ -94,7 +92,6 @@ class Body:
     mesh: Path | None = None
     refined: Path | None = None
     thick: bool = True
-    pictured: bool = False
     types: tuple[str, ...] = ()
 
 

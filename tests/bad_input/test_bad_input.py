@@ -289,6 +289,7 @@ def test_full_disk(place, command):
 
     arguments = [
         sys.executable,
+        "-B",  # compiled modules would be cut as well, and kept
         "-m",
         "fingerfit.cli",
         "prepare",

@@ -72,6 +72,8 @@ class Workspace:
     def start(self, *targets: str, command: Sequence[str] = (), limit: Callable[[], None] | None = None) -> Running:
         """Begin a run, in a group of processes of its own."""
         environment = {**os.environ, "PYTHONPATH": str(self.project), **self.environment}
+        if limit is not None:  # Python cuts the modules that it compiles where no file may be larger, and keeps them
+            environment["PYTHONDONTWRITEBYTECODE"] = "1"
         said = self.path.parent / f"said-{time.monotonic_ns()}"
 
         def become() -> None:

@@ -12,7 +12,7 @@ from fingerfit.diagnosis.verdict import Verdict
 from fingerfit.imaging.outline import measure_outline
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.prepare.prepare import make_mesh, prepare
-from fingerfit.settings.config import MeshSettings
+from fingerfit.settings.config import MeshSettings, ModelSettings
 from fingerfit.study.reader import load_study
 
 LOW, HIGH, PIXEL = np.array([0.95, 0.45]), np.array([12.95, 10.45]), 0.1
@@ -82,13 +82,13 @@ def test_what_cannot_be_seen_is_not_said():
     assert np.array_equal(found.moved(np.array([LOW, HIGH])), np.array([LOW, HIGH]))
 
 
-def study_in(folder, picture, outline=None):
+def study_in(folder, picture):
     body = {"width": 12.0, "thickness": 30.0, "origin": LOW.tolist(), "layers": [{"name": "all", "height": 10.0}]}
     text = {
         "title": "outline", "units": {"length": "mm", "force": "N", "time": "s"}, "control": "force",
         "steps": "steps.csv",
         "pictures": {"before": "0.nii.gz", "noise": 100.0, "scale": "range"}, "noise": {"force": 0.1, "displacement": 0.01},
-        "body": {**body, **({"outline": outline} if outline else {})}, "boundary": {"base": "held", "indenter": "glued"},
+        "body": body, "boundary": {"base": "held", "indenter": "glued"},
     }  # fmt: skip
     folder.mkdir(exist_ok=True)
     (folder / "study.yaml").write_text(yaml.safe_dump(text))
@@ -99,6 +99,8 @@ def study_in(folder, picture, outline=None):
 
 
 MESH = MeshSettings(element="CPE4", across=8, per_layer=8)
+MU = {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}
+FOLLOWS = ModelSettings(mesh=MESH.model_dump(), parameters={"mu": MU}, effects={"outline": {}}).mesh
 
 
 def test_it_is_said_and_the_mesh_can_follow_the_picture(tmp_path):
@@ -107,26 +109,25 @@ def test_it_is_said_and_the_mesh_can_follow_the_picture(tmp_path):
     data = prepare(stated, make_mesh(stated, MESH), None, 1.0, 0.3)
     (remark,) = data.remarks.splitlines()
     assert "elsewhere than body says: the upper one 0." in remark
-    assert "body.outline: picture" in remark
+    assert "effect outline" in remark
     assert data.outline == pytest.approx(0.6, abs=PIXEL)
-    followed = study_in(tmp_path / "picture", picture, "picture")
-    mesh = make_mesh(followed, MESH)
+    mesh = make_mesh(stated, FOLLOWS)
     assert mesh.points[mesh.node_sets["TOP"], 1].mean() == pytest.approx(9.85, abs=PIXEL)
     assert mesh.points[mesh.node_sets["BOTTOM"], 1].mean() == pytest.approx(0.45, abs=PIXEL)
-    again = prepare(followed, mesh, None, 1.0, 0.3)
+    again = prepare(stated, mesh, None, 1.0, 0.3)
     assert (again.remarks, again.outline) == ("", 0.0)
 
 
 def test_a_picture_that_shows_no_side_is_refused(tmp_path):
     close = pictured(sides()).crop(np.array([LOW, HIGH]), 0.0)
-    with pytest.raises(InputError, match=r"body.outline: found picture, but 0.nii.gz shows no side; expected stated"):
-        make_mesh(study_in(tmp_path / "close", close, "picture"), MESH)
+    with pytest.raises(InputError, match=r"pictures.before: found no side of the body in 0.nii.gz; expected a picture"):
+        make_mesh(study_in(tmp_path / "close", close), FOLLOWS)
 
 
 def test_no_effect_is_named_for_another_body():
     named = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
     found = elsewhere(named, 0.6)
-    assert (found.kind, found.effects, found.family) == ("unexplained", (), "geometry")
+    assert (found.kind, found.effects, found.family) == ("missing", ("outline",), "geometry")
     assert "0.6 mm" in found.sentence
     assert elsewhere(named, 0.0) is named
     fine = Verdict("adequate", (), "adequate", 10.0)

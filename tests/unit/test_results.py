@@ -13,6 +13,7 @@ from fingerfit.core.files import keep_json, keep_text, read_json, read_npz, writ
 from fingerfit.fit.rounds import check_deck, simulation_name
 from fingerfit.provenance.results import claim, in_order, mend, model_folder, refuse, study_folder
 from fingerfit.settings.config import load_settings
+from fingerfit.solvers.registry import get_solver
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
@@ -118,6 +119,7 @@ KEPT = (
     "base/rounds/12.json", "base/estimate.json", "base/compare.npz", "base/diagnosis.json", "base/diagnosis.npz",
     "base/rung.json", "base/simulations.json", "ladder.json",
 )  # fmt: skip
+HERE = get_solver("builtin").identity()
 SIM = f"sims/{simulation_name(DECK, SOLVER)}"
 
 
@@ -130,8 +132,8 @@ def folder(place):
         if name.endswith(".npz"):
             write_npz(folder / name, {"a": np.arange(20.0), "word": np.array("some")})
         elif name.endswith(".json"):
-            number = {"number": int(Path(name).stem)} if "rounds" in name else {}
-            keep_json(folder / name, {"a": [1.5, None], "b": {"word": "some"}, **number})
+            asked = {"number": int(Path(name).stem), "solver": HERE} if "rounds" in name else {}
+            keep_json(folder / name, {"a": [1.5, None], "b": {"word": "some"}, **asked})
         else:
             keep_text(folder / name, "*NODE\n1, 0, 0\n")
     write_npz(folder / SIM / "solution.npz", {"a": np.arange(20.0)})
@@ -157,6 +159,16 @@ def test_every_flipped_bit_and_every_cut_is_noticed(folder, name):
         assert mended(remove=False) == [f"{path}: is damaged; it will be removed and made again"]
     assert mended() == [f"{path}: is damaged; removed and made again"]
     assert not path.exists()
+    assert mended() == []
+
+
+def test_rounds_that_asked_another_version_of_the_solver_are_made_again(folder):
+    """As those of results that were copied without what Snakemake knows of them, once fingerfit is a newer one."""
+    rounds = [folder / f"base/rounds/{number}.json" for number in (0, 12)]
+    keep_json(rounds[1], {"number": 12, "solver": {**HERE, "fingerprint": "an older one"}})
+    assert mended() == [f"{rounds[1].parent}: asked another solver or version; removed and made again"]
+    assert rounds[0].exists()
+    assert not rounds[1].exists()
     assert mended() == []
 
 

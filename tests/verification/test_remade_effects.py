@@ -29,12 +29,14 @@ from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.catalogue import catalogue
+from fingerfit.model.effect import OUTLINE
 from fingerfit.model.scales import bound
 from fingerfit.settings.config import load_settings
 from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 OURS_BOUND = bound(catalogue(), {"width": 12.0, "height": 12.0, "force": 66.0, "duration": 140.0})
-NAMES = sorted(OURS_BOUND)
+NAMES = sorted(OURS_BOUND.keys() - {OUTLINE})
+"""All but one that is known by its name: nothing that a study says makes an effect move the mesh."""
 MATERIAL = {"alpha": 1.4, "poisson": 0.49}
 
 
@@ -54,7 +56,7 @@ def remake(folder, names=NAMES):
 def only_remade(folder):
     """What is known in a study, without ours, in the order that ours have."""
     known = catalogue(folder)
-    return {own(name): known[own(name)] for name in catalogue()}
+    return {own(name): known[own(name)] for name in catalogue() if name in NAMES}
 
 
 @pytest.fixture(scope="module")
