@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -26,8 +27,9 @@ from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import CONSTANTS, Effect
-from fingerfit.model.formulas import evaluate
+from fingerfit.model.formulas import evaluate, names_in
 from fingerfit.model.laws import LAWS, OGDEN
+from fingerfit.model.modes import NAME, modes
 from fingerfit.model.observation import places
 from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
@@ -265,6 +267,8 @@ def _pieces(
         return layers
     inside = _inside(mesh)
     low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+    named = {name for effect in present for name in names_in(effect.changes.get("field", ""))}
+    waved = max((int(name[len(NAME) :]) for name in named if re.fullmatch(NAME + r"\d{1,2}", name)), default=0)
     found, changed = [], False
     for number, layer in enumerate(layers, 1):
         members = np.asarray(mesh.element_sets[layer["name"]])
@@ -283,6 +287,7 @@ def _pieces(
             "log_below": float(np.log(layers[min(number, len(layers) - 1)]["mu"] / layer["mu"])),
             "number": number,
             "layers": len(layers),
+            **{f"{NAME}{n}": values for n, values in enumerate(modes(place, low, high, waved).T, 1)},
         }
         total = np.zeros(len(place))
         for effect in present:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fingerfit.core.files import MESH, megabytes
 from fingerfit.deck.cards import Card, squeeze
-from fingerfit.deck.state import Handler, Key, Reading, readable
+from fingerfit.deck.state import LINES, Handler, Key, Reading, readable
 from fingerfit.mesh.elements import ELEMENTS
 
 OTHERS = {"R2D2": 2, "RAX2": 2, "R3D3": 3, "R3D4": 4, "SPRING1": 1, "SPRING2": 2}
@@ -40,9 +40,10 @@ def on_node(reading: Reading, card: Card) -> None:
 def on_element(reading: Reading, card: Card) -> None:
     card.allow("TYPE", "ELSET")
     kind = card.need("TYPE")
-    if kind not in ELEMENTS and kind not in OTHERS:
+    others = OTHERS | LINES if reading.sides else OTHERS
+    if kind not in ELEMENTS and kind not in others:
         raise card.error(kind, "one of " + ", ".join([*ELEMENTS, *OTHERS]))
-    size = 1 + (ELEMENTS[kind].nodes if kind in ELEMENTS else OTHERS[kind])
+    size = 1 + (ELEMENTS[kind].nodes if kind in ELEMENTS else others[kind])
     values: list[int] = []
     keys: list[Key] = []
     for line, row in card.rows():

@@ -111,11 +111,14 @@ def read_deck(path: Path) -> Deck:
 
 def read_deck_mesh(path: Path) -> Mesh:
     """Read only the mesh of a deck, or of a file that holds nothing else."""
-    return _read(Path(path)).mesh()[0]
+    reading = _read(Path(path), sides=True)
+    reading.name_sides()
+    return reading.mesh()[0]
 
 
-def _read(path: Path) -> Reading:
+def _read(path: Path, sides: bool = False) -> Reading:
     reading = Reading(path, _handle)
+    reading.sides = sides
     for card in read_cards(path):
         mesh_keywords.dispatch(reading, card)
     return reading

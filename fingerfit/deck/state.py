@@ -23,6 +23,9 @@ SPOS, SNEG = -1, -2
 Pressed = tuple[float, str | None, str]
 """Pressure in MPa, name of its amplitude, and keyword that gave it."""
 
+LINES = {"T3D2": 2, "T3D3": 3}
+"""Elements that mesh generators write for the lines of a body, with their number of nodes."""
+
 
 class Reading:
     """State of the reader.
@@ -73,6 +76,7 @@ class Reading:
         self.step: DeckStep | None = None
         self.older: dict[str, set[Any]] = {}
         self.finite: bool | None = None
+        self.sides: bool = False
 
     def key(self, label: int) -> Key:
         """Key of a label in the present instance."""
@@ -131,6 +135,21 @@ class Reading:
         absent = [key for key in keys if key not in known]
         if absent:
             self.awaited.append((what, absent, card, line))
+
+    def name_sides(self) -> None:
+        """Take elements of fewer dimensions than the body's as names of its sides, as mesh generators write them.
+
+        Their element sets become node sets, where no node set has the name.
+        """
+        dims = {kind: ELEMENTS[kind].dim for kind in self.elements}
+        low = {kind for kind, dim in dims.items() if dim < max(dims.values())}
+        sides = {key: nodes for kind in low for key, nodes in self.elements.pop(kind)}
+        sides |= {key: nodes for key, (kind, nodes) in self.others.items() if kind in LINES}
+        for name, keys in self.elsets.items():
+            nodes = dict.fromkeys(node for key in keys for node in sides.get(key, ()))
+            if nodes:
+                self.nsets.setdefault(name, list(nodes))
+        self.elsets = {name: keys for name, keys in self.elsets.items() if not keys or not sides.keys() >= set(keys)}
 
     def mesh(self) -> tuple[Mesh, dict[Key, int]]:
         """The mesh, and the numbers of its elements."""

@@ -53,6 +53,8 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
             continue
         if _is_fitted(effect, problem) or _rivals(effect, problem) or foreign(effect, problem.settings.model.law):
             continue
+        if effect.series and problem.meshes[SEARCH].dim == 3:
+            continue  # a simulation for each of tens of numbers takes hours in space: a person adds it
         for place in effect.places():
             asked = []
             for parameter in effect.parameters if effect.simulated else ():

@@ -30,6 +30,7 @@ from fingerfit.diagnosis.reservations import (
     untried,
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.verdict import (
     SEEN,
     Refit,
@@ -177,7 +178,7 @@ def _test_all(problem: InverseProblem, last: Round, everything: Everything, thre
     )
     comparison = comparison_of(problem, last, everything)
     score_test = comparison.score_test
-    everywhere = rank_candidates(comparison, score_test, found)
+    everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found)]
     ranking = best_places(everywhere)
     if any(test.meshes[SEARCH].dim == 3 for test in problem.every):
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)

@@ -18,7 +18,7 @@ import numpy as np
 from fingerfit.core.errors import StateError
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.ranking import Ranked, Refitted, spread_of
+from fingerfit.diagnosis.ranking import LIKELY, Ranked, Refitted, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.intervals import bound_of
 from fingerfit.fit.jobs import solve_missing
@@ -37,8 +37,6 @@ FALL = 2e-3
 MOVES, FIRST_MOVES, FEWEST = 12, 4, 6
 """A refit that has not ended after as many moves has not converged. After the first few of them only a third of the
 candidates goes on, but so many at least (successive halving: Jamieson and Talwalkar 2016)."""
-LIKELY = 0.5
-"""Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
 NEARER = (1.0, 0.25, -0.25)
 """Shares of the first step at which a candidate starts, the next one where the body has no solution."""
 GRID = 5

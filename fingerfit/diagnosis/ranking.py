@@ -11,6 +11,9 @@ import numpy as np
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
 
+LIKELY = 0.5
+"""Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
+
 
 @dataclass(frozen=True)
 class Refitted:

@@ -49,6 +49,11 @@ def chosen(names: Sequence[str], known: Mapping[str, Effect], where: Path | str)
     return tuple(known[name] for name in names)
 
 
+def with_numbers(effect: Effect, numbers: Mapping[str, float]) -> Effect:
+    """An effect as a model has it whose numbers of it, by the short names, are these: of a series its first few."""
+    return effect.first(numbers.get(effect.series, effect.scan[effect.series][0])) if effect.series else effect
+
+
 def wrong_numbers(
     given: Mapping[str, Mapping[str, float]],
     known: Mapping[str, Effect],
@@ -71,7 +76,13 @@ def wrong_numbers(
     """
     problems = []
     for name, numbers in given.items():
-        keys, bounds = list(known[name].own({})), known[name].bounds()
+        effect = known[name]
+        if effect.series in numbers and numbers[effect.series] not in range(1, len(effect.parameters) + 1):
+            found, expected = numbers[effect.series], f"a whole number from 1 to {len(effect.parameters)}"
+            problems.append(InputError(where, f"{prefix}{name}.{effect.series}", f"{found:g}", expected))
+            continue
+        effect = with_numbers(effect, numbers)
+        keys, bounds = list(effect.own({})), effect.bounds()
         for key, value in numbers.items():
             short = next((key.removesuffix(test) for test in tests if key.endswith(test)), key)
             low, high = bounds.get(short, (-math.inf, math.inf))

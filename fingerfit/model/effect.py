@@ -129,6 +129,8 @@ class Effect:
         One of `FAMILIES`.
     probe : bool
         Whether it stands for its whole family: numbers that can imitate any of its members, known or not.
+    series : str
+        The scanned number that says how many of its parameters it has, the first ones; empty where it has all of them.
     """
 
     name: str
@@ -155,6 +157,15 @@ class Effect:
     cure: str = ""
     family: str = ""
     probe: bool = False
+    series: str = ""
+
+    def first(self, count: float) -> Effect:
+        """The same with the first few of its parameters, where they are a series; else as it is."""
+        if not self.series:
+            return self
+        return replace(
+            self, parameters=self.parameters[: int(count)], scan={**self.scan, self.series: (float(int(count)),)}
+        )
 
     @property
     def simulated(self) -> bool:

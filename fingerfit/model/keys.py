@@ -159,6 +159,11 @@ class EffectKeys(Strict):
         default=[],
         description="Formulas of where a scanned place is, mm from the corner of the body, for each axis.",
     )
+    series: str | None = Field(
+        default=None,
+        description="The scanned number, of one value, that says how many of its parameters a model has, the first"
+        " ones; the diagnosis finds out how many.",
+    )
     told: dict[str, Line] | None = Field(
         default=None, description="Words for scanned numbers; {value}, {percent} or {layer} in them stand for a number."
     )
@@ -216,6 +221,7 @@ def read_effect(path: Path) -> Effect:
         **{name: getattr(given, name) or "" for name in ("signal", "fault", "cure")},
         family=given.family or FAMILY_OF.get(given.acts, given.acts),
         probe=given.probe,
+        series=given.series or "",
     )
 
 
@@ -243,6 +249,9 @@ def _cross_check(given: Any, path: Path) -> Iterator[InputError]:
             yield unknown_key(path, "refine.", name, list(scan))
         elif not low < high:
             yield InputError(path, f"refine.{name}", [low, high], "a lower bound and a higher one")
+    series = getattr(given, "series", None)
+    if series and not (len(scan.get(series, ())) == 1 and scan[series][0] in range(1, 1 + len(inside("parameters")))):
+        yield InputError(path, "series", series, "a key of scan, with one value from 1 to the number of parameters")
     if getattr(given, "signal", None) and len(inside("parameters")) > 1:
         yield InputError(path, "signal", given.signal, f"{MESH_ERROR}, of an effect with one number")
     numbers = [*inside("parameters"), *scan]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems
-from fingerfit.deck.mesh_file import read_mesh
+from fingerfit.deck.mesh_file import read_mesh, with_types
 from fingerfit.imaging.outline import Outline
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.blocks import brick, layered_block
@@ -52,7 +52,7 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
             mesh = replace(mesh, points=_pictured(study).moved(mesh.points))
     elif body.mesh is not None:
         file = body.refined if finer and body.refined else body.mesh
-        mesh = _named(read_mesh(file), study, file)
+        mesh = _named(with_types(read_mesh(file), body.types, study.path), study, file)
         if mesh.dim == 2 and not body.thickness:
             raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ CELLS = {
 }  # fmt: skip
 """Names that meshio has for cells by dimension and number of nodes; the order of their nodes is ABAQUS's."""
 OF = ("measured", "model", "residual", "noise")
+FIELD = {"field_value": "change_of_log_mu", "field_spread": "its_standard_error", "field_seen": "share_seen"}
+"""Names of stiffness as a field, of a model that has it, beside the mesh before compression."""
 STIFFNESS = ("change_of_log_mu", "standard_deviations")
 """Columns of the map of stiffness, after the place: the change that would explain most, and the evidence for it."""
 
@@ -124,10 +127,12 @@ def write_fields(found: Results, folder: Path) -> list[Path]:
     still = np.zeros_like(found.outcome.displacement[0])
     states = [(still, found.outcome.displacement[0] if extra else still)]
     states += [(since.displacement[n], found.outcome.displacement[n + extra]) for n in range(count)]
+    more = {title: found.compare[key] for key, title in FIELD.items() if key in found.compare}
     names, written = ["before", *(f"step_{n}" for n in data.step)], []
     for name, (moved, total) in zip(names, states, strict=True):
         written.append(folder / f"{name}.vtu")
-        _write_vtu(found.mesh, moved[: len(found.mesh.points)], fields(found.mesh, found.deck, total), written[-1])
+        state = fields(found.mesh, found.deck, total)
+        _write_vtu(found.mesh, moved[: len(found.mesh.points)], state, written[-1], more if name == "before" else {})
     rows = [
         f'    <DataSet timestep="{time}" part="0" file={quoteattr(path.name)}/>'
         for time, path in zip([0, *data.step.tolist()], written, strict=True)
@@ -170,7 +175,9 @@ def _replace(grid: Any, path: Path) -> None:
     temporary.replace(path)
 
 
-def _write_vtu(mesh: Mesh, moved: np.ndarray, state: Fields, path: Path) -> None:
+def _write_vtu(
+    mesh: Mesh, moved: np.ndarray, state: Fields, path: Path, more: Mapping[str, np.ndarray] | None = None
+) -> None:
     import meshio
 
     def flat(values: np.ndarray) -> list[np.ndarray]:
@@ -184,6 +191,7 @@ def _write_vtu(mesh: Mesh, moved: np.ndarray, state: Fields, path: Path) -> None
         "green_lagrange_strain": flat(state.strain),
         "volume_ratio": flat(state.volume),
     }
+    cell_data |= {name: flat(values) for name, values in (more or {}).items()}
     if state.stress is not None and state.von_mises is not None:
         cell_data["cauchy_stress_MPa"] = flat(state.stress)
         cell_data["von_mises_stress_MPa"] = flat(state.von_mises)

@@ -14,6 +14,7 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.diagnose import Diagnosis
 from fingerfit.diagnosis.errors import are_fitted, errors, fitted_steps
 from fingerfit.diagnosis.families import families
+from fingerfit.diagnosis.field import field_of
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.diagnosis.verdict import unseen
@@ -84,6 +85,7 @@ def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarra
         "mesh_points": mesh.points,
         "mesh_moved": mesh.points + outcome.displacement[steps],
         **_outlines(mesh, comparison),
+        **_field(comparison),
         "mesh_layer": np.maximum(parts_of(mesh), 0),
         "layer_names": np.array(list(mesh.parts)),
         "step": data.step,
@@ -111,6 +113,13 @@ def _outlines(mesh: Mesh, comparison: Comparison) -> dict[str, np.ndarray]:
         most = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)
         return {"mesh_faces": faces, "mesh_face_part": part, "patch_layer": most}
     return {"mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks])}
+
+
+def _field(comparison: Comparison) -> dict[str, np.ndarray]:
+    """Stiffness as a field by element, where the model has one."""
+    found = field_of(comparison)
+    names = ("value", "spread", "seen")
+    return {f"field_{name}": np.asarray(getattr(found, name)) for name in names} if found else {}
 
 
 def shown(comparison: Comparison) -> int:

@@ -15,7 +15,7 @@ from typing import Any
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import read_json
 from fingerfit.core.plain import from_plain, to_plain
-from fingerfit.model.catalogue import chosen, wrong_numbers
+from fingerfit.model.catalogue import chosen, with_numbers, wrong_numbers
 from fingerfit.model.effect import Effect, EffectParameter
 from fingerfit.model.laws import LAWS
 from fingerfit.model.parameters import Parameter
@@ -122,7 +122,7 @@ class Choices:
         tests = [f"{AT}{test.test}" for test in self.read_study().tests] if self.model.per_test else []
         for problem in wrong_numbers(self.model.effects, every, where, "model.effects.", tests):
             raise problem
-        return found
+        return tuple(with_numbers(effect, self.model.effects[effect.name]) for effect in found)
 
     def fixed(self: Any, known: Mapping[str, Effect] | None = None) -> dict[str, float]:
         """Numbers of effects that are not fitted: places and the like; `known` as of `effects`."""

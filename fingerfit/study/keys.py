@@ -9,6 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from fingerfit.core.described import HEAD, Line, Positive, Strict, one_of, rows, wanted
 from fingerfit.core.units import UNITS
+from fingerfit.mesh.elements import ELEMENTS
 
 NUMBER = "a number above 0"
 
@@ -188,6 +189,11 @@ class MeshKeys(Strict):
     refined: Line | None = Field(default=None, description="File of a finer mesh of the same body.")
     layers: list[MeshLayerKeys] = Field(
         min_length=1, description="Layers: parts of the body with constants of their own."
+    )
+    types: list[Annotated[str, one_of(tuple(ELEMENTS))]] = Field(
+        default=[],
+        description="Element types in place of those of the file, each for the elements with as many nodes, as"
+        " [CPE6H, CPE8H].",
     )
     thickness: Annotated[Literal["unknown"] | Positive, wanted(f"{NUMBER}, or unknown")] | None = Field(
         default=None, description="Out of plane, of a plane mesh: a number, or `unknown`."

@@ -159,6 +159,7 @@ def _body(body: Any, size: float, folder: Path) -> Body:
         mesh=folder / body.mesh,
         refined=folder / body.refined if body.refined else None,
         thick=thick,
+        types=tuple(body.types),
     )
 
 

@@ -80,6 +80,8 @@ class Body:
         Mesh file, and that of a finer mesh of the same body.
     thick : bool
         Whether the thickness is known; when it is not, `thickness` is 1 mm.
+    types : tuple of str
+        Element types in place of those of the mesh file.
     """
 
     layers: tuple[Layer, ...]
@@ -90,6 +92,7 @@ class Body:
     mesh: Path | None = None
     refined: Path | None = None
     thick: bool = True
+    types: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fingerfit.core.errors import InputError
-from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.deck.mesh_file import format_mesh, read_mesh, with_types
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.mesh.mesh import Block
 
@@ -84,7 +84,7 @@ def test_a_file_of_another_format(tmp_path):
 
 def test_a_file_without_known_elements_is_told(tmp_path):
     meshio.Mesh(np.eye(3), [("line", np.array([[0, 1], [1, 2]]))]).write(tmp_path / "m.vtk", binary=False)
-    with pytest.raises(InputError, match="found line; expected one of quad, quad8, hexahedron"):
+    with pytest.raises(InputError, match="found line; expected one of triangle, triangle6, quad, quad8, tetra,"):
         read_mesh(tmp_path / "m.vtk")
 
 
@@ -93,3 +93,160 @@ def test_an_unreadable_file_is_told(tmp_path, name):
     (tmp_path / name).write_text("no mesh")
     with pytest.raises(InputError, match="a mesh that meshio reads"):
         read_mesh(tmp_path / name)
+
+
+GMSH = """\
+$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+4
+1 3 "base"
+1 4 "indenter"
+2 1 "lump"
+2 2 "gel"
+$EndPhysicalNames
+$Nodes
+8
+1 0 0 0
+2 2 0 0
+3 2 1 0
+4 0 1 0
+5 4 0 0
+6 4 1 0
+7 1 7 0
+8 3 1.5 0
+$EndNodes
+$Elements
+6
+1 1 2 3 1 1 2
+2 1 2 3 1 2 5
+3 1 2 4 2 4 3
+4 3 2 1 1 1 2 3 4
+5 2 2 2 2 2 5 3
+6 2 2 2 2 3 6 5
+$EndElements
+"""
+"""A quadrilateral and two triangles, the last one clockwise; nodes 7 and 8 belong to nothing."""
+
+
+NEWER = """\
+$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+4
+1 3 "base"
+1 4 "indenter"
+2 1 "lump"
+2 2 "gel"
+$EndPhysicalNames
+$Entities
+6 7 2 0
+1 0 0 0 0
+2 2 0 0 0
+3 2 1 0 0
+4 0 1 0 0
+5 4 0 0 0
+6 4 1 0 0
+1 0 0 0 2 0 0 1 3 2 1 -2
+2 2 0 0 2 1 0 0 2 2 -3
+3 0 1 0 2 1 0 1 4 2 3 -4
+4 0 0 0 0 1 0 0 2 4 -1
+5 2 0 0 4 0 0 1 3 2 2 -5
+6 4 0 0 4 1 0 0 2 5 -6
+7 2 1 0 4 1 0 0 2 6 -3
+1 0 0 0 2 1 0 1 1 4 1 2 3 4
+2 2 0 0 4 1 0 1 2 4 5 6 7 -2
+$EndEntities
+$Nodes
+11 6 1 6
+0 1 0 1
+1
+0 0 0
+0 2 0 1
+2
+2 0 0
+0 3 0 1
+3
+2 1 0
+0 4 0 1
+4
+0 1 0
+0 5 0 1
+5
+4 0 0
+0 6 0 1
+6
+4 1 0
+1 1 0 0
+1 3 0 0
+1 5 0 0
+2 1 0 0
+2 2 0 0
+$EndNodes
+$Elements
+5 6 1 6
+1 1 1 1
+1 1 2
+1 3 1 1
+2 3 4
+1 5 1 1
+3 2 5
+2 1 3 1
+4 1 2 3 4
+2 2 2 2
+5 2 5 3
+6 3 5 6
+$EndElements
+"""
+
+
+def test_groups_of_gmsh_are_sets_of_a_mixed_mesh(tmp_path):
+    (tmp_path / "m.msh").write_text(GMSH)
+    read = read_mesh(tmp_path / "m.msh")
+    assert [(block.element, block.nodes.tolist()) for block in read.blocks] == [
+        ("CPE4", [[0, 1, 2, 3]]),
+        ("CPE3H", [[1, 4, 2], [2, 4, 5]]),
+    ]
+    assert {name: members.tolist() for name, members in read.element_sets.items()} == {"LUMP": [0], "GEL": [1, 2]}
+    assert {name: nodes.tolist() for name, nodes in read.node_sets.items()} == {"BASE": [0, 1, 4], "INDENTER": [2, 3]}
+    assert len(read.points) == 6
+    # the newer format, as gmsh 4.15 wrote the same body
+    (tmp_path / "new.msh").write_text(NEWER)
+    again = read_mesh(tmp_path / "new.msh")
+    assert sorted(again.element_sets) == ["GEL", "LUMP"]
+    assert {name: nodes.tolist() for name, nodes in again.node_sets.items()} == {"BASE": [0, 1, 4], "INDENTER": [2, 3]}
+    assert [block.element for block in again.blocks] == ["CPE4", "CPE3H"]
+    assert len(again.element_sets["GEL"]) == 2
+
+
+def test_lines_of_an_inp_of_a_generator_become_node_sets(tmp_path):
+    lines = [
+        "*NODE", "1, 0, 0, 0", "2, 2, 0, 0", "3, 2, 1, 0", "4, 0, 1, 0",
+        "*ELEMENT, type=T3D2, ELSET=Line1", "1, 1, 2",
+        "*ELEMENT, type=CPS3, ELSET=Surface1", "2, 1, 2, 3", "3, 1, 3, 4",
+        "*ELSET, ELSET=base", "1", "*ELSET, ELSET=gel", "2, 3",
+    ]  # fmt: skip
+    (tmp_path / "m.inp").write_text("\n".join(lines))
+    read = with_types(read_mesh(tmp_path / "m.inp"), ["CPE3H"], tmp_path / "study.yaml")
+    assert [block.element for block in read.blocks] == ["CPE3H"]
+    assert read.node_sets["BASE"].tolist() == [0, 1]
+    assert {name: len(members) for name, members in read.element_sets.items()} == {"SURFACE1": 2, "GEL": 2}
+
+
+def test_a_type_that_fits_no_element_is_told(tmp_path):
+    (tmp_path / "m.msh").write_text(GMSH)
+    with pytest.raises(InputError, match=r"study.yaml: body.types: found CPE8H; expected types for .* CPE4, CPE3H"):
+        with_types(read_mesh(tmp_path / "m.msh"), ["CPE4H", "CPE8H"], tmp_path / "study.yaml")
+
+
+@pytest.mark.parametrize(
+    ("cell", "nodes", "place", "found"),
+    [("triangle", 3, 0.5, "a surface in space"), ("wedge", 6, 0.5, "wedge"), ("quad9", 9, 0.0, "quad9")],
+)
+def test_what_has_no_element_is_told(tmp_path, cell, nodes, place, found):
+    points = np.random.default_rng(1).normal(size=(nodes, 3)) * [1, 1, place]
+    meshio.Mesh(points, [(cell, np.arange(nodes)[None])]).write(tmp_path / "m.vtk", binary=False)
+    with pytest.raises(InputError, match=f"mesh: found {found}"):
+        read_mesh(tmp_path / "m.vtk")

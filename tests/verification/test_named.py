@@ -15,7 +15,7 @@ RIVALS = {"inclusion", "tilt", "compressibility", "base_slip", "wandering_pictur
 PROBES = {
     "state": "state_probe",
     "material": "material_probe",
-    "structure": "structure_probe",
+    "structure": "stiffness_field",
     "indenter": "indenter_probe",
     "loading": "loading_probe",
     "geometry": "geometry_probe",

@@ -71,7 +71,7 @@ def test_two_effects_are_found_one_after_the_other(tmp_path):
 def test_what_is_not_in_the_catalogue_is_told_by_its_family_alone(tmp_path):
     """It explains 86 % of the misfit with one of 6 seeds, else it is the largest part of it."""
     (found,) = rungs_of(tmp_path, {"waves": {"contrast": 1.2}}, 1)
-    assert (found.verdict.kind, found.verdict.effects) == ("missing", ("structure_probe",))
-    assert found.verdict.sentence.startswith("missing: stiffness from place to place, of no known form; it ")
+    assert (found.verdict.kind, found.verdict.effects) == ("missing", ("stiffness_field",))
+    assert found.verdict.sentence.startswith("missing: stiffness as a field, of no known form; it ")
     # what is there is far beyond chance: 6 seeds 47.5 times on average with a standard deviation of 3.5; five of them
     assert found.ranking[0].finding.fall > 30 * found.verdict.threshold

@@ -159,6 +159,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "has_force": panels.has("force", model.name),
         "force": panels.keys.get(f"force|{model.name}"),
         "stiffness": [panels.keys[key] for key in panels.keys if key.startswith(f"stiffness|{model.name}|")],
+        "field": [panels.keys[key] for key in panels.keys if key.startswith(f"field|{model.name}|")],
         "in_sections": compare is not None and compare.volumes,
         "diagnosis": diagnosis,
         "ranking": ranking,

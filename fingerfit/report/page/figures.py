@@ -100,7 +100,8 @@ class Frame:
         return figure, axes, scale
 
 
-def _scale(figure: Figure, shown: Any, scale: Any, label: str, extend: str = "neither") -> None:
+def colour_scale(figure: Figure, shown: Any, scale: Any, label: str, extend: str = "neither") -> None:
+    """The scale of colours of what is shown."""
     bar = figure.colorbar(shown, cax=scale, extend=extend)
     bar.set_label(label, fontsize=9)
     bar.ax.locator_params(nbins=5)
@@ -112,7 +113,7 @@ def grey_panel(frame: Frame, compare: Compare, values: np.ndarray, top: float) -
     shown = axes.imshow(values, cmap="gray", vmin=0, vmax=top, origin="lower", extent=compare.limits, aspect="auto")
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
-    _scale(figure, shown, scale, "brightness (0 to 1)")
+    colour_scale(figure, shown, scale, "brightness (0 to 1)")
     return figure
 
 
@@ -124,7 +125,7 @@ def difference_panel(frame: Frame, compare: Compare, values: np.ndarray, limit: 
     )
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
-    _scale(figure, shown, scale, "difference of brightness", "both")
+    colour_scale(figure, shown, scale, "difference of brightness", "both")
     return figure
 
 
@@ -175,7 +176,7 @@ def map_panel(frame: Frame, compare: Compare, displacement: np.ndarray, limit: f
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
     axes.set_xlabel(f"{frame.labels[0]} (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
-    _scale(figure, shown, scale, "residual displacement in mm", "max")
+    colour_scale(figure, shown, scale, "residual displacement in mm", "max")
     return figure
 
 
@@ -203,7 +204,7 @@ def brightness_panel(frame: Frame, compare: Compare, values: np.ndarray, limit: 
     shown = _cells(axes, compare, values, cmap="RdBu_r", vmin=-limit, vmax=limit)
     axes.set_xlim(*frame.limits[:2])
     axes.set_ylim(*frame.limits[2:])
-    _scale(figure, shown, scale, "residual brightness (of 1)", "both")
+    colour_scale(figure, shown, scale, "residual brightness (of 1)", "both")
     return figure
 
 
@@ -259,7 +260,7 @@ def stiffness_figure(compare: Compare, stiffness: np.ndarray) -> Figure:
     """
     figure, axes, scale = map_frame(compare).panel()
     shown = _stiffness_map(axes, borders(compare), stiffness, _sure(stiffness))
-    _scale(figure, shown, scale, _EVIDENCE)
+    colour_scale(figure, shown, scale, _EVIDENCE)
     return figure
 
 
@@ -279,7 +280,7 @@ def stiffness_in_space(sections: list[Compare], stiffness: np.ndarray) -> list[F
         here = stiffness[stiffness[:, 0] == level]
         shown = _stiffness_map(axes, borders(section), here[:, 1:], _sure(stiffness))
         axes.set_xlabel(f"{axes.get_xlabel()} (section at x = {level:.1f} mm)", fontsize=9, labelpad=2)
-        _scale(figure, shown, scale, _EVIDENCE)
+        colour_scale(figure, shown, scale, _EVIDENCE)
         found.append(figure)
     return found
 

@@ -78,6 +78,9 @@ class Compare:
         The quantity that is prescribed, ``force`` or ``displacement``.
     step_fitted : ndarray of bool, shape (steps,)
         Whether the fit used the step.
+    field_value, field_spread, field_seen : ndarray, shape (elements,)
+        Of a model with stiffness as a field: change of log mu, its standard error, and the share of what was not known
+        before that the data tell. No elements where it has none.
     """
 
     measured: np.ndarray = field(default_factory=lambda: _empty(0, 1, 1))
@@ -116,6 +119,9 @@ class Compare:
     response_noise: np.ndarray = field(default_factory=lambda: _empty(0))
     control: np.ndarray = field(default_factory=lambda: np.array("force"))
     step_fitted: np.ndarray = field(default_factory=lambda: _empty(0, kind=bool))
+    field_value: np.ndarray = field(default_factory=lambda: _empty(0))
+    field_spread: np.ndarray = field(default_factory=lambda: _empty(0))
+    field_seen: np.ndarray = field(default_factory=lambda: _empty(0))
 
     @property
     def response_name(self) -> tuple[str, str]:

@@ -24,6 +24,7 @@ from fingerfit.report.page.figures import (
 )
 from fingerfit.report.page.inputs import Compare, Model
 from fingerfit.report.page.regions import patch_size
+from fingerfit.report.page.stiffness import field_figures
 from fingerfit.report.page.views import View, cuts_at, cuts_of, views_of
 
 
@@ -118,6 +119,9 @@ class Panels:
         if compare.mapped and len(model.stiffness):
             for n, figure in enumerate(_stiffness(compare, model.stiffness)):
                 self.keys[f"stiffness|{name}|{n}"] = self.keep(figure)
+        if len(compare.field_value) == len(compare.mesh_rings) > 0:
+            for n, figure in enumerate(field_figures(compare)):
+                self.keys[f"field|{name}|{n}"] = self.keep(figure)
         if compare.meshed:
             self._keep_mesh(name, compare)
         self._draw_curves(model, compare)

@@ -1,0 +1,67 @@
+"""How many numbers of a series the data can tell: of smooth modes of stiffness, the longest waves first.
+
+The evidence for the first few of them, integrated over their likely sizes, grows with each that explains more than
+chance does, and falls with each that does not (MacKay, Neural Computation 4, 1992). The slopes of the fitted model do
+for it: a wave that they show is there, if of another size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fingerfit.diagnosis.families import SURE
+from fingerfit.diagnosis.ranking import LIKELY, Ranked
+from fingerfit.diagnosis.score_tests import ScoreTest
+
+
+def evidences(signature: np.ndarray, rest: np.ndarray, likely: np.ndarray) -> np.ndarray:
+    """Logarithm of the odds for the first 1, 2, ... numbers of a series against none, shape (numbers,).
+
+    Parameters
+    ----------
+    signature : ndarray, shape (values, numbers)
+        What each number does, in units of the noise and once the constants follow.
+    rest : ndarray, shape (values,)
+        What there is to be explained, in the same units.
+    likely : ndarray, shape (numbers,)
+        Standard deviations of the numbers before anything was measured.
+
+    >>> seen = np.eye(3)[:, :2]
+    >>> evidences(seen, np.array([9.0, 0.0, 0.0]), np.array([5.0, 5.0])).argmax() + 1
+    np.int64(1)
+    """
+    columns = signature * likely
+    normal, told = np.eye(columns.shape[1]) + columns.T @ columns, columns.T @ rest
+    found = []
+    for count in range(1, len(told) + 1):
+        part, right = normal[:count, :count], told[:count]
+        found.append(0.5 * float(right @ np.linalg.solve(part, right) - np.linalg.slogdet(part)[1]))
+    return np.array(found)
+
+
+def cut(score_test: ScoreTest, one: Ranked) -> Ranked:
+    """A candidate whose numbers are a series with as many of them as there is evidence for; others as they are.
+
+    Where nothing explains the data, the noise counts as what the whole series leaves.
+    """
+    effect, place = one.candidate.effect, one.candidate.place
+    if not effect.series:
+        return one
+    spread = max(1.0, (score_test.misfit - one.finding.fall) / max(score_test.freedom, 1))
+    likely = np.array([LIKELY * p.scale for p in effect.parameters])
+    signature, rest = (values / np.sqrt(spread) for values in (score_test.signature(one.columns), score_test.rest))
+    odds = evidences(signature, rest, likely)
+    # the fewest that are not surely worse than the best: each one more costs simulations in every move of a refit
+    count = int((odds > odds.max() - SURE).argmax()) + 1
+    part = effect.first(count)
+    few = replace(
+        one.candidate,
+        effect=part,
+        place={**place, effect.key(effect.series): float(count)},
+        asked=one.candidate.asked[:count],
+    )
+    columns = one.columns[:, :count]
+    bounds = (np.array([getattr(p, side) - p.null for p in part.parameters]) for side in ("lower", "upper"))
+    return replace(one, candidate=few, columns=columns, finding=score_test.test(columns, *bounds))

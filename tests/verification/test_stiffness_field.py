@@ -1,0 +1,123 @@
+"""Stiffness as a field: what its modes are, how many the data tell, and a hidden band that is found on its map."""
+
+import numpy as np
+import pytest
+from small_body import DESCRIPTION, compared, config_of, written
+
+from fingerfit.core.errors import InputError
+from fingerfit.diagnosis.candidates import candidates
+from fingerfit.diagnosis.comparison import rank_candidates
+from fingerfit.diagnosis.field import field_of
+from fingerfit.diagnosis.first_pass import refit_all, widened
+from fingerfit.diagnosis.series import cut, evidences
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.mesh.elements import ELEMENTS
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.modes import modes
+from fingerfit.settings.config import load_settings
+
+EFFECT = catalogue()["stiffness_field"]
+STRIPE = """\
+title: a sharp stripe
+acts: structure
+words: An oblique stripe that is stiffer, with sharp edges.
+look: Material flows around it.
+confirm: A cut.
+parameters:
+  contrast: {unit: log, absent: 0, lower: -2, upper: 2, step: 0.2}
+changes:
+  field: "contrast * where(abs((x - 6.5) * 0.8192 + (up - 6) * 0.5736) < 1.5, 1, 0)"
+"""
+CONTRAST = 1.0
+
+
+def across(places):
+    """Distance from the middle line of the stripe, mm."""
+    return (places[:, 0] - 6.5) * 0.8192 + (places[:, 1] - 6) * 0.5736
+
+
+def with_field(study, numbers):
+    given = config_of(study)
+    given["model"]["effects"] = {"stiffness_field": numbers}
+    return given
+
+
+def test_the_longest_waves_come_first_and_slope_nowhere_at_the_sides():
+    corner, size = np.array([1.0, 2.0]), np.array([12.0, 8.0])
+    ends = corner + np.array([[0.0, 0.3], [1e-4, 0.3], [1.0, 0.7], [1.0 - 1e-4, 0.7]]) * size
+    found = modes(ends, corner, corner + size, 12)
+    assert found[0, :2] == pytest.approx([1.0, np.cos(0.3 * np.pi)])
+    assert np.abs(found[0] - found[1]).max() < 1e-6  # of waves of slope 0; others differ by 1e-4 and more
+    assert np.abs(found[2] - found[3]).max() < 1e-6
+
+
+def test_the_evidence_stops_where_only_noise_is_left():
+    generator = np.random.default_rng(1)
+    columns = np.linalg.qr(generator.normal(size=(200, 20)))[0] * 30
+    rest = columns[:, :7] @ np.full(7, 0.5) + generator.normal(size=200)
+    assert evidences(columns, rest, np.full(20, 0.5)).argmax() + 1 == 7
+    # of noise alone: not even one
+    assert evidences(columns, generator.normal(size=200), np.full(20, 0.5)).max() < 0
+
+
+def test_a_model_has_as_many_modes_as_it_says(tmp_path):
+    names = [p.name for p in load_settings(with_field(tmp_path, {"modes": 3, "m2": 0.1})).parameters()]
+    assert names[2:] == ["stiffness_field.m1", "stiffness_field.m2", "stiffness_field.m3"]
+
+
+@pytest.mark.parametrize("given", [{"modes": 0}, {"modes": 2.5}, {"modes": len(EFFECT.parameters) + 1}])
+def test_a_wrong_number_of_modes_is_one_line(given, tmp_path):
+    with pytest.raises(InputError, match=r"model.effects.stiffness_field.modes: .* a whole number from 1 to 32"):
+        load_settings(with_field(tmp_path, given))
+
+
+def test_a_number_beyond_the_last_mode_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"model.effects.stiffness_field.m4"):
+        load_settings(with_field(tmp_path, {"modes": 3, "m4": 0.1}))
+
+
+@pytest.mark.slow
+def test_a_hidden_stripe_is_found_where_it_is(tmp_path):
+    """Data of CalculiX on another mesh, a stripe with sharp edges in a homogeneous body; as many modes as the evidence is for."""
+    (tmp_path / "own/effects").mkdir(parents=True)
+    (tmp_path / "own/effects/stripe.yaml").write_text(STRIPE)
+    body = {**DESCRIPTION["body"], "layers": [{"name": "gel", "height": 12, "mu": 0.03, "intensity": 0.7}]}
+    mesh = {"element": "CPE8", "across": 18, "per_layer": 18, "grading": 1}
+    hidden = {"effects": {"stripe": {"contrast": CONTRAST}}, "own": "own"}
+    given = config_of(written(tmp_path, body=body, mesh=mesh, solver="calculix", **hidden))
+    sizes = {"mesh": 8, "refined": 12}
+    given["model"] |= {
+        name: {"element": "CPE8", "across": count, "per_layer": count, "grading": 1.5} for name, count in sizes.items()
+    }
+    given["model"]["parameters"] = {"mu": given["model"]["parameters"]["mu_top"]}
+    given["fit"]["score"] = "likelihood"
+    problem, everything = begin(load_settings(given), tmp_path / "model")
+    last, _ = run_fit(problem, 1)
+    (tried,) = (one for one in candidates(problem, finest(problem, last).values)[0] if one.effect.name == EFFECT.name)
+    comparison, _ = compared(problem, last, everything, [tried])
+    assert field_of(comparison) is None
+    (one,) = rank_candidates(comparison, comparison.score_test, [tried])
+    ((one,), _) = refit_all(comparison, [cut(comparison.score_test, one)])
+    problem = widened(problem, comparison.base.values, one)
+    last, _ = run_fit(problem, 1)
+    comparison, _ = compared(problem, last, everything, [])
+    found, fine = field_of(comparison), problem.meshes[comparison.mesh]
+    (block,) = fine.blocks
+    far = across(fine.points[block.nodes[:, : ELEMENTS[block.element].corners]].mean(axis=1))
+    # the place: the stripe that the map is most alike lies within an element of the search mesh from the true one
+    ways = np.linspace(-4, 4, 81)
+    alike = [np.corrcoef(found.value, np.abs(far - way) < 1.5)[0, 1] for way in ways]
+    assert abs(ways[np.argmax(alike)]) < 12 / sizes["mesh"]
+    assert max(alike) > 0.6
+    # the contrast of the inside to the outside, an edge of half a millimetre on either side left out
+    inside, outside = np.abs(far) < 1.0, np.abs(far) > 2.0
+    weight = (inside / inside.sum() - outside / outside.sum()) @ found.basis
+    contrast, error = weight @ found.size, np.sqrt(weight @ found.covariance @ weight)
+    print(f"contrast {contrast:.2f} +- {error:.2f}; moved by {ways[np.argmax(alike)]:.1f} mm; {len(one.size)} modes")
+    assert error < 0.2  # an interval that says something: 0 is five of its standard errors away
+    assert abs(np.expm1(contrast - CONTRAST)) < 0.2 or abs(contrast - CONTRAST) < 1.96 * error
+    # the true field lies in its own interval: of normal errors in 95 % of the elements, of sharp edges in fewer
+    true = np.where(np.abs(far) < 1.5, CONTRAST, 0.0)
+    left = (found.value - found.value.mean()) - (true - true.mean())
+    assert np.mean(np.abs(left) < 1.96 * found.spread) > 0.75
