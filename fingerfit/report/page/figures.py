@@ -60,10 +60,10 @@ class Frame:
     def around(
         cls, limits: tuple[float, float, float, float], labels: tuple[str, str] = ("x in mm", "y in mm")
     ) -> Frame:
-        """A frame around limits, no flatter than 1:3 and no higher than 4:3."""
+        """A frame around limits, no flatter than 1:2 and no higher than 4:3."""
         left, right, bottom, top = limits
         wide, high = max(right - left, 1e-9), max(top - bottom, 1e-9)
-        more_high, more_wide = max(0.0, wide / 3 - high) / 2, max(0.0, high * 0.75 - wide) / 2
+        more_high, more_wide = max(0.0, wide / 2 - high) / 2, max(0.0, high * 0.75 - wide) / 2
         return cls((left - more_wide, right + more_wide, bottom - more_high, top + more_high), labels)
 
     @property
@@ -101,9 +101,11 @@ class Frame:
 
 
 def colour_scale(figure: Figure, shown: Any, scale: Any, label: str, extend: str = "neither") -> None:
-    """The scale of colours of what is shown."""
+    """The scale of colours of what is shown, its label no longer than itself."""
     bar = figure.colorbar(shown, cax=scale, extend=extend)
-    bar.set_label(label, fontsize=9)
+    long = 72 * scale.get_position().height * figure.get_figheight()
+    letters = max(map(len, label.splitlines()))  # about 0.55 of their height wide
+    bar.set_label(label, fontsize=min(9.0, long / (0.55 * letters)))
     bar.ax.locator_params(nbins=5)
 
 
@@ -285,7 +287,7 @@ def stiffness_in_space(sections: list[Compare], stiffness: np.ndarray) -> list[F
     return found
 
 
-_EVIDENCE = "evidence in standard deviations\n(softer: negative, stiffer: positive)"
+_EVIDENCE = "evidence, standard deviations\n(softer −, stiffer +)"
 
 
 def _sure(stiffness: np.ndarray) -> float:
