@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from programs import FRAMES, INSTRON, PROGRAMS, X, Y, field, write
 from scipy.io import savemat
+from seeds import generator as seeded
 
 from fingerfit.core.errors import InputError
 from fingerfit.readers.machine import ramps, read_machine
@@ -266,7 +267,7 @@ def test_points_that_are_not_in_each_file_are_left_out(tmp_path):
 
 def test_what_moves_otherwise_than_all_around_it_is_an_outlier():
     x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 9, 30), np.linspace(0, 9, 30)))
-    rng = np.random.default_rng(1)
+    rng = seeded(1)
     places = np.stack([x, y], axis=1)
     moved = np.stack([0.1 * x**2, -0.3 * y], axis=1) + rng.normal(0, 0.01, places.shape)
     few = [17, 400, 733]
@@ -353,7 +354,7 @@ def test_a_damaged_record_is_one_line(tmp_path, change, says):
 
 def test_ramps_end_where_the_load_turns():
     once = np.concatenate([np.linspace(0, 10, 50), np.linspace(10, 1, 40)])
-    noisy = np.tile(once, 3) + np.random.default_rng(2).normal(0, 0.05, 270)
+    noisy = np.tile(once, 3) + seeded(2).normal(0, 0.05, 270)
     found = ramps(noisy)
     assert len(found) == 3
     assert [stop for _, stop in found] == pytest.approx([49, 139, 229], abs=2)

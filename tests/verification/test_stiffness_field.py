@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from seeds import generator as seeded
 from small_body import DESCRIPTION, compared, config_of, written
 
 from fingerfit.core.errors import InputError
@@ -53,7 +54,7 @@ def test_the_longest_waves_come_first_and_slope_nowhere_at_the_sides():
 
 
 def test_the_evidence_stops_where_only_noise_is_left():
-    generator = np.random.default_rng(1)
+    generator = seeded(1)
     columns = np.linalg.qr(generator.normal(size=(200, 20)))[0] * 30
     rest = columns[:, :7] @ np.full(7, 0.5) + generator.normal(size=200)
     assert evidences(columns, rest, np.full(20, 0.5)).argmax() + 1 == 7
