@@ -58,7 +58,8 @@ def largest_distance(mesh, true):
     return surface_distance(mesh.points[nodes], true.points[faces_on(true, true.surfaces["SKIN"])])
 
 
-@pytest.mark.parametrize("name", ["thick skin", pytest.param("slender", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["thick skin", "slender"])
 def test_reference_takes_the_shape_of_another_finger(reference, name):
     anatomy, turn, shift = FINGERS[name]
     true = finger(anatomy, turn, np.array(shift))

@@ -213,6 +213,7 @@ def test_what_is_left_is_in_millimetres(world):
     assert np.nanmedian(residual.value[..., 1]) == pytest.approx(-0.05, abs=0.004)
 
 
+@pytest.mark.slow
 def test_noise_agrees_with_a_monte_carlo(world):
     """Each patch's covariance comes from 40 draws, 22 % for a variance: means over the patches are compared.
 

@@ -318,9 +318,10 @@ def hertz_block(size, cells, element, layers):
     return Mesh(np.column_stack([out(x, size), along, -out(1 - z, size)]), mesh.blocks, sets, mesh.element_sets)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "element, cells, pair",
-    [("C3D8", 14, "NODE"), pytest.param("C3D20R", 8, "SURFACE", marks=pytest.mark.slow)],
+    [("C3D8", 14, "NODE"), ("C3D20R", 8, "SURFACE")],
 )
 def test_hertz_in_space(run, element, cells, pair):
     """A quarter of a rigid sphere on a block: force, and with nodes in contact the radius and the largest pressure.

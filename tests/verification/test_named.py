@@ -60,7 +60,8 @@ def named(folder, family, hidden, known, own):
     return first, best.candidate.effect, best.refitted
 
 
-@pytest.mark.parametrize("case", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in MORE)])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [*CASES, *MORE])
 def test_it_is_named(case, tmp_path):
     family, hidden, names, own = {**CASES, **MORE}[case]
     first, effect, refit = named(tmp_path, family, hidden, names, own)

@@ -10,6 +10,8 @@ from small_body import SMALL, config_of, written
 import fingerfit
 from fingerfit.core.errors import InputError
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 
 

@@ -127,6 +127,7 @@ def knowing(problem, chosen):
     return other
 
 
+@pytest.mark.slow
 def test_the_diagnosis_treats_them_alike(slipping):
     """Same candidates, untested ones, simulations, falls, map and cure: none of it depends on a name."""
     problem, last, everything = slipping
@@ -158,6 +159,7 @@ def test_the_diagnosis_treats_them_alike(slipping):
         assert by_settings(verdict, test, ranking, 1).sentence.startswith("the mesh is too coarse: ")
 
 
+@pytest.mark.slow
 def test_the_whole_diagnosis_is_the_same(slipping):
     """With all refits and partners: the same verdict under its own name, and not one simulation more."""
     problem, last, everything = slipping

@@ -71,6 +71,7 @@ def diagnosed(folder):
     return run, count_simulations(folder / "results/study", settings.model.path, own, problem.asked), found
 
 
+@pytest.mark.slow
 def test_adding_what_was_refitted_runs_nothing(folder):
     run, counted, found = diagnosed(folder)
     assert counted == {"run": run, "reused": 0}

@@ -16,6 +16,8 @@ from fingerfit.diagnosis.ranking import best_places
 from fingerfit.fit.minimum import finest
 from fingerfit.imaging.pictures import read_picture, write_picture
 
+pytestmark = pytest.mark.slow
+
 LARGER, SLOWER = 5.0, 3.0
 """Factors on lengths and on times; stresses stay, so that forces grow with the square of lengths."""
 FORCE = LARGER**2

@@ -105,6 +105,7 @@ def test_it_has_what_a_clone_has(built):
     assert {name.split("/")[0] for name in inside} == {"fingerfit", "fingerfit-0.1.0.dist-info"}
 
 
+@pytest.mark.slow
 def test_a_study_is_fitted_where_no_clone_is(programs, tmp_path):
     made = called(tmp_path, programs / "fingerfit", "new", "mine", "--example", "phantom")
     assert made.returncode == 0, made.stderr

@@ -103,6 +103,7 @@ def test_what_a_command_loads_is_what_its_stage_depends_on(made):
         )
 
 
+@pytest.mark.slow
 def test_a_copy_recomputes_nothing_and_an_edit_what_depends_on_it(made, tmp_path):
     """Copied without times, file by file in an order that is the worst: each result is older than what it is made from."""
     place = tmp_path / "copy"

@@ -210,6 +210,7 @@ def test_nothing_to_do_afterwards(place):
     assert nothing_to_do(place)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_of_a_model_that_lacks_nothing(place):
     """`snakemake diagnose` with the shipped profile: no search again, a verdict, the ladder and its page."""
     before = estimate(place)
