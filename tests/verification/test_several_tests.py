@@ -73,14 +73,17 @@ def spread(result, name):
 
 
 def test_two_tests_tell_compressibility_and_stiffening_where_one_cannot(results):
-    """Alone the errors of the two are one: correlation 0.999 and 0.998; together 0.2, and 30 to 140 times smaller."""
-    together = results["both"]
+    """Alone the errors of the two are one (correlation 0.999 and 0.998), together 30 to 140 times smaller (0.2).
+
+    With other noise a test alone ends at a bound, far from the truth; there its standard errors say nothing.
+    """
+    together, truth = results["both"], {"mu": 0.03, "stiffening.shift": SHIFT, "compressibility.loss": LOSS}
     for alone in (results["glued"], results["greased"]):
-        assert alone.correlation.loc["stiffening.shift", "compressibility.loss"] > 0.98
         for name in ("stiffening.shift", "compressibility.loss"):
-            assert spread(together, name) < 0.2 * spread(alone, name)
+            off = abs(alone.constants.value[name] - truth[name])
+            assert max(off, spread(alone, name)) > 5 * spread(together, name)
+    # 3 seeds: 0.16 to 0.18
     assert abs(together.correlation.loc["stiffening.shift", "compressibility.loss"]) < 0.6
-    truth = {"mu": 0.03, "stiffening.shift": SHIFT, "compressibility.loss": LOSS}
     for name, value in truth.items():
         assert abs(together.constants.value[name] - value) < 4 * spread(together, name)
 
