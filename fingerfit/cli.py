@@ -141,6 +141,23 @@ def _add_studies(command: Command) -> None:
     )
 
     sub = command(
+        "mesh",
+        "mesh a segmentation of any body (docs/any-body.md)",
+        "fingerfit mesh labels.nii.gz --labels 1=FAT,2=GLAND,3=LUMP --holes 4=TOP --size 8 --out body.inp",
+    )
+    sub.add_argument(
+        "segmentation", type=Path, help="picture of labels in the plane or in space (NIfTI, .seg.nrrd, ...)"
+    )
+    sub.add_argument("--out", type=Path, required=True, help="the mesh (.inp)")
+    sub.add_argument("--size", type=float, required=True, help="of elements at borders, mm")
+    sub.add_argument("--labels", metavar="1=FAT,...", help="element set of each label (names of a .seg.nrrd; LABEL_1)")
+    sub.add_argument("--holes", metavar="3=TOP,...", help="labels left out, as pads; nodes there become a node set")
+    sub.add_argument("--base", metavar="SIDE", help="where node set BOTTOM is: x-, x+, y-, ... (last axis, -)")
+    sub.add_argument("--indenter", metavar="SIDE", help="where node set TOP is (last axis, +)")
+    sub.add_argument("--element", default="", help="C3D10, C3D10H, C3D4H, C3D4; CPE6, CPE6H, CPE3H, CPE3 (the first)")
+    sub.add_argument("--grading", type=float, default=0.3, help="growth of elements away from borders, 0 to 1 (0.3)")
+
+    sub = command(
         "morph",
         "bring the mesh of a finger to the shape in a volume (docs/fingertip.md)",
         "fingerfit morph reference.inp before.nii.gz --at 25.49 0 --out subject.inp",

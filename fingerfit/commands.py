@@ -350,6 +350,16 @@ def finger(args: argparse.Namespace) -> None:
     print(write_finger(args.out, args.anatomy, args.size, args.element.upper(), args.across, at))
 
 
+def mesh(args: argparse.Namespace) -> None:
+    """Mesh a segmentation."""
+    from fingerfit.anatomy.description import tissues_of
+    from fingerfit.segment.file import write_mesh
+
+    labels, holes = (tissues_of(text) if text else None for text in (args.labels, args.holes))
+    given = (labels, holes, args.base, args.indenter, args.element, args.grading)
+    print(write_mesh(args.segmentation, args.out, args.size, *given))
+
+
 def morph(args: argparse.Namespace) -> None:
     """Bring a finger's mesh to a subject."""
     from fingerfit.anatomy.description import read_finger, tissues_of

@@ -16,7 +16,7 @@ def load_netgen() -> Any:
         import netgen.meshing
         import netgen.occ
     except ImportError as error:
-        raise SolverError(f"meshing a finger needs netgen (pip install fingerfit[anatomy]): {error}") from error
+        raise SolverError(f"meshing needs netgen (pip install fingerfit[anatomy]): {error}") from error
     return netgen
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from fingerfit.core.errors import InputError
-from fingerfit.imaging.pictures import Picture, read_picture
+from fingerfit.imaging.pictures import read_picture
 from fingerfit.mesh.inside import points_inside, sizes
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.segment.labels import read_labels
 from fingerfit.study.regions import area, inside
 from fingerfit.study.study import Region, Study
 
@@ -97,18 +97,3 @@ def labelled(study: Study, region: Region, points: np.ndarray, field: str) -> np
     there_is = ((index >= 0) & (index < shape)).all(axis=1)
     index = np.clip(index, 0, shape - 1)
     return there_is & (labels.values[tuple(index.T[::-1])] == region.label)
-
-
-def read_labels(path: Path) -> Picture:
-    """A picture of labels: whole numbers, 0 where nothing is.
-
-    Raises
-    ------
-    InputError
-        For what is no picture, or has other numbers.
-    """
-    labels = read_picture(path)
-    wrong = labels.values[(labels.values != np.rint(labels.values)) | (labels.values < 0)]
-    if len(wrong):
-        raise InputError(path, "labels", f"{wrong[0]:g}", "whole numbers, 0 or more")
-    return labels

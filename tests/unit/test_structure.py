@@ -17,7 +17,7 @@ ROOMS = (
     ("model",),
     ("deck", "search"),
     ("anatomy", "imaging", "solvers"),
-    ("morph", "readers", "settings"),
+    ("morph", "readers", "segment", "settings"),
     ("prepare", "testing"),
     ("forward",),
     ("fit",),

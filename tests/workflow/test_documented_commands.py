@@ -125,6 +125,19 @@ SESSIONS = {
         "> cp studies/fingertip/pictures/before.nii.gz .",
         "fingerfit morph reference.inp before.nii.gz --at 25.49 0 --out subject.inp",
     ],
+    "breast": [
+        "mkdir -p breast",
+        "cp examples/breast/experiment.yaml breast/experiment.yaml",
+        "python examples/breast/make_labels.py breast/labels.nii.gz",
+        "fingerfit mesh breast/labels.nii.gz --labels 1=FAT,2=GLAND,3=LUMP --holes 4=TOP --size 11 --out breast/body.inp",
+        "fingerfit mesh breast/labels.nii.gz --labels 1=FAT,2=GLAND,3=LUMP --holes 4=TOP --size 9 --out breast/truth.inp",
+        "fingerfit experiment breast/experiment.yaml --out studies/breast",
+        "cp examples/breast/config.yaml studies/breast/config.yaml",
+        "fingerfit check studies/breast --picture mesh.png",
+        "fingerfit run studies/breast",
+        "> cp breast/labels.nii.gz .",
+        "fingerfit mesh labels.nii.gz --labels 1=FAT,2=GLAND,3=LUMP --holes 4=TOP --size 8 --out body.inp",
+    ],
     "case": ["python benchmarks/hidden_effects.py --only relaxation --write studies/hidden"],
     "experiment": [
         "> rm studies/mine/study.yaml",
@@ -156,10 +169,11 @@ LEFT = {
     "tilt": {"tilt/config.yaml": ["tilt: {slope:"], "results/tilt/base/diagnosis.json": ["verdict"]},
     "new": {"mesh.png": [], "mine/config.yaml": ["# CHECK"]},
     "fingertip": {"subject.inp": ["C3D10H"], "studies/fingertip-coarse/subject.inp": ["C3D4"]},
+    "breast": {"mesh.png": [], "results/breast/base/table.txt": ["mu_lump"], "body.inp": ["C3D10"]},
     "case": {"studies/hidden/relaxation/study.yaml": ["layers"]},
 }
 """What a session leaves, and texts in it."""
-SLOW = ("tests", "run", "study", "shared", "calculix", "diagnose", "tilt", "fingertip", "case")
+SLOW = ("tests", "run", "study", "shared", "calculix", "diagnose", "tilt", "fingertip", "case", "breast")
 INSTALLED = "tests/workflow/test_installed.py"
 FINGERTIP, FOREIGN = "benchmarks/fingertip.py", "benchmarks/foreign/run.py"
 GOAL = ('"snakemake", goal, "--cores", str(cores), "--configfile"', 'choices=("diagnose", "discover")')

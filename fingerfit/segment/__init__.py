@@ -1,0 +1,1 @@
+"""Meshes of segmentations: labels, the surfaces between them, and elements within."""

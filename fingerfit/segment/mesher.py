@@ -1,0 +1,201 @@
+"""A mesh of a segmentation: netgen fills what lies between the borders of its labels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from fingerfit.anatomy.surface import load_netgen
+from fingerfit.core.errors import InputError, SolverError
+from fingerfit.imaging.pictures import Picture
+from fingerfit.mesh.inside import sizes
+from fingerfit.mesh.mesh import Block, Mesh
+from fingerfit.mesh.tetrahedra import oriented, to_quadratic
+from fingerfit.segment.borders import Borders, borders_of
+from fingerfit.segment.labels import cells_of
+
+ELEMENTS = {2: ("CPE6", "CPE6H", "CPE3", "CPE3H"), 3: ("C3D10", "C3D10H", "C3D4", "C3D4H")}
+"""Elements in the plane and in space; the first one where none is wanted."""
+SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
+NEAR = 0.5
+"""How far below the top of the body its nodes are still under an indenter, in elements."""
+
+
+def mesh_labels(
+    picture: Picture,
+    size: float,
+    tissues: Mapping[int, str],
+    holes: Mapping[int, str] | None = None,
+    element: str = "",
+    grading: float = 0.3,
+    sides: Mapping[str, str] | None = None,
+    where: Path | str = "segmentation",
+) -> Mesh:
+    """Mesh of the labels of a picture: an element set for each, sides of elements along their borders.
+
+    Parameters
+    ----------
+    picture : Picture
+        Whole numbers.
+    size : float
+        Of elements at borders, mm.
+    tissues : mapping of int to str
+        Element set of each label.
+    holes : mapping of int to str, optional
+        Labels that are left out, as pads are; the nodes on their border are a node set of this name.
+    element : str
+        One of `ELEMENTS`.
+    grading : float
+        How fast elements grow away from borders: 0 not at all, 1 fast.
+    sides : mapping of str to str, optional
+        Node sets of nodes at a side of the box around the body, as ``{"BOTTOM": "z-"}``.
+    where : Path or str
+        Named in errors.
+
+    Raises
+    ------
+    InputError
+        For labels that no name belongs to, names of labels that are not there, and sides or elements that are none.
+    SolverError
+        When netgen is not installed or cannot fill the body.
+    """
+    holes, sides = holes or {}, sides or {}
+    dim = picture.dim
+    element = element or ELEMENTS[dim][0]
+    if element not in ELEMENTS[dim]:
+        raise InputError(where, "element", element, "one of " + ", ".join(ELEMENTS[dim]))
+    for side in sides.values():
+        if side not in SIDES[: 2 * dim]:
+            raise InputError(where, "side", side, "one of " + ", ".join(SIDES[: 2 * dim]))
+    there = set(np.unique(np.rint(picture.values)).astype(int).tolist()) - {0}
+    for none in sorted({*tissues, *holes} - there):
+        raise InputError(where, "labels", f"{none}, which no pixel has", "one of " + ", ".join(map(str, sorted(there))))
+    if strange := sorted(there - {*tissues, *holes}):
+        raise InputError(where, "labels", f"{strange[0]} without a name", f"{strange[0]}=NAME, or it as a hole")
+    cells = cells_of(picture, size, tuple(holes), Path(where))
+    borders = borders_of(cells)
+    points = cells.to_points(borders.nodes)
+    points, nodes, label = (_plane if dim == 2 else _space)(points, borders, size, grading)
+    missing = sorted(set(tissues) - set(label.tolist()))
+    if missing:
+        expected = f"elements smaller than {size:g} mm, or labels with more pixels"
+        raise InputError(where, "labels", f"{missing[0]}, which is too small for an element", expected)
+    order = np.argsort(label, kind="stable")
+    nodes, label = nodes[order], label[order]
+    sets = {
+        name: np.flatnonzero(np.isin(label, [k for k in tissues if tissues[k] == name])) for name in tissues.values()
+    }
+    found = Mesh(points, (Block("C3D4" if dim == 3 else "CPE3", nodes),), {}, sets)
+    hole_nodes = {name: np.unique(borders.sides[(borders.labels == -k).any(axis=1)]) for k, name in holes.items()}
+    if empty := [name for name, nodes in hole_nodes.items() if not len(nodes)]:
+        raise InputError(where, "holes", f"{empty[0]}, which touches no tissue", "a label beside one")
+    outside = np.unique(borders.sides[(borders.labels <= 0).any(axis=1)])
+    named = {**_sides(found, outside, sides, size), **hole_nodes}
+    found = Mesh(found.points, found.blocks, named, sets)
+    if element.removesuffix("H") in ("CPE3", "C3D4"):
+        return Mesh(found.points, (Block(element, nodes),), named, sets)
+    found = to_quadratic(found) if dim == 3 else _six(found)
+    return Mesh(found.points, (Block(element, found.blocks[0].nodes),), found.node_sets, sets)
+
+
+def _sides(mesh: Mesh, outside: np.ndarray, sides: Mapping[str, str], size: float) -> dict[str, np.ndarray]:
+    found = {}
+    for name, side in sides.items():
+        axis, sign = "xyz".index(side[0]), 1.0 if side[1] == "+" else -1.0
+        height = sign * mesh.points[outside, axis]
+        found[name] = outside[height > height.max() - NEAR * size * (1e-3 if _flat(height, size) else 1.0)]
+    return found
+
+
+def _flat(height: np.ndarray, size: float) -> bool:
+    """Whether a side is flat: three or more nodes lie on it."""
+    return bool((height > height.max() - 1e-6 * size).sum() >= 3)
+
+
+def _plane(
+    points: np.ndarray, borders: Borders, size: float, grading: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    load_netgen()
+    from netgen import geom2d
+
+    shape = geom2d.SplineGeometry()
+    for point in points:
+        shape.AppendPoint(*map(float, point))
+    for (a, b), (left, right) in zip(borders.sides.tolist(), borders.labels.tolist(), strict=True):
+        shape.Append(["line", a, b], leftdomain=max(left, 0), rightdomain=max(right, 0), bc=1)
+    return _made(lambda: shape.GenerateMesh(maxh=3 * size, grading=grading, quad_dominated=False), 2, points)
+
+
+def _space(
+    points: np.ndarray, borders: Borders, size: float, grading: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    meshing = load_netgen().meshing
+    mesh = meshing.Mesh(dim=3)
+    numbers = [mesh.Add(meshing.MeshPoint(meshing.Pnt(*map(float, point)))) for point in points]
+    pairs, which = np.unique(np.maximum(borders.labels, 0), axis=0, return_inverse=True)
+    faces = [
+        mesh.Add(meshing.FaceDescriptor(surfnr=n, domin=int(a), domout=int(b), bc=n))
+        for n, (a, b) in enumerate(pairs, 1)
+    ]
+    for side, pair in zip(borders.sides, which.ravel(), strict=True):
+        for triangle in _halves(points, side):
+            mesh.Add(meshing.Element2D(faces[pair], [numbers[n] for n in triangle]))
+    for label in sorted(set(pairs.ravel().tolist()) - {0}):
+        mesh.SetMaterial(label, str(label))
+    return _made(
+        lambda: (mesh.GenerateVolumeMesh(mp=meshing.MeshingParameters(maxh=3 * size, grading=grading)), mesh)[1],
+        3,
+        points,
+    )
+
+
+def _halves(points: np.ndarray, side: np.ndarray) -> list[list[int]]:
+    """A side with four corners as two triangles, cut along the shorter diagonal."""
+    a, b, c, d = side.tolist()
+    if np.linalg.norm(points[a] - points[c]) <= np.linalg.norm(points[b] - points[d]):
+        return [[a, b, c], [a, c, d]]
+    return [[a, b, d], [b, c, d]]
+
+
+def _made(work, dim: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]
+    """Points, corners of elements and their labels."""
+    try:
+        mesh = work()
+    except Exception as error:
+        raise SolverError(f"netgen could not fill the body: {error}; try another size") from error
+    found = np.array(mesh.Coordinates(), dtype=float).reshape(-1, dim)
+    elements = mesh.Elements2D() if dim == 2 else mesh.Elements3D()
+    if not len(found) or not len(elements):
+        raise SolverError("netgen made no elements; try another size")
+    rows = [([v.nr - 1 for v in e.vertices], int(getattr(e.index, "nr", e.index))) for e in elements]
+    apart, first = cKDTree(found).query(points)
+    if apart.max() > 1e-9 * np.ptp(points):
+        raise SolverError("netgen moved the borders between labels; try another size")
+    order = np.concatenate([first, np.setdiff1d(np.arange(len(found)), first)])  # those of borders first
+    number = np.argsort(order)
+    found = found[order]
+    nodes, label = number[[row[0] for row in rows]], np.array([row[1] for row in rows])
+    if dim == 3:
+        return found, oriented(found, nodes), label
+    turned = sizes(Mesh(found, (Block("CPE3", nodes),))) < 0
+    nodes[turned] = nodes[turned][:, [0, 2, 1]]
+    return found, nodes, label
+
+
+def _six(mesh: Mesh) -> Mesh:
+    """Triangles with nodes in the middle of sides, which are in a node set where both ends of an outer side are."""
+    corner = mesh.blocks[0].nodes
+    ends = np.sort(np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edges, which, times = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    first = len(mesh.points)
+    nodes = np.concatenate([corner, first + which.reshape(-1, 3)], axis=1)
+    alone = times == 1
+    sets = {
+        name: np.concatenate([members, first + np.flatnonzero(alone & np.isin(edges, members).all(axis=1))])
+        for name, members in mesh.node_sets.items()
+    }
+    points = np.concatenate([mesh.points, mesh.points[edges].mean(axis=1)])
+    return Mesh(points, (Block("CPE6", nodes),), sets, mesh.element_sets)
