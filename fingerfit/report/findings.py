@@ -27,7 +27,7 @@ from fingerfit.model.effect import LOADING, Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.report.drawing import outline
 from fingerfit.settings.choices import read_checked
-from fingerfit.study.several import AT, TESTS
+from fingerfit.study.several import TESTS, array_ending
 
 SHOWN = 6
 """Effects whose patterns are kept, and so drawn."""
@@ -45,7 +45,7 @@ def write_compare(comparison: Comparison, path: Path) -> None:
     for name, test, spread in zip(
         names, comparison.every, by_test(comparison, comparison.score_test.spread), strict=True
     ):
-        found |= {f"{key}{AT}{name}": values for key, values in _compared(test, spread).items()}
+        found |= {f"{key}{array_ending(name)}": values for key, values in _compared(test, spread).items()}
     write_npz(path, {TESTS: np.array(names), **found})
 
 
@@ -167,7 +167,7 @@ def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:
 def _patterns(comparison: Comparison, one: Ranked) -> dict[str, dict[str, np.ndarray]]:
     """What an effect would leave, by its parts, for each test by the ending of its names: none where there is one."""
     every = by_test(comparison, one.columns @ one.finding.size)
-    names = [f"{AT}{test.problem.test}" if test.problem.test else "" for test in comparison.every]
+    names = [array_ending(test.problem.test) for test in comparison.every]
     return {name: parts_left(test, own) for name, test, own in zip(names, comparison.every, every, strict=True)}
 
 
