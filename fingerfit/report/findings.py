@@ -15,6 +15,7 @@ from fingerfit.diagnosis.diagnose import Diagnosis
 from fingerfit.diagnosis.errors import are_fitted, errors, fitted_steps
 from fingerfit.diagnosis.families import families
 from fingerfit.diagnosis.field import field_of
+from fingerfit.diagnosis.ranges import ranges
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.diagnosis.verdict import unseen
@@ -295,12 +296,14 @@ def rung_of(found: Diagnosis, estimate: dict[str, Any], simulations: dict[str, i
     """The model's rung of the ladder; `simulations` says how many its fit ran and how many it reused."""
     fitted, held_out = errors(found.comparison)
     settings, score_test = found.comparison.problem.settings, found.score_test
-    count = len(settings.parameters())
+    count, entries = len(settings.parameters()), estimate["parameters"]
+    doubtful = found.verdict.kind != "adequate"
     return {
         "model": settings.model.full_name,
         "made_with": made_with(settings.model_dump(mode="json")),
         "effects": list(settings.model.effects),
-        "parameters": estimate["parameters"],
+        "parameters": entries,
+        "ranges": ranges(found.comparison, found.refits.values(), entries) if doubtful else {},
         "error": {"fitted": fitted, "held_out": held_out},
         "misfit": score_test.misfit,
         "freedom": score_test.freedom,

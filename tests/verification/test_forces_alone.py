@@ -7,6 +7,7 @@ from searches import ends_alike_in_half
 from seeds import generator
 
 from fingerfit.diagnosis.diagnose import diagnose, errors
+from fingerfit.diagnosis.ranges import excess_of
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
 
@@ -75,6 +76,7 @@ def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
 def test_nothing_is_missing_where_nothing_is(tmp_path):
     found = diagnosed(tmp_path, 1.4)
     assert found.verdict.kind == "adequate"
+    assert excess_of(found.comparison) == 0.0
     assert errors(found.comparison)[0] < 1.0  # 16 seeds: 0.41, 0.12
 
 
