@@ -29,6 +29,7 @@ from fingerfit.model.laws import LAWS, impossible
 from fingerfit.model.observation import Observation
 from fingerfit.prepare.plausible import refuse_magnitudes
 from fingerfit.prepare.prepare import make_mesh, prepare
+from fingerfit.prepare.regions import region_lines
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.choices import CONFIG
 from fingerfit.settings.config import FitSettings, MeshSettings, Settings, load_settings
@@ -172,7 +173,8 @@ def _coarse(study: Study) -> MeshSettings | None:
     """A mesh that says where the body is, no more."""
     if study.body.mesh is not None:
         return None
-    return MeshSettings(element="C3D8" if study.body.brick else "CPE4", across=4, per_layer=2)
+    across, high = (20, 10) if study.body.regions else (4, 2)
+    return MeshSettings(element="C3D8" if study.body.brick else "CPE4", across=across, per_layer=high)
 
 
 def _study(checked: Checked, title: str) -> list[str]:
@@ -193,7 +195,7 @@ def _body(checked: Checked) -> list[str]:
         lines.append(f"mesh: {_size(mesh)}")
     if checked.finer is not None:
         lines.append(f"finer mesh: {_size(checked.finer)}")
-    return lines
+    return lines + region_lines(study, [mesh for mesh in (mesh, checked.finer) if mesh is not None])
 
 
 def _size(mesh: Mesh) -> str:

@@ -71,6 +71,7 @@ def _plane(study: Study, mesh: Mesh, data: Data, finer: Mesh | None) -> Figure:
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x in mm", aspect="equal")
         axes.locator_params(nbins=6)  # else the layout is made with other ticks than are drawn
     panels[0].set_ylabel("y in mm")
+    _draw_regions(panels[0], mesh, study)
     _draw_sets(panels[0], mesh, study, (0, 1))
     for number, (name, chosen) in enumerate(sorted(mesh.surfaces.items())):
         lines = [mesh.points[nodes] for nodes in _faces(mesh, chosen)]
@@ -81,6 +82,17 @@ def _plane(study: Study, mesh: Mesh, data: Data, finer: Mesh | None) -> Figure:
         _draw_points(panels[1], data, (0, 1), mesh)
     _legend(figure, panels[:1])
     return figure
+
+
+def _draw_regions(axes: Any, mesh: Mesh, study: Study) -> None:
+    """Elements of each region, and its outline."""
+    corners = [mesh.points[row[: ELEMENTS[block.element].corners]] for block in mesh.blocks for row in block.nodes]
+    for number, region in enumerate(study.body.regions):
+        colour, members = _SETS[-1 - number % len(_SETS)], mesh.element_sets[region.name.upper()]
+        axes.add_collection(PolyCollection([corners[n] for n in members], facecolor=colour, alpha=0.4))
+        axes.plot([], [], "s", color=colour, alpha=0.6, label=f"region {region.name}")
+        if region.outline:
+            axes.plot(*np.array([*region.outline, region.outline[0]]).T, color=colour, linewidth=1.5)
 
 
 def _space(study: Study, mesh: Mesh, data: Data, finer: Mesh | None) -> Figure:

@@ -23,7 +23,7 @@ from fingerfit.deck.questions import (
     side,
     temperature,
 )
-from fingerfit.mesh.elements import ELEMENTS
+from fingerfit.mesh.inside import points_inside
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import CONSTANTS, Effect
@@ -31,6 +31,7 @@ from fingerfit.model.formulas import evaluate, names_in
 from fingerfit.model.laws import LAWS, OGDEN
 from fingerfit.model.modes import NAME, modes
 from fingerfit.model.observation import places
+from fingerfit.model.regions import INSIDE
 from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
 
@@ -109,7 +110,7 @@ def deck_context(
         "increment": "1." if increment == 1 else f"{increment:.6g}",
         "top": [int(node) + 1 for node in mesh.node_sets["TOP"]],
         "indenter": indenter + 1,
-        "layers": _pieces(layers, mesh, present, values),
+        "layers": _pieces(layers, mesh, present, values, _regions(study, mesh, layers, values, material, present, law)),
         "values": {**_contact(mesh), **values},
         "effects": {name: effect.own(values) for name, effect in effects.items()},
         "parts": [effect.part for effect in present if effect.part],
@@ -185,10 +186,13 @@ def _layer(
     material: Mapping[str, float],
     present: list[Effect],
     law: str,
+    region: str = "",
 ) -> dict[str, Any]:
     found: dict[str, float] = {}
     for quantity in LAWS[law]:
         for source, key in (
+            (values, f"{quantity}_{region}"),
+            (material, f"{quantity}_{region}"),
             (values, f"{quantity}_{name}"),
             (values, quantity),
             (material, f"{quantity}_{name}"),
@@ -256,16 +260,45 @@ def _swelling(study: Study, mesh: Mesh, present: list[Effect], values: Mapping[s
     return found
 
 
+_Own = tuple[np.ndarray, list[dict[str, Any]]]
+"""A region's elements, and in each layer the constants that it has there."""
+
+
+def _regions(
+    study: Study,
+    mesh: Mesh,
+    layers: list[dict[str, Any]],
+    values: Mapping[str, float],
+    material: Mapping[str, float],
+    present: list[Effect],
+    law: str,
+) -> list[_Own]:
+    """Regions with constants of their own; the others are as the layers that they lie in."""
+    found = []
+    for region in study.body.regions:
+        if any(f"{quantity}_{region.name}" in source for source in (values, material) for quantity in LAWS[law]):
+            own = [
+                _layer(number, len(layers), name, values, material, present, law, region.name)
+                for number, name in enumerate(study.layer_names, 1)
+            ]
+            found.append((np.asarray(mesh.element_sets[region.name.upper()]), own))
+    return found
+
+
 def _pieces(
-    layers: list[dict[str, Any]], mesh: Mesh, present: list[Effect], values: Mapping[str, float]
+    layers: list[dict[str, Any]],
+    mesh: Mesh,
+    present: list[Effect],
+    values: Mapping[str, float],
+    regions: list[_Own],
 ) -> list[dict[str, Any]]:
-    """Layers, or where an effect changes mu from place to place the parts of them with one mu each.
+    """Layers, or their parts with constants of their own: regions, and where an effect changes mu from place to place.
 
     Effects that change nothing, as that of a layer which is not there, leave the layers whole.
     """
-    if not any("field" in effect.changes for effect in present):
+    if not (regions or any("field" in effect.changes for effect in present)):
         return layers
-    inside = _inside(mesh)
+    inside = points_inside(mesh)
     low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
     named = {name for effect in present for name in names_in(effect.changes.get("field", ""))}
     waved = max((int(name[len(NAME) :]) for name in named if re.fullmatch(NAME + r"\d{1,2}", name)), default=0)
@@ -288,19 +321,29 @@ def _pieces(
             "number": number,
             "layers": len(layers),
             **{f"{NAME}{n}": values for n, values in enumerate(modes(place, low, high, waved).T, 1)},
+            **{name: np.repeat(_held(mesh, name, members), count) for name in named if name.startswith(INSIDE)},
         }
         total = np.zeros(len(place))
         for effect in present:
             if "field" in effect.changes:
                 total = total + _changed("field", 0.0, names, [effect], values)
         field = np.bincount(np.repeat(np.arange(len(members)), count), total) / count
-        levels, which = np.unique(np.round(field, 4), return_inverse=True)
+        own = np.zeros(len(members), dtype=int)
+        for one, (held, _) in enumerate(regions, 1):
+            own[np.isin(members, held)] = one
+        levels, which = np.unique(np.stack([own, np.round(field, 4)]), axis=1, return_inverse=True)
         changed = changed or bool(np.any(levels))
-        for level, value in enumerate(levels, 1):
-            mu = layer["mu"] * float(np.exp(value))
-            piece = {"name": f"{layer['name']}_{level}", "mu": mu, "d": compressibility(mu, layer["poisson"])}
-            found.append({**layer, **piece, "elements": [int(m) + 1 for m in members[which == level - 1]]})
+        for level, (region, value) in enumerate(levels.T, 1):
+            constants = regions[int(region) - 1][1][number - 1] if region else layer
+            mu = constants["mu"] * float(np.exp(value))
+            piece = {"name": f"{layer['name']}_{level}", "mu": mu, "d": compressibility(mu, constants["poisson"])}
+            found.append({**constants, **piece, "elements": [int(m) + 1 for m in members[which == level - 1]]})
     return found if changed else layers
+
+
+def _held(mesh: Mesh, name: str, members: np.ndarray) -> np.ndarray:
+    """1 for the elements of a region that a formula names, 0 for others; all 0 in a test whose body lacks it."""
+    return np.isin(members, mesh.element_sets.get(name.removeprefix(INSIDE).upper(), ())).astype(float)
 
 
 def _from_indenter(points: np.ndarray, mesh: Mesh) -> dict[str, np.ndarray]:
@@ -336,19 +379,6 @@ def place_of(effect: Effect, values: Mapping[str, float], mesh: Mesh) -> np.ndar
 def comes_down(mesh: Mesh) -> np.ndarray:
     """Where the indenter comes down on the undeformed body, mm: in the middle of its nodes, or at the only one."""
     return np.asarray(mesh.points[mesh.node_sets["TOP"]].mean(axis=0))
-
-
-def _inside(mesh: Mesh) -> list[np.ndarray]:
-    """Points of each element that its mean of a field is taken over: a quarter and three quarters out to its corners.
-
-    Along each side of a quadrilateral or brick they lie as evenly as the midpoints of four equal parts.
-    """
-    found: list[np.ndarray] = []
-    for block in mesh.blocks:
-        corner = mesh.points[block.nodes[:, : ELEMENTS[block.element].corners]]
-        centre = corner.mean(axis=1, keepdims=True)
-        found += list(np.concatenate([centre + share * (corner - centre) for share in (0.25, 0.75)], axis=1))
-    return found
 
 
 def _nodes_of(mesh: Mesh, element: int) -> np.ndarray:

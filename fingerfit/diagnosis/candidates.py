@@ -12,6 +12,7 @@ from fingerfit.forward.decks import with_effect
 from fingerfit.model.applicable import not_measured
 from fingerfit.model.effect import CONSTANTS, OBSERVATION, OUTLINE, Effect
 from fingerfit.model.laws import foreign
+from fingerfit.model.regions import PREFIX
 
 RIVALS = "only one of two effects that replace the same block of the deck"
 
@@ -103,8 +104,11 @@ def _rivals(effect: Effect, problem: InverseProblem) -> list[str]:
 
 
 def _is_fitted(effect: Effect, problem: InverseProblem) -> bool:
-    """Whether all that an effect changes are constants that the model fits in every layer."""
+    """Whether all that an effect changes are constants that the model fits in every layer, or gives a region."""
     model = problem.settings.model.parameters
+    own = f"mu_{effect.name.removeprefix(PREFIX)}"
+    if effect.name.startswith(PREFIX) and own in {**model, **problem.settings.model.material}:
+        return True
     names = {name for test in problem.every for name in test.study.layer_names}
     return (
         set(effect.changes) <= set(CONSTANTS)

@@ -13,6 +13,7 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import cure_of, unmet
 from fingerfit.model.effect import NUMERICS, Effect
 from fingerfit.model.laws import LAWS, foreign
+from fingerfit.model.regions import PREFIX
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, MeshSettings, Settings, too_long
@@ -61,12 +62,19 @@ def _of_several(settings: Settings, study: Study, where: Path | str) -> list[Fin
 def _strange_layers(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
     """Constants of layers that no test has, and constants that no layer uses."""
     model, problems, layers = settings.model, list[FingerfitError](), _layers(study)
+    regions = _regions(study)
     for group, names in (("parameters", model.parameters), ("material", model.material)):
         for name in names:
             layer = name.partition("_")[2]
-            if layer and layer not in layers:
-                expected = "a layer of the study: " + ", ".join(layers)
+            if layer and layer not in layers + regions:
+                expected = f"a layer{' or region' * bool(regions)} of the study: " + ", ".join(layers + regions)
                 problems.append(InputError(where, f"model.{group}.{name}", f"layer {layer}", expected))
+    problems += [
+        InputError(where, f"model.{group}.mu_{name}", f"a constant beside the effect {PREFIX}{name}", "one of both")
+        for group, given in (("parameters", model.parameters), ("material", model.material))
+        for name in regions
+        if f"mu_{name}" in given and PREFIX + name in model.effects
+    ]
     for quantity in _right_quantities(settings, study):
         if quantity in model.parameters and all(f"{quantity}_{layer}" in model.parameters for layer in layers):
             expected = "no such key, or a layer without one of its own"
@@ -80,11 +88,16 @@ def _layers(study: Study) -> list[str]:
     return list(dict.fromkeys(name for test in study.every for name in test.layer_names))
 
 
+def _regions(study: Study) -> list[str]:
+    """Names of the regions of all tests."""
+    return list(dict.fromkeys(region.name for test in study.every for region in test.body.regions))
+
+
 def _right_quantities(settings: Settings, study: Study) -> list[str]:
     """Constants of the law but those that are told wrong already, for a layer that is not there."""
     model, layers = settings.model, _layers(study)
     split = [name.partition("_") for name in (*model.parameters, *model.material)]
-    strange = {quantity for quantity, _, layer in split if layer and layer not in layers}
+    strange = {quantity for quantity, _, layer in split if layer and layer not in layers + _regions(study)}
     return [quantity for quantity in LAWS[model.law] if quantity not in strange]
 
 

@@ -61,14 +61,13 @@ class Mesh:
 
     @property
     def parts(self) -> dict[str, np.ndarray]:
-        """Element sets that do not overlap, the smallest ones first taken: tissues without the sets of several."""
+        """Element sets that do not overlap: each element in the smallest of its sets, layers without their regions."""
         taken = np.zeros(self.element_count, dtype=bool)
-        chosen = set()
+        chosen = {}
         for name, members in sorted(self.element_sets.items(), key=lambda item: len(item[1])):
-            if len(members) and not taken[members].any():
-                taken[members] = True
-                chosen.add(name)
-        return {name: members for name, members in self.element_sets.items() if name in chosen}
+            chosen[name] = members[~taken[members]]
+            taken[members] = True
+        return {name: chosen[name] for name in self.element_sets if len(chosen[name])}
 
     @property
     def element_count(self) -> int:

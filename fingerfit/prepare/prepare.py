@@ -19,6 +19,7 @@ from fingerfit.model.effect import OUTLINE
 from fingerfit.prepare.pictures import Prepared, outline_of, prepare_pictures
 from fingerfit.prepare.plausible import falls, refuse_depth
 from fingerfit.prepare.points import points_covariance, read_points
+from fingerfit.prepare.regions import with_regions
 from fingerfit.settings.config import MeshSettings
 from fingerfit.study.data import Data
 from fingerfit.study.study import ESTIMATED, Study
@@ -30,7 +31,7 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
     Raises
     ------
     InputError
-        When the study's mesh lacks a set.
+        When the study's mesh lacks a set, or a region fits to no element.
     """
     body = study.body
     if body.brick is not None and settings is not None:
@@ -57,7 +58,7 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
             raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
     else:
         raise InputError(study.path, "body", "no shape", "layers with width and height, brick or mesh")
-    return mesh
+    return with_regions(study, mesh)
 
 
 def _pictured(study: Study) -> Outline:

@@ -62,6 +62,8 @@ def _files_of(study: Study) -> list[Path]:
     named = [study.path, *filter(None, (study.table, study.before)), *_of_steps(study)]
     if isinstance(study.noise.picture, tuple):
         named += study.noise.picture
+    for region in study.body.regions:
+        named += filter(None, (region.table, region.labels))
     found = [part for path in named for part in _with_parts(path)]
     for mesh in filter(None, (study.body.mesh, study.body.refined)):
         found += [*_with_parts(mesh), *(_included(mesh, set()) if mesh.suffix.lower() == ".inp" else ())]

@@ -11,6 +11,7 @@ from fingerfit.core.errors import FingerfitError
 from fingerfit.deck.mesh_file import read_mesh
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import Effect
+from fingerfit.model.regions import region_effects
 from fingerfit.model.scales import bound, scales
 from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.study import Study
@@ -25,20 +26,26 @@ def effects_of(folder: Path) -> dict[str, Effect]:
         For effects that cannot be read, and shares of what is not above 0.
     """
     known, file = catalogue(folder), study_path(folder)
-    if not any(effect.shares_of for effect in known.values()) or not file.is_file():
+    if not file.is_file():
         return known
-    return bound(known, dict(_scales(file, _stamps(file.parent))))
+    sizes, regions = _of_study(file, _stamps(file.parent))
+    return {**region_effects(regions), **bound(known, dict(sizes))}
 
 
 @functools.cache
-def _scales(file: Path, stamps: tuple[tuple[str, int], ...]) -> tuple[tuple[str, float], ...]:
-    """What numbers can be shares of; nothing where the study is wrong, which is told where it is read to be used."""
+def _of_study(file: Path, stamps: tuple[tuple[str, int], ...]) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]]:
+    """What numbers can be shares of, and names of regions.
+
+    Nothing where the study is wrong, which is told where it is read to be used.
+    """
     try:
         # shares of what the first test does not have are of the next one that does
-        tests = [scales(study, extent_of(study)) for study in load_study(file).every]
-        return tuple({name: size for own in reversed(tests) for name, size in own.items()}.items())
+        every = load_study(file).every
+        tests = [scales(study, extent_of(study)) for study in every]
+        sizes = {name: size for own in reversed(tests) for name, size in own.items()}
+        return tuple(sizes.items()), tuple(dict.fromkeys(one.name for study in every for one in study.body.regions))
     except FingerfitError:
-        return ()
+        return (), ()
 
 
 def _stamps(folder: Path) -> tuple[tuple[str, int], ...]:

@@ -21,7 +21,7 @@ from fingerfit.model.laws import LAWS
 from fingerfit.model.parameters import Parameter
 from fingerfit.search import Plan, Stage
 from fingerfit.study.several import AT
-from fingerfit.study.study import Body, Chain, Layer, Noise, Step, Study
+from fingerfit.study.study import Body, Chain, Layer, Noise, Region, Step, Study
 
 CONFIG = "config.yaml"
 KNOWN = "known"
@@ -188,7 +188,8 @@ def read_checked(path: Path) -> Any:
         parameters = {name: SimpleNamespace(**entry) for name, entry in model["parameters"].items()}
         stages = [SimpleNamespace(**stage) for stage in fit["stages"]]
         if KNOWN in data:
-            data[KNOWN] = from_plain(data[KNOWN], Study, Step, Body, Layer, Noise, Chain, Effect, EffectParameter)
+            kinds = (Study, Step, Body, Layer, Region, Noise, Chain, Effect, EffectParameter)
+            data[KNOWN] = from_plain(data[KNOWN], *kinds)
         read = _Read(
             **{
                 **data,

@@ -159,10 +159,33 @@ class MeshLayerKeys(LayerKeys):
     height: Above | None = Field(default=None, description="Not used: the mesh has it.")
 
 
+class RegionKeys(Strict):
+    """A region: one of outline, labels and elements says where."""
+
+    name: Line = Field(
+        description="A text of letters, digits and _; constants are named after it, as mu_scar, and the effect"
+        " region_scar."
+    )
+    outline: Annotated[list[Two], Field(min_length=3)] | Line | None = Field(
+        default=None,
+        description="In the plane: its corners in turn, `[[x, y], ...]`, or a CSV file with the columns x and y.",
+    )
+    labels: Line | None = Field(
+        default=None,
+        description="Picture of labels (whole numbers), of the same pixels as the picture before compression.",
+    )
+    label: Annotated[int, Field(ge=1)] | None = Field(default=None, description="Its label there; 1 when left out.")
+    elements: Line | None = Field(default=None, description="An element set of the mesh.")
+
+
+REGIONS = "Parts of the body that are not layers; where none of its constants is given, a region is as its layer."
+
+
 class BlockKeys(Strict):
     """A block of layers in the plane."""
 
     layers: list[BlockLayerKeys] = Field(min_length=1, description="Layers from the indenter down.")
+    regions: list[RegionKeys] = Field(default=[], description=REGIONS)
     width: Above = Field(description="A number above 0.")
     thickness: Above = Field(description="Out of plane, a number above 0.")
     origin: Two | None = Field(default=None, description="Lower left corner, [x, y]; [0, 0] when left out.")
@@ -177,6 +200,7 @@ class BrickKeys(Strict):
         " origin."
     )
     layers: list[BrickLayerKeys] = Field(min_length=1, description="Layers from the indenter down.")
+    regions: list[RegionKeys] = Field(default=[], description=REGIONS)
     refined: None = Field(default=None, description="It is for a body with a mesh.")
 
 
@@ -190,6 +214,7 @@ class MeshKeys(Strict):
     layers: list[MeshLayerKeys] = Field(
         min_length=1, description="Layers: parts of the body with constants of their own."
     )
+    regions: list[RegionKeys] = Field(default=[], description=REGIONS)
     types: list[Annotated[str, one_of(tuple(ELEMENTS))]] = Field(
         default=[],
         description="Element types in place of those of the file, each for the elements with as many nodes, as"

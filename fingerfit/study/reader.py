@@ -24,8 +24,9 @@ from fingerfit.study.keys import (
     NoiseKeys,
     PictureKeys,
 )
+from fingerfit.study.regions import read_outline
 from fingerfit.study.several import TESTS, several
-from fingerfit.study.study import UNKNOWN, Body, Chain, Layer, Noise, Step, Study, wrong_name
+from fingerfit.study.study import UNKNOWN, Body, Chain, Layer, Noise, Region, Step, Study, wrong_name
 
 COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
 
@@ -96,7 +97,7 @@ def _study(given: Any, steps: tuple[Step, ...], sizes: Mapping[str, float], file
         steps=steps,
         before=file.parent / pictures.before if pictures.before else None,
         noise=_noise(given.noise or NoiseKeys(), pictures, sizes, file.parent),
-        body=_body(given.body, length, file.parent),
+        body=_body(given.body, length, file),
         base=base,
         indenter=indenter,
         length=length,
@@ -136,7 +137,7 @@ def _scaled(numbers: Iterable[float], size: float) -> tuple[float, ...]:
     return tuple(number * size for number in numbers)
 
 
-def _body(body: Any, size: float, folder: Path) -> Body:
+def _body(body: Any, size: float, file: Path) -> Body:
     meshed = isinstance(body, MeshKeys)
     layers = tuple(
         Layer(
@@ -146,21 +147,56 @@ def _body(body: Any, size: float, folder: Path) -> Body:
         )
         for layer in body.layers
     )
+    regions = tuple(_region(region, size, file, number) for number, region in enumerate(body.regions))
     if isinstance(body, BrickKeys):
         length, width, height = _scaled(body.brick, size)
-        return Body(layers, brick=(length, width, height))
+        return Body(layers, brick=(length, width, height), regions=regions)
     if isinstance(body, BlockKeys):
         x, y = _scaled(body.origin or (0.0, 0.0), size)
-        return Body(layers, body.width * size, (x, y), body.thickness * size)
+        return Body(layers, body.width * size, (x, y), body.thickness * size, regions=regions)
     thick = body.thickness != UNKNOWN
     return Body(
         layers,
         thickness=(body.thickness or 0.0) * size if thick else 1.0,
-        mesh=folder / body.mesh,
-        refined=folder / body.refined if body.refined else None,
+        mesh=file.parent / body.mesh,
+        refined=file.parent / body.refined if body.refined else None,
         thick=thick,
         types=tuple(body.types),
+        regions=regions,
     )
+
+
+def _region(region: Any, size: float, file: Path, number: int) -> Region:
+    outline, field = region.outline, f"body.regions.{number}.outline"
+    return Region(
+        region.name,
+        read_outline(outline, size, file, field) if outline else (),
+        file.parent / outline if isinstance(outline, str) else None,
+        file.parent / region.labels if region.labels else None,
+        region.label or 1,
+        region.elements,
+    )
+
+
+def _region_problems(body: Any, size: float, file: Path) -> Iterator[InputError]:
+    for number, region in enumerate(body.regions):
+        field = f"body.regions.{number}"
+        if expected := wrong_name(region.name, (one.name for one in (*body.layers, *body.regions[:number]))):
+            yield InputError(file, f"{field}.name", region.name, expected.replace("layer", "layer or region"))
+        given = [key for key in ("outline", "labels", "elements") if getattr(region, key)]
+        if len(given) != 1:
+            yield InputError(file, field, " and ".join(given) or "nothing", "one of outline, labels, elements")
+        elif region.label and not region.labels:
+            yield InputError(file, f"{field}.label", region.label, "no such key beside " + given[0])
+        elif region.elements and not isinstance(body, MeshKeys):
+            yield InputError(file, f"{field}.elements", region.elements, "outline or labels: the body has no mesh file")
+        elif region.labels and not (file.parent / region.labels).exists():
+            yield InputError(file, f"{field}.labels", region.labels, "a file that exists")
+        elif region.outline:
+            try:
+                read_outline(region.outline, size, file, f"{field}.outline")
+            except InputError as error:
+                yield error
 
 
 def _look_further(given: Any, sizes: Mapping[str, float], file: Path) -> Iterator[InputError]:
@@ -182,6 +218,7 @@ def _body_problems(body: Any, size: float | None, file: Path) -> Iterator[InputE
     for number, layer in enumerate(body.layers):
         if expected := wrong_name(layer.name, (above.name for above in body.layers[:number])):
             yield InputError(file, f"body.layers.{number}.name", layer.name, expected)
+    yield from _region_problems(body, size or 1.0, file)
     lengths = {name: getattr(body, name, None) for name in ("width", "thickness")}
     heights = [None if isinstance(body, MeshKeys) else layer.height for layer in body.layers]
     lengths |= {f"layers.{number}.height": height for number, height in enumerate(heights)}

@@ -61,6 +61,33 @@ def wrong_name(name: str, others: Iterable[str]) -> str:
 
 
 @dataclass(frozen=True)
+class Region:
+    """A part of the body that is not a layer: inside an outline, where a picture has a label, or a set of the mesh.
+
+    Parameters
+    ----------
+    name : str
+    outline : tuple of tuple
+        Corners in turn, mm; empty for a region that has none.
+    table : Path or None
+        Where the outline is from.
+    labels : Path or None
+        Picture of labels.
+    label : int
+        Of the region in it.
+    elements : str or None
+        Element set of the mesh.
+    """
+
+    name: str
+    outline: tuple[tuple[float, float], ...] = ()
+    table: Path | None = None
+    labels: Path | None = None
+    label: int = 1
+    elements: str | None = None
+
+
+@dataclass(frozen=True)
 class Body:
     """Shape of the body: a layered block in the plane, a brick, or a mesh of the user's.
 
@@ -82,6 +109,7 @@ class Body:
         Whether the thickness is known; when it is not, `thickness` is 1 mm.
     types : tuple of str
         Element types in place of those of the mesh file.
+    regions : tuple of Region
     """
 
     layers: tuple[Layer, ...]
@@ -93,6 +121,7 @@ class Body:
     refined: Path | None = None
     thick: bool = True
     types: tuple[str, ...] = ()
+    regions: tuple[Region, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from table import PROPERTY
 
 pytestmark = pytest.mark.slow
 MODULES = ("study", "steps", "config", "files", "effects", "formulas", "templates", "experiment", "anatomy", "pictures",
-           "meshes", "points", "decks", "solvers", "usage")  # fmt: skip
+           "meshes", "regions", "points", "decks", "solvers", "usage")  # fmt: skip
 AREAS = {name: importlib.import_module(f"bad_{name}") for name in MODULES}
 CASES = [(module.AREA, case) for module in AREAS.values() for case in module.CASES]
 
