@@ -170,14 +170,12 @@ def diagnose(args: argparse.Namespace) -> None:
     from fingerfit.core.progress import Progress
     from fingerfit.diagnosis.diagnose import diagnose
     from fingerfit.fit.rounds import Round, asked_for
-    from fingerfit.prepare.prepare import prepare
+    from fingerfit.fit.simulate import measured
     from fingerfit.report.findings import count_simulations, rung_of, write_compare, write_diagnosis
 
     settings = _checked(args.settings).model_copy(update={"time_limit": args.time_limit or None})
     problem, last = _fit(args, settings), Round.load(args.last)
-    smooth, crop = problem.settings.fit.smooth, problem.settings.fit.crop
-    measured = [prepare(test.study, test.meshes["search"], None, smooth, crop) for test in problem.every]
-    everything = measured[0] if len(measured) == 1 else measured
+    everything = measured(problem)
     with Progress(ticks=False).working(f"diagnose {problem.settings.model.full_name}"):
         found = diagnose(problem, last, everything, args.threads)
     estimate = read_record(args.estimate, "parameters")
@@ -294,10 +292,8 @@ def new(args: argparse.Namespace) -> None:
     from fingerfit.start.measured import draft_from
 
     check = f"fingerfit check {args.study} --picture mesh.png"
-    pictures, files = (
-        bool(args.pictures or args.forces),
-        any(one is not None for one in (args.sources, args.scale, args.rate)),
-    )
+    pictures = bool(args.pictures or args.forces)
+    files = any(one is not None for one in (args.sources, args.scale, args.rate))
     if args.example and not (pictures or files):
         lines, then = example(args.study, args.example), f"fingerfit run {args.study}"
     elif args.pictures and args.forces and not (args.example or files):

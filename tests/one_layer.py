@@ -1,4 +1,4 @@
-"""A study of one layer, one step and one picture, for tests of what the workflow does with it."""
+"""Studies of one layer: of one step and one picture, and of two tests of forces."""
 
 from seeds import seed_of
 
@@ -17,12 +17,13 @@ DESCRIPTION = {
     "noise": {"force": 0.001, "displacement": 0.01},
     "seed": seed_of(3),
 }
+MODEL = {
+    "material": {"alpha": 1.4, "poisson": 0.49},
+    "mesh": {"element": "CPE4", "across": 3, "per_layer": 3},
+    "parameters": {"mu": {"unit": "MPa", "start": 0.04, "lower": 0.01, "upper": 0.1}},
+}
 SHARED = {
-    "model": {
-        "material": {"alpha": 1.4, "poisson": 0.49},
-        "mesh": {"element": "CPE4", "across": 3, "per_layer": 3},
-        "parameters": {"mu": {"unit": "MPa", "start": 0.04, "lower": 0.01, "upper": 0.1}},
-    },
+    "model": MODEL,
     "fit": {
         "score": "ssd",
         "replicates": 20,
@@ -31,3 +32,13 @@ SHARED = {
     },
 }
 """What config.yaml says of it beside where it is."""
+TWO_TESTS = {
+    "units": {"length": "mm", "force": "N", "time": "s"},
+    "control": "displacement",
+    "steps": "steps.csv",
+    "noise": {"force": 0.05},
+    "body": {"width": 12, "thickness": 70, "layers": [{"name": "gel", "height": 12}]},
+    "boundary": {"base": "held", "indenter": "glued"},
+    "tests": {"plate": {}, "greased": {"boundary": {"base": "slides", "indenter": "slides"}}},
+}
+"""study.yaml of a plate that is glued, and one that is greased."""

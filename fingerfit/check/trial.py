@@ -13,15 +13,13 @@ from pathlib import Path
 
 from fingerfit.check.expect import expected
 from fingerfit.core.errors import FingerfitError, InputError, Problems
-from fingerfit.core.files import write_text
-from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.jobs import is_short
 from fingerfit.fit.joint import problem_of
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, write_folders
+from fingerfit.fit.simulate import write_meshes
 from fingerfit.forward.decks import make_deck
 from fingerfit.mesh.mesh import Mesh
-from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import Settings
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.solvers.registry import get_solver
@@ -79,14 +77,7 @@ def try_out(settings: Settings, tests: Sequence[tuple[Study, Mesh, Data]], solve
 
 
 def _fit(settings: Settings, tests: Sequence[tuple[Study, Mesh, Data]], folder: Path) -> InverseProblem:
-    files = []
-    for study, mesh, _ in tests:
-        meshes = {SEARCH: mesh}
-        if settings.finer(study):
-            meshes[REFINED] = make_mesh(study, settings.model.refined, finer=True)
-        files.append({name: folder / f"{study.test}{name}.inp" for name in meshes})
-        for name, one in meshes.items():
-            write_text(files[-1][name], format_mesh(one))
+    files = [write_meshes(settings, study, mesh, folder) for study, mesh, _ in tests]
     return problem_of(settings, [data for _, _, data in tests], files, folder / "sims")
 
 

@@ -19,6 +19,9 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import Effect
 from fingerfit.model.modes import NAME, modes
 
+FLAT = 1e-9
+"""Precision of the model's constants before anything was measured: none, but for a system that can be solved."""
+
 
 @dataclass(frozen=True)
 class Field:
@@ -74,7 +77,7 @@ def field_of(comparison: Comparison) -> Field | None:
     columns = score_test.whiten(comparison.own()) / np.sqrt(spread)
     rest = score_test.whiten(comparison.residual.vector) / np.sqrt(spread)
     at = coordinates(parameters, comparison.base.values) * own
-    precision = np.where(own, LIKELY**-2, 1e-9)
+    precision = np.where(own, LIKELY**-2, FLAT)
     inverse = np.linalg.inv(columns.T @ columns + np.diag(precision))
     found = at + inverse @ (columns.T @ rest - precision * at)
     scale = np.array([p.scale for p in whole.parameters])

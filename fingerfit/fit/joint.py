@@ -17,7 +17,6 @@ from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.score import JointPrediction
 from fingerfit.study.data import Data
-from fingerfit.study.study import Study
 
 if TYPE_CHECKING:
     from fingerfit.settings.config import Settings
@@ -84,16 +83,9 @@ class JointProblem(InverseProblem):
         """Matches of guesses on the meshes of the search; made of those of the tests."""
         return [test.matcher for test in self.tests]
 
-    def ask(
-        self,
-        values: Mapping[str, float],
-        role: str = SEARCH,
-        gain: float = 1.0,
-        study: Study | None = None,
-        mesh: str | None = None,
-    ) -> Asked:
+    def ask(self, values: Mapping[str, float], role: str = SEARCH, *how: Any, **named: Any) -> Asked:
         """The simulations of a guess, one of each test."""
-        asked = tuple(test.ask(values, role, gain, study, mesh) for test in self.tests)
+        asked = tuple(test.ask(values, role, *how, **named) for test in self.tests)
         return Asked(dict(values), digest(*(one.sim for one in asked)), asked[0].mesh, "", role, asked)
 
     def refusal(self, asked: Asked) -> InputError | None:

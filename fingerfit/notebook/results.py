@@ -18,13 +18,13 @@ from fingerfit.fit.joint import problem_of
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Round
-from fingerfit.fit.simulate import begin, run_fit
-from fingerfit.prepare.prepare import prepare
+from fingerfit.fit.simulate import begin, measured, run_fit
 from fingerfit.report.plots import chosen_figure, figures_of
 from fingerfit.settings.choices import read_checked
 from fingerfit.settings.config import load_settings
 from fingerfit.study import reader
 from fingerfit.study.data import Data
+from fingerfit.study.several import file_ending
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -217,17 +217,15 @@ def load_result(folder: Path | str) -> Result:
     if not rounds or (last := Round.load(rounds[-1])).stop is None:
         raise StateError(f"{model}: has no finished fit; make it: fingerfit run")
     settings = read_checked(model / "settings.json")
-    ends = [f"-{test.test}" if test.test else "" for test in settings.read_study().every]
+    ends = [file_ending(test.test) for test in settings.read_study().every]
     names = {SEARCH: "mesh", REFINED: "refined"}
     files = [{key: model / f"{name}{end}.inp" for key, name in names.items()} for end in ends]
     files = [{key: path for key, path in own.items() if key == SEARCH or path.exists()} for own in files]
     for path in (path for own in files for path in own.values()):
         check_kept(path)
     data = [Data.load(model / f"prepared{end}.npz") for end in ends]
-    problem, fitting = problem_of(settings, data, files, model.parent / "sims"), settings.fit
-    measured = [prepare(test.study, test.meshes[SEARCH], None, fitting.smooth, fitting.crop) for test in problem.every]
-    everything = measured[0] if len(measured) == 1 else measured
-    return Result(problem, last, everything, 0)
+    problem = problem_of(settings, data, files, model.parent / "sims")
+    return Result(problem, last, measured(problem), 0)
 
 
 def diagnose(result: Result, threads: int = 1) -> Found:

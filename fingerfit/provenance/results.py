@@ -15,6 +15,7 @@ from fingerfit.core.errors import FingerfitError, InputError, StateError
 from fingerfit.core.files import keep_json, read_json, write_json
 from fingerfit.core.folders import OURS, PACKAGE, template_folders
 from fingerfit.fit.rounds import included_files, is_named
+from fingerfit.settings.choices import read_checked
 from fingerfit.settings.config import CONFIG, Settings
 from fingerfit.solvers.registry import get_solver
 
@@ -133,8 +134,8 @@ def hold(settings: Settings) -> IO[str]:
 def mend(settings: Settings, contents: Contents, remove: bool) -> list[str]:
     """Remove what is damaged of the results of a model, so that it is made again; a line for each.
 
-    So are rounds that asked another solver than the one that is here. Snakemake would know it by the code that made
-    them, but only in the folder where it made them.
+    So are rounds that asked another solver than the one that is here, and settings that another version wrote.
+    Snakemake would know it by the code that made them, but only in the folder where it made them.
 
     Parameters
     ----------
@@ -155,6 +156,11 @@ def mend(settings: Settings, contents: Contents, remove: bool) -> list[str]:
         path.unlink(missing_ok=True)
     if others:
         lines.append(f"{others[0].parent}: asked another solver or version; {done} and made again")
+    written = model_folder(settings) / "settings.json"
+    if contents.intact(written) and not _is_of_here(settings, written):
+        if remove:
+            written.unlink(missing_ok=True)
+        lines.append(f"{written}: of another version; {done} and made again")
     for path, *beside in _damaged(settings, contents):
         try:
             # of a link into Snakemake's cache, what it leads to as well
@@ -241,6 +247,18 @@ def _asked_of_others(settings: Settings, contents: Contents) -> Iterator[Path]:
 
 def _solver_of(path: Path) -> Any:
     return read_json(path).get("solver")
+
+
+def _is_of_here(settings: Settings, written: Path) -> bool:
+    """Whether settings have the keys that this version reads; so does a file that is not there."""
+    if not written.exists():
+        return True
+    try:
+        read_checked(written)
+    except StateError:
+        return False
+    found, wanted = read_json(written), settings.model_dump(mode="json")
+    return all(found[part].keys() == wanted[part].keys() for part in ("model", "fit"))
 
 
 def _is_numbered(path: Path) -> bool:

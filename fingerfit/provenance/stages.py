@@ -23,6 +23,7 @@ from fingerfit.settings.config import CONFIG, Settings
 from fingerfit.settings.extend import extended
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.reader import load_study
+from fingerfit.study.several import file_ending
 
 COMMANDS = "fingerfit.commands"
 
@@ -185,7 +186,7 @@ def figures(settings: Settings) -> list[str]:
 
 def tests_of(settings: Settings) -> list[str]:
     """Endings of the names of files that each test has for itself; empty in a study with one."""
-    return [f"-{test.test}" if test.test else "" for test in load_study(Path(settings.study)).every]
+    return [file_ending(test.test) for test in load_study(Path(settings.study)).every]
 
 
 def has_refined(settings: Settings) -> bool:

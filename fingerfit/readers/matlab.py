@@ -37,22 +37,20 @@ def read_matlab(path: Path) -> tuple[str, str, Fields]:
     content = read_bytes(path, "file", MOST, "a file of MATLAB")
     new = content[:8] == _HDF5 or content[_MARK_AT : _MARK_AT + 8] == _HDF5
     try:
-        found = (_hdf5 if new else _version5)(path, content)
+        found = _hdf5(path, content) if new else _version5(content)
         if "data_dic_save" in found:
             return "Ncorr", *_ncorr(path, found["data_dic_save"])
         for name in ("DIC3DPPresults", "DIC3D"):
             if name in found:
                 return "DuoDIC", "mm", _duodic(path, found[name])
-    except FingerfitError:
-        raise
-    except MemoryError:
+    except (FingerfitError, MemoryError):
         raise
     except Exception as error:  # scipy and h5py raise whatever a damaged file leads them to
         raise InputError(path, "file", f"a damaged file ({type(error).__name__})", _WANTED) from error
     raise InputError(path, "variables", ", ".join(sorted(found)) or "none", _WANTED)
 
 
-def _version5(path: Path, content: bytes) -> dict[str, Any]:
+def _version5(content: bytes) -> dict[str, Any]:
     """Variables of a file of version 5 to 7.2; structures as dicts, cells as lists."""
     from scipy.io import loadmat
 

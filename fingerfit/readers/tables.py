@@ -24,6 +24,8 @@ _LOOKED_AT = 400
 _DELIMITERS = (";", "\t", ",", "")
 """The empty one stands for white space."""
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)(e[-+]?\d+)?|[-+]?(nan|inf(inity)?)", re.I)
+_FILLED = 0.5
+"""Share of cells that are numbers in a row of numbers; others may be names of points or marks. A choice."""
 _UNIT_CELL = re.compile(r"[\[(]?\s*[a-zA-Zµμ°%/\-]{0,6}\s*[\])]?")
 """A cell that holds a unit and nothing else, as the second line of a head may have."""
 
@@ -136,7 +138,7 @@ def _form(lines: Sequence[str]) -> tuple[int | None, str]:
         found: dict[int, list[tuple[int, float]]] = {}
         for n, line in enumerate(lines[:_LOOKED_AT]):
             cells = _cells(line, delimiter)
-            if (share := _share(cells)) >= 0.5:
+            if (share := _share(cells)) >= _FILLED:
                 found.setdefault(len(cells), []).append((n, share))
         for wide, rows in found.items():
             score = sum(share for _, share in rows)

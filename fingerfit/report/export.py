@@ -23,7 +23,7 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.report.fields import Fields, fields
 from fingerfit.solvers.contract import Outcome
 from fingerfit.study.data import Data
-from fingerfit.study.several import AT, TESTS
+from fingerfit.study.several import TESTS, arrays_of_test, file_ending
 
 CELLS = {
     (2, 3): "triangle", (2, 6): "triangle6", (2, 4): "quad", (2, 8): "quad8",
@@ -82,8 +82,7 @@ def read_results(model: Path, test: int = 0) -> Results:
     estimate = read_record(model / "estimate.json", "sim", "sim_mesh", "parameters")
     compare, diagnosis = read_npz(model / "compare.npz"), read_npz(model / "diagnosis.npz")
     name = str(compare[TESTS][test]) if TESTS in compare else ""
-    end, own = (f"-{name}", f"{AT}{name}") if name else ("", "")
-    compare = {key.removesuffix(own): values for key, values in compare.items() if key.endswith(own)}
+    end, compare = file_ending(name), arrays_of_test(compare, name)
     file = model / f"{'refined' if estimate['sim_mesh'] == 'refined' else 'mesh'}{end}.inp"
     check_kept(file)
     mesh = read_mesh(file)

@@ -15,6 +15,7 @@ from fingerfit.diagnosis.diagnose import Diagnosis
 from fingerfit.diagnosis.errors import are_fitted, errors, fitted_steps
 from fingerfit.diagnosis.families import families
 from fingerfit.diagnosis.field import field_of
+from fingerfit.diagnosis.ranges import ranges
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.diagnosis.verdict import unseen
@@ -27,7 +28,7 @@ from fingerfit.model.effect import LOADING, Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.report.drawing import outline
 from fingerfit.settings.choices import read_checked
-from fingerfit.study.several import AT, TESTS
+from fingerfit.study.several import TESTS, array_ending
 
 SHOWN = 6
 """Effects whose patterns are kept, and so drawn."""
@@ -45,7 +46,7 @@ def write_compare(comparison: Comparison, path: Path) -> None:
     for name, test, spread in zip(
         names, comparison.every, by_test(comparison, comparison.score_test.spread), strict=True
     ):
-        found |= {f"{key}{AT}{name}": values for key, values in _compared(test, spread).items()}
+        found |= {f"{key}{array_ending(name)}": values for key, values in _compared(test, spread).items()}
     write_npz(path, {TESTS: np.array(names), **found})
 
 
@@ -167,7 +168,7 @@ def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:
 def _patterns(comparison: Comparison, one: Ranked) -> dict[str, dict[str, np.ndarray]]:
     """What an effect would leave, by its parts, for each test by the ending of its names: none where there is one."""
     every = by_test(comparison, one.columns @ one.finding.size)
-    names = [f"{AT}{test.problem.test}" if test.problem.test else "" for test in comparison.every]
+    names = [array_ending(test.problem.test) for test in comparison.every]
     return {name: parts_left(test, own) for name, test, own in zip(names, comparison.every, every, strict=True)}
 
 
@@ -295,12 +296,14 @@ def rung_of(found: Diagnosis, estimate: dict[str, Any], simulations: dict[str, i
     """The model's rung of the ladder; `simulations` says how many its fit ran and how many it reused."""
     fitted, held_out = errors(found.comparison)
     settings, score_test = found.comparison.problem.settings, found.score_test
-    count = len(settings.parameters())
+    count, entries = len(settings.parameters()), estimate["parameters"]
+    doubtful = found.verdict.kind != "adequate"
     return {
         "model": settings.model.full_name,
         "made_with": made_with(settings.model_dump(mode="json")),
         "effects": list(settings.model.effects),
-        "parameters": estimate["parameters"],
+        "parameters": entries,
+        "ranges": ranges(found.comparison, found.refits.values(), entries) if doubtful else {},
         "error": {"fitted": fitted, "held_out": held_out},
         "misfit": score_test.misfit,
         "freedom": score_test.freedom,

@@ -18,6 +18,7 @@ from fingerfit.report.drawing import COLOURS, draw_mesh, extent, save
 from fingerfit.report.volumes import chosen_slices, figure_sections, figure_slices
 from fingerfit.solvers.contract import Outcome
 from fingerfit.study.data import Data
+from fingerfit.study.several import file_ending
 
 
 def figure_deformed(mesh: Mesh, outcome: Outcome, steps: list[tuple[str, int]]) -> Figure:
@@ -115,7 +116,7 @@ def figures_of(problem: InverseProblem, last: Round) -> dict[str, Callable[[], F
     shown = finest(problem, last)
     figures: dict[str, Callable[[], Figure]] = {}
     for n, (test, asked) in enumerate(zip(problem.every, shown.every, strict=True)):
-        end = f"-{test.test}" if test.test else ""
+        end = file_ending(test.test)
         drawn = {f"{name}{end}": draw for name, draw in _figures_of_test(test, asked).items()}
         figures[f"force{end}"] = drawn.pop(f"force{end}")
         if last.history and not n:

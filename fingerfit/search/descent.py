@@ -14,8 +14,9 @@ from fingerfit.search.stages import MET, NO_SOLUTION, UNIT, Point, Search, Space
 STEP = 0.03
 """Longest step of a slope: in the logarithm, or as a share of the scale of a parameter or of the distance of its
 bounds. A choice: of central differences of an exponential it makes an error of STEP^2 / 6, 0.015 %. Where only shorter
-moves are trusted, it is shorter in proportion, to see what bends over such a move, but at least a tenth: a solver has a
-tolerance."""
+moves are trusted, it is shorter in proportion, to see what bends over such a move."""
+LEAST = 0.1
+"""Shortest step of a slope, as a share of the longest: a solver has a tolerance. A choice."""
 MOVE = 0.7
 """Longest move, in the same coordinates: a modulus doubles. A choice."""
 MOVES = 30
@@ -87,7 +88,7 @@ def descend(stage: Stage, space: Space, start: np.ndarray, matches: Matches) -> 
         far = _length(stage, space, z, trial)
         if far <= stage.tolx:
             return z, MET if slopes.any(axis=0).all() else NO_SLOPE
-        reach = STEP * max(trust / MOVE, 0.1)
+        reach = _reach(trust)
         yield Request((trial, *_beside(space, trial, reach)), (), (far,)), move
         there = matches[space.point(trial)]
         promised = left @ left - np.square(left - columns @ step).sum()
@@ -104,10 +105,14 @@ def descend(stage: Stage, space: Space, start: np.ndarray, matches: Matches) -> 
         elif trust <= stage.tolx:
             return z, NO_FALL
         else:
-            reach = STEP * max(trust / MOVE, 0.1)
+            reach = _reach(trust)
             yield Request(tuple(_beside(space, z, reach))), move
             slopes = yield from _slopes(space, z, here, matches, move, reach)
     return z, TOO_MANY
+
+
+def _reach(trust: float) -> float:
+    return STEP * max(trust / MOVE, LEAST)
 
 
 def _beside(space: Space, z: np.ndarray, reach: float, sign: float = 1.0) -> list[np.ndarray]:

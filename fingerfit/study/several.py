@@ -13,6 +13,7 @@ from fingerfit.study.study import Study
 
 Read = TypeVar("Read")
 """What is read of a test: a study, or the description of an experiment."""
+Array = TypeVar("Array")
 TESTS = "tests"
 """Key of study.yaml and experiment.yaml."""
 AT = "@"
@@ -28,6 +29,22 @@ def of_test(values: Mapping[str, float], test: str) -> dict[str, float]:
     """
     split = [(*name.partition(AT), value) for name, value in values.items()]
     return {name: value for name, _, own, value in split if own in ("", test)}
+
+
+def file_ending(test: str) -> str:
+    """End of the names of files that a test has for itself; empty where the study has one test."""
+    return f"-{test}" if test else ""
+
+
+def array_ending(test: str) -> str:
+    """The same of the names of arrays and of numbers, as ``force@wide``."""
+    return f"{AT}{test}" if test else ""
+
+
+def arrays_of_test(arrays: Mapping[str, Array], test: str) -> dict[str, Array]:
+    """Arrays of one test by their plain names; all of them for no name."""
+    ending = array_ending(test)
+    return {name.removesuffix(ending): values for name, values in arrays.items() if name.endswith(ending)}
 
 
 def several(data: Mapping[str, Any], file: Path, load: Callable[[Any, Path], Study]) -> Study:

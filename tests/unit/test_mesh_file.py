@@ -96,10 +96,7 @@ def test_an_unreadable_file_is_told(tmp_path, name):
         read_mesh(tmp_path / name)
 
 
-GMSH = """\
-$MeshFormat
-2.2 0 8
-$EndMeshFormat
+GROUPS = """\
 $PhysicalNames
 4
 1 3 "base"
@@ -107,7 +104,12 @@ $PhysicalNames
 2 1 "lump"
 2 2 "gel"
 $EndPhysicalNames
-$Nodes
+"""
+GMSH = f"""\
+$MeshFormat
+2.2 0 8
+$EndMeshFormat
+{GROUPS}$Nodes
 8
 1 0 0 0
 2 2 0 0
@@ -131,18 +133,11 @@ $EndElements
 """A quadrilateral and two triangles, the last one clockwise; nodes 7 and 8 belong to nothing."""
 
 
-NEWER = """\
+NEWER = f"""\
 $MeshFormat
 4.1 0 8
 $EndMeshFormat
-$PhysicalNames
-4
-1 3 "base"
-1 4 "indenter"
-2 1 "lump"
-2 2 "gel"
-$EndPhysicalNames
-$Entities
+{GROUPS}$Entities
 6 7 2 0
 1 0 0 0 0
 2 2 0 0 0

@@ -12,6 +12,7 @@ from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import keep_json, keep_text, read_json, read_npz, write_json, write_npz, write_text
 from fingerfit.fit.rounds import check_deck, simulation_name
 from fingerfit.provenance.results import claim, in_order, mend, model_folder, refuse, study_folder
+from fingerfit.provenance.stages import write_settings
 from fingerfit.settings.config import load_settings
 from fingerfit.solvers.registry import get_solver
 
@@ -131,6 +132,8 @@ def folder(place):
     for name in KEPT:
         if name.endswith(".npz"):
             write_npz(folder / name, {"a": np.arange(20.0), "word": np.array("some")})
+        elif name.endswith("settings.json"):
+            write_settings(settings(), folder / name)
         elif name.endswith(".json"):
             asked = {"number": int(Path(name).stem), "solver": HERE} if "rounds" in name else {}
             keep_json(folder / name, {"a": [1.5, None], "b": {"word": "some"}, **asked})
@@ -169,6 +172,18 @@ def test_rounds_that_asked_another_version_of_the_solver_are_made_again(folder):
     assert mended() == [f"{rounds[1].parent}: asked another solver or version; removed and made again"]
     assert rounds[0].exists()
     assert not rounds[1].exists()
+    assert mended() == []
+
+
+@pytest.mark.parametrize("key", ["law", "per_test"])
+def test_settings_of_another_version_are_made_again(folder, key):
+    path = folder / "base/settings.json"
+    data = read_json(path)
+    data["model"]["older"] = data["model"].pop(key)
+    keep_json(path, {name: part for name, part in data.items() if name != "checksum"})
+    assert mended(remove=False) == [f"{path}: of another version; it will be removed and made again"]
+    assert mended() == [f"{path}: of another version; removed and made again"]
+    assert not path.exists()
     assert mended() == []
 
 

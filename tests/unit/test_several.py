@@ -2,6 +2,7 @@
 
 import pytest
 import yaml
+from one_layer import MODEL, TWO_TESTS
 
 from fingerfit.core.errors import Problems
 from fingerfit.fit.check import check_against_study
@@ -10,27 +11,14 @@ from fingerfit.settings.config import load_settings
 from fingerfit.study.data import Data
 from fingerfit.study.reader import load_study
 
-STUDY = {
-    "units": {"length": "mm", "force": "N", "time": "s"},
-    "control": "displacement",
-    "steps": "steps.csv",
-    "noise": {"force": 0.05},
-    "body": {"width": 12, "thickness": 70, "layers": [{"name": "gel", "height": 12}]},
-    "boundary": {"base": "held", "indenter": "glued"},
-    "tests": {"plate": {}, "greased": {"boundary": {"base": "slides", "indenter": "slides"}}},
-}
 SETTINGS = {
-    "model": {
-        "material": {"alpha": 1.4, "poisson": 0.49},
-        "mesh": {"element": "CPE4", "across": 3, "per_layer": 3},
-        "parameters": {"mu": {"unit": "MPa", "start": 0.04, "lower": 0.01, "upper": 0.1}},
-    },
+    "model": MODEL,
     "fit": {"score": "likelihood", "stages": [{"name": "s", "kind": "equal"}]},
 }
 
 
 def written(folder, **own):
-    data = {key: value for key, value in {**STUDY, **own}.items() if value is not None}
+    data = {key: value for key, value in {**TWO_TESTS, **own}.items() if value is not None}
     (folder / "study.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
     (folder / "steps.csv").write_text("step,displacement,force\n1,0.5,3\n2,1,7\n")
     return folder
@@ -70,7 +58,7 @@ def test_one_test_is_as_before(tmp_path):
         ({"tests": {"plate": {}, "ball": {"bodyy": 1}}}, "tests.ball.bodyy: found an unknown key; expected body"),
         ({"tests": {"plate": {}, "ball": {"steps": "none.csv"}}}, "none.csv: steps: found No such file or directory"),
         ({"control": "pull"}, "study.yaml: control: found pull; expected one of force, displacement"),
-        ({"boundary": None, "tests": {"a": {}, "b": STUDY["boundary"]}}, "tests.a.boundary: found nothing"),
+        ({"boundary": None, "tests": {"a": {}, "b": TWO_TESTS["boundary"]}}, "tests.a.boundary: found nothing"),
     ],
 )
 def test_a_mistake_is_one_line(tmp_path, own, line):

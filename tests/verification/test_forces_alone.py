@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from scripts import EXAMPLES, script_of
+from searches import ends_alike_in_half
 from seeds import generator
 
 from fingerfit.diagnosis.diagnose import diagnose, errors
-from fingerfit.fit.estimate import estimate_of
+from fingerfit.diagnosis.ranges import excess_of
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
 
@@ -75,19 +76,15 @@ def test_a_missing_exponent_is_named_from_forces_alone(tmp_path):
 def test_nothing_is_missing_where_nothing_is(tmp_path):
     found = diagnosed(tmp_path, 1.4)
     assert found.verdict.kind == "adequate"
+    assert excess_of(found.comparison) == 0.0
     assert errors(found.comparison)[0] < 1.0  # 16 seeds: 0.41, 0.12
 
 
 def test_least_squares_end_at_the_constants_of_the_simplex(tmp_path):
-    settings, found, asked = settings_of(tmp_path, "config", ALPHA), {}, {}
+    settings, searches = settings_of(tmp_path, "config", ALPHA), {}
     for kind in ("independent", "least_squares"):
         stage = settings.fit.stages[-1].model_copy(update={"name": kind, "kind": kind})
         fit = settings.fit.model_copy(update={"stages": [settings.fit.stages[0], stage]})
-        problem, _ = begin(settings.model_copy(update={"fit": fit}), tmp_path / kind)
-        last, _ = run_fit(problem, 1)
-        assert last.stop == "tolerances met"
-        found[kind], asked[kind] = estimate_of(problem, last, 1)["parameters"], len(last.history)
-    for name, entry in found["independent"].items():
-        # from where they end, slopes lead to the same minimum of one score. Measured: within 1e-5
-        assert found["least_squares"][name]["value"] == pytest.approx(entry["value"], abs=0.5 * entry["standard_error"])
-    assert asked["least_squares"] <= 0.5 * asked["independent"]
+        searches[kind] = settings.model_copy(update={"fit": fit})
+    # from where they end, slopes lead to the same minimum of one score. Measured: within 1e-5
+    ends_alike_in_half(searches["independent"], searches["least_squares"], tmp_path)

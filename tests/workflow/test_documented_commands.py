@@ -13,6 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import one_layer
 import pytest
 import yaml
 from seeds import seed_of
@@ -251,14 +252,11 @@ COARSE = {
 }  # fmt: skip
 STAGES = [{"name": "one", "kind": "independent", "step": 0.1, "tolx": 0.5, "tolf": 1.0}]
 SMALL = {
+    **one_layer.DESCRIPTION,
     "title": "small",
-    "body": {"width": 12, "thickness": 70, "layers": [{"name": "gel", "height": 12, "mu": 0.03, "intensity": 0.5}]},
-    "material": {"alpha": 1.4, "poisson": 0.49},
     "mesh": {"element": "CPE8", "across": 3, "per_layer": 3, "grading": 1},
-    "solver": "builtin",
     "displacement": [1.0],
-    "picture": {"pixels": 48, "side": 22, "texture": 0.15, "correlation": 0.6, "noise": 0.01, "pictured": [1]},
-    "noise": {"force": 0.001, "displacement": 0.01},
+    "picture": {**one_layer.DESCRIPTION["picture"], "pixels": 48},
     "seed": seed_of(1),
 }
 

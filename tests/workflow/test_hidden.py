@@ -144,6 +144,16 @@ def test_the_second_rung_explains_what_was_held_out(place):
         assert found[name]["value"] == pytest.approx(truth, rel=0.05)
 
 
+def test_constants_of_a_model_in_doubt_range_as_far_as_the_refit(place):
+    before, after = rung(place, "base"), rung(place, "base+tilt")
+    assert set(before["ranges"]) == {"mu_top", "mu_bottom"}
+    for name, (low, high) in before["ranges"].items():
+        known = before["parameters"][name]["interval95"]
+        assert low < known[0] < known[1] < high
+        assert low < after["parameters"][name]["value"] < high
+    assert after["ranges"] == {}
+
+
 def test_nothing_of_the_first_rung_ran_again(place):
     first = {
         name: int(when) for name, when in map(str.split, (place / "first.txt").read_text(encoding="utf-8").splitlines())

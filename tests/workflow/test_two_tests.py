@@ -2,25 +2,12 @@
 
 import pytest
 import yaml
+from one_layer import MODEL, TWO_TESTS
 from test_runs import configure, run
 
-STUDY = {
-    "units": {"length": "mm", "force": "N", "time": "s"},
-    "control": "displacement",
-    "steps": "steps.csv",
-    "noise": {"force": 0.02},
-    "body": {"width": 12, "thickness": 70, "layers": [{"name": "gel", "height": 12}]},
-    "boundary": {"base": "held", "indenter": "glued"},
-    "tests": {"plate": {}, "greased": {"boundary": {"base": "slides", "indenter": "slides"}}},
-}
 CONFIG = {
     "study": "studies/two",
-    "model": {
-        "material": {"alpha": 1.4, "poisson": 0.49},
-        "mesh": {"element": "CPE4", "across": 3, "per_layer": 3},
-        "refined": {"element": "CPE4", "across": 4, "per_layer": 4},
-        "parameters": {"mu": {"unit": "MPa", "start": 0.04, "lower": 0.01, "upper": 0.1}},
-    },
+    "model": {**MODEL, "refined": {"element": "CPE4", "across": 4, "per_layer": 4}},
     "fit": {
         "score": "likelihood",
         "replicates": 20,
@@ -33,7 +20,7 @@ CONFIG = {
 def test_two_tests_through_the_workflow(tmp_path):
     study = tmp_path / "studies/two"
     study.mkdir(parents=True)
-    (study / "study.yaml").write_text(yaml.safe_dump(STUDY, sort_keys=False))
+    (study / "study.yaml").write_text(yaml.safe_dump(TWO_TESTS, sort_keys=False))
     (study / "steps.csv").write_text("step,displacement,force\n1,0.5,5\n2,1,10.5\n")
     configure(tmp_path, CONFIG)
     run(tmp_path, "--cores", "2")

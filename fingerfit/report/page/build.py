@@ -282,6 +282,7 @@ def _rungs(inputs: Inputs) -> list[dict[str, Any]]:
                 "run": simulations.get("run"),
                 "reused": simulations.get("reused"),
                 "parameters": rung.get("parameters") or {},
+                "ranges": rung.get("ranges") or {},
             }
         )
     return shown

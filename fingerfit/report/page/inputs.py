@@ -15,7 +15,7 @@ from fingerfit.core.files import digest, free_memory, read_bytes, read_json, rea
 from fingerfit.diagnosis.residual import RESPONSE
 from fingerfit.provenance.inputs import study_files
 from fingerfit.settings.choices import KNOWN
-from fingerfit.study.several import AT, TESTS
+from fingerfit.study.several import TESTS, array_ending, arrays_of_test
 
 LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
 SETTINGS, ESTIMATE = "settings.json", "estimate.json"
@@ -190,12 +190,6 @@ class Compare:
         return len(self.mesh_rings) > 0 and self.mesh_moved.shape == (self.views, len(self.mesh_points), 2)
 
 
-def arrays_of_test(arrays: dict[str, np.ndarray], test: str) -> dict[str, np.ndarray]:
-    """Arrays of one test by their plain names; all of them for no name."""
-    ending = f"{AT}{test}" if test else ""
-    return {name.removesuffix(ending): values for name, values in arrays.items() if name.endswith(ending)}
-
-
 def read_compare(path: Path, test: str = "") -> Compare:
     """Read ``compare.npz``, of a study with several tests one of them.
 
@@ -362,7 +356,7 @@ def _model(folder: Path, name: str, rung: dict[str, Any], test: str) -> Model:
     shows = {str(entry.get("effect")): str(entry.get("shows")) for entry in diagnosis.get("ranking") or []}
     for effect in diagnosis.get("patterns") or []:
         part = shows.get(effect, "")
-        values = arrays.get(f"{part}_{effect}{AT * bool(test)}{test}")
+        values = arrays.get(f"{part}_{effect}{array_ending(test)}")
         known = compare is not None and (compare.mapped or part == RESPONSE)
         if known and values is not None and values.shape == getattr(compare, part).shape:
             patterns[str(effect)] = (part, values)
