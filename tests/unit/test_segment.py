@@ -29,6 +29,13 @@ def disk(direction=STRAIGHT):
     return Picture(values, np.full(2, SPACING), np.array([3.0, -4.0]), direction)
 
 
+def beside(picture, label):
+    """The same with a label in a corner, away from the body."""
+    values = picture.values.copy()
+    values[:3, :3] = label
+    return replace(picture, values=values)
+
+
 def test_areas_in_the_plane_are_those_of_the_labels_wherever_the_picture_lies():
     for direction in (STRAIGHT, TURNED):
         picture = disk(direction)
@@ -105,6 +112,7 @@ def test_names_of_segments_of_slicer_are_read_and_layers_refused(tmp_path):
         ({"size": 30.0}, "two elements or more along each axis"),
         ({"size": 0.01}, "10 million cells"),
         ({"element": "C3D10"}, "one of CPE6"),
+        ({"picture": beside(disk(), 3), "holes": {3: "PAD"}}, "PAD, which touches no tissue"),
         ({"sides": {"TOP": "z+"}}, "one of x-, x[+], y-, y[+]"),
     ],
 )
