@@ -296,6 +296,7 @@ def project(tmp_path):
         path.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
     (tmp_path / "small.yaml").write_text(yaml.safe_dump(SMALL, sort_keys=False), encoding="utf-8")
     text = (ROOT / "docs/study.md").read_text(encoding="utf-8")
+    shutil.copytree(ROOT / "examples/breast", tmp_path / "examples/breast")
     (tmp_path / "studies/mine").mkdir()
     for name, pattern in DOCUMENTED_STUDY.items():
         (found,) = re.findall(pattern, text, re.MULTILINE | re.DOTALL)
