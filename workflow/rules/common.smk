@@ -12,6 +12,7 @@ from fingerfit.core.folders import CLONE, PACKAGE
 from fingerfit.core.progress import Progress
 from fingerfit.fit.rounds import Walk
 from fingerfit.provenance import runs
+from fingerfit.provenance.ending import end_when_told
 from fingerfit.provenance.failures import MARK, Failures
 from fingerfit.provenance.size import LONG
 from fingerfit.provenance.watch import Watch, heard_by
@@ -38,6 +39,9 @@ if DISCOVERS and len(RUNS) > 1:
     raise WorkflowError(f"discover adds effects to one model; {CONFIG} has {len(RUNS)} runs")
 if DAMAGED:
     raise WorkflowError("\n".join(DAMAGED))
+
+if workflow.is_main_process:
+    end_when_told()
 
 # what is said while it runs, and why a job failed; Snakemake's words are shown to those who did not ask for quiet
 PROGRESS = Progress()
