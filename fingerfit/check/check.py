@@ -173,7 +173,7 @@ def _coarse(study: Study) -> MeshSettings | None:
     """A mesh that says where the body is, no more."""
     if study.body.mesh is not None:
         return None
-    across, high = (20, 10) if study.body.regions else (4, 2)
+    across, high = (20, 10) if study.body.regions else (4, 2)  # fine enough that a region of a tenth has elements
     return MeshSettings(element="C3D8" if study.body.brick else "CPE4", across=across, per_layer=high)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from fingerfit.core.errors import InputError, LimitError
 from fingerfit.core.files import MESH, check_regular
 from fingerfit.mesh.elements import ELEMENTS
+from fingerfit.mesh.inside import size_of
 from fingerfit.mesh.mesh import Block, Mesh
 
 
@@ -136,8 +137,7 @@ def _anticlockwise(points: np.ndarray, rows: np.ndarray) -> np.ndarray:
     if points.shape[1] == 3:
         return rows
     count = 3 if rows.shape[1] in (3, 6) else 4
-    x, y = np.moveaxis(points[rows[:, :count]], 2, 0)
-    area = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
+    area = size_of(points[rows[:, :count]])
     return np.where((area < 0)[:, None], rows[:, _BACKWARDS[rows.shape[1]]], rows)
 
 

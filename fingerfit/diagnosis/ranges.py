@@ -21,7 +21,7 @@ COMPARABLE = 0.5
 PARTS = 4
 """Parts of the forces, each of steps that follow each other: as many as the body has in the plane. A choice."""
 UNSEEN = 1e-8
-"""Curvature, as a share of the steepest, below which a part of the data says nothing of a constant."""
+"""Curvature, as a share of the steepest, below which a part of the data says nothing of a constant. A choice."""
 
 
 def ranges(

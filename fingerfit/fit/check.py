@@ -62,7 +62,7 @@ def _of_several(settings: Settings, study: Study, where: Path | str) -> list[Fin
 def _strange_layers(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
     """Constants of layers that no test has, and constants that no layer uses."""
     model, problems, layers = settings.model, list[FingerfitError](), _layers(study)
-    regions = _regions(study)
+    regions = study.region_names
     for group, names in (("parameters", model.parameters), ("material", model.material)):
         for name in names:
             layer = name.partition("_")[2]
@@ -88,16 +88,11 @@ def _layers(study: Study) -> list[str]:
     return list(dict.fromkeys(name for test in study.every for name in test.layer_names))
 
 
-def _regions(study: Study) -> list[str]:
-    """Names of the regions of all tests."""
-    return list(dict.fromkeys(region.name for test in study.every for region in test.body.regions))
-
-
 def _right_quantities(settings: Settings, study: Study) -> list[str]:
     """Constants of the law but those that are told wrong already, for a layer that is not there."""
     model, layers = settings.model, _layers(study)
     split = [name.partition("_") for name in (*model.parameters, *model.material)]
-    strange = {quantity for quantity, _, layer in split if layer and layer not in layers + _regions(study)}
+    strange = {quantity for quantity, _, layer in split if layer and layer not in layers + study.region_names}
     return [quantity for quantity in LAWS[model.law] if quantity not in strange]
 
 

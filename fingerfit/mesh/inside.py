@@ -23,10 +23,11 @@ def points_inside(mesh: Mesh) -> list[np.ndarray]:
 
 def sizes(mesh: Mesh) -> np.ndarray:
     """Area or volume of each element by its corners, shape (elements,)."""
-    return np.concatenate([_size(mesh.points[b.nodes[:, : ELEMENTS[b.element].corners]]) for b in mesh.blocks])
+    return np.concatenate([size_of(mesh.points[b.nodes[:, : ELEMENTS[b.element].corners]]) for b in mesh.blocks])
 
 
-def _size(corner: np.ndarray) -> np.ndarray:
+def size_of(corner: np.ndarray) -> np.ndarray:
+    """The same of corners, shape (elements, corners, dim); areas are below 0 where corners lie clockwise."""
     if corner.shape[2] == 2:
         x, y = np.moveaxis(corner, 2, 0)
         return (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1) / 2

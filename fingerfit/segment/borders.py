@@ -10,13 +10,18 @@ import numpy as np
 from fingerfit.segment.labels import Cells
 
 SETTLED = 4
-"""Times that they are set on it at the end, without smoothing."""
+"""Times that they are set on it at the end, without smoothing. A choice."""
 ROUNDS = 12
-"""Times that nodes are smoothed and set on their border."""
+"""Times that nodes are smoothed and set on their border. A choice."""
 TAUBIN = (0.5, -0.52)
 """Shares of the way to the mean of the neighbours, in turn: smooth, but as large as before (Taubin 1995)."""
 FAR = 0.45
 """Most that a node moves away from its corner of a cell, in cells: less than half, so that no two meet."""
+
+WAY = 0.25
+"""Longest way towards a border at once, and step of its slopes, in cells: within a cell depths are nearly linear."""
+LEVEL = 1e-3
+"""Square of a slope of depths, which is 4 between two labels, below which there is no border to go to."""
 
 
 @dataclass(frozen=True)
@@ -132,9 +137,9 @@ def _to_border(cells: Cells, a: int, b: int, place: np.ndarray) -> np.ndarray:
         return cells.depth(a, at) - cells.depth(b, at)
 
     here, dim = difference(place), place.shape[1]
-    steps = 0.25 * np.eye(dim)
-    slope = np.stack([(difference(place + step) - difference(place - step)) / 0.5 for step in steps], axis=1)
+    steps = WAY * np.eye(dim)
+    slope = np.stack([(difference(place + step) - difference(place - step)) / (2 * WAY) for step in steps], axis=1)
     steep = (slope**2).sum(axis=1)
-    way = -(here / np.maximum(steep, 1e-3))[:, None] * slope
+    way = -(here / np.maximum(steep, LEVEL))[:, None] * slope
     length = np.linalg.norm(way, axis=1, keepdims=True)
-    return way * np.minimum(1.0, 0.25 / np.maximum(length, 1e-12))
+    return way * np.minimum(1.0, WAY / np.maximum(length, 1e-12))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -11,7 +12,7 @@ from scipy.spatial import cKDTree
 from fingerfit.anatomy.surface import load_netgen
 from fingerfit.core.errors import InputError, SolverError
 from fingerfit.imaging.pictures import Picture
-from fingerfit.mesh.inside import sizes
+from fingerfit.mesh.inside import size_of
 from fingerfit.mesh.mesh import Block, Mesh
 from fingerfit.mesh.tetrahedra import oriented, to_quadratic
 from fingerfit.segment.borders import Borders, borders_of
@@ -21,7 +22,13 @@ ELEMENTS = {2: ("CPE6", "CPE6H", "CPE3", "CPE3H"), 3: ("C3D10", "C3D10H", "C3D4"
 """Elements in the plane and in space; the first one where none is wanted."""
 SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
 NEAR = 0.5
-"""How far below the top of the body its nodes are still under an indenter, in elements."""
+"""How far below the top of the body its nodes are still under an indenter, in elements. A choice."""
+ON_IT = NEAR * 1e-3
+"""The same for a flat side, on which nodes lie but for rounding."""
+ROUNDING = 1e-6
+"""Distance, in elements, within which nodes lie on one plane: the sums that place them are in double precision."""
+LARGEST = 3
+"""Largest element within the body, in elements at borders. A choice."""
 
 
 def mesh_labels(
@@ -88,31 +95,30 @@ def mesh_labels(
     sets = {
         name: np.flatnonzero(np.isin(label, [k for k in tissues if tissues[k] == name])) for name in tissues.values()
     }
-    found = Mesh(points, (Block("C3D4" if dim == 3 else "CPE3", nodes),), {}, sets)
     hole_nodes = {name: np.unique(borders.sides[(borders.labels == -k).any(axis=1)]) for k, name in holes.items()}
     if empty := [name for name, nodes in hole_nodes.items() if not len(nodes)]:
         raise InputError(where, "holes", f"{empty[0]}, which touches no tissue", "a label beside one")
     outside = np.unique(borders.sides[(borders.labels <= 0).any(axis=1)])
-    named = {**_sides(found, outside, sides, size), **hole_nodes}
-    found = Mesh(found.points, found.blocks, named, sets)
-    if element.removesuffix("H") in ("CPE3", "C3D4"):
-        return Mesh(found.points, (Block(element, nodes),), named, sets)
-    found = to_quadratic(found) if dim == 3 else _six(found)
+    named = {**_sides(points, outside, sides, size), **hole_nodes}
+    linear = "C3D4" if dim == 3 else "CPE3"
+    if element.removesuffix("H") == linear:
+        return Mesh(points, (Block(element, nodes),), named, sets)
+    found = (to_quadratic if dim == 3 else _six)(Mesh(points, (Block(linear, nodes),), named, sets))
     return Mesh(found.points, (Block(element, found.blocks[0].nodes),), found.node_sets, sets)
 
 
-def _sides(mesh: Mesh, outside: np.ndarray, sides: Mapping[str, str], size: float) -> dict[str, np.ndarray]:
+def _sides(points: np.ndarray, outside: np.ndarray, sides: Mapping[str, str], size: float) -> dict[str, np.ndarray]:
     found = {}
     for name, side in sides.items():
         axis, sign = "xyz".index(side[0]), 1.0 if side[1] == "+" else -1.0
-        height = sign * mesh.points[outside, axis]
-        found[name] = outside[height > height.max() - NEAR * size * (1e-3 if _flat(height, size) else 1.0)]
+        height = sign * points[outside, axis]
+        found[name] = outside[height > height.max() - size * (ON_IT if _flat(height, size) else NEAR)]
     return found
 
 
 def _flat(height: np.ndarray, size: float) -> bool:
     """Whether a side is flat: three or more nodes lie on it."""
-    return bool((height > height.max() - 1e-6 * size).sum() >= 3)
+    return bool((height > height.max() - ROUNDING * size).sum() >= 3)
 
 
 def _plane(
@@ -126,7 +132,7 @@ def _plane(
         shape.AppendPoint(*map(float, point))
     for (a, b), (left, right) in zip(borders.sides.tolist(), borders.labels.tolist(), strict=True):
         shape.Append(["line", a, b], leftdomain=max(left, 0), rightdomain=max(right, 0), bc=1)
-    return _made(lambda: shape.GenerateMesh(maxh=3 * size, grading=grading, quad_dominated=False), 2, points)
+    return _made(lambda: shape.GenerateMesh(maxh=LARGEST * size, grading=grading, quad_dominated=False), 2, points)
 
 
 def _space(
@@ -146,7 +152,7 @@ def _space(
     for label in sorted(set(pairs.ravel().tolist()) - {0}):
         mesh.SetMaterial(label, str(label))
     return _made(
-        lambda: (mesh.GenerateVolumeMesh(mp=meshing.MeshingParameters(maxh=3 * size, grading=grading)), mesh)[1],
+        lambda: (mesh.GenerateVolumeMesh(mp=meshing.MeshingParameters(maxh=LARGEST * size, grading=grading)), mesh)[1],
         3,
         points,
     )
@@ -160,7 +166,7 @@ def _halves(points: np.ndarray, side: np.ndarray) -> list[list[int]]:
     return [[a, b, d], [b, c, d]]
 
 
-def _made(work, dim: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]
+def _made(work: Callable[[], Any], dim: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points, corners of elements and their labels."""
     try:
         mesh = work()
@@ -180,7 +186,7 @@ def _made(work, dim: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
     nodes, label = number[[row[0] for row in rows]], np.array([row[1] for row in rows])
     if dim == 3:
         return found, oriented(found, nodes), label
-    turned = sizes(Mesh(found, (Block("CPE3", nodes),))) < 0
+    turned = size_of(found[nodes]) < 0
     nodes[turned] = nodes[turned][:, [0, 2, 1]]
     return found, nodes, label
 

@@ -40,10 +40,10 @@ def _of_study(file: Path, stamps: tuple[tuple[str, int], ...]) -> tuple[tuple[tu
     """
     try:
         # shares of what the first test does not have are of the next one that does
-        every = load_study(file).every
-        tests = [scales(study, extent_of(study)) for study in every]
+        whole = load_study(file)
+        tests = [scales(study, extent_of(study)) for study in whole.every]
         sizes = {name: size for own in reversed(tests) for name, size in own.items()}
-        return tuple(sizes.items()), tuple(dict.fromkeys(one.name for study in every for one in study.body.regions))
+        return tuple(sizes.items()), tuple(whole.region_names)
     except FingerfitError:
         return (), ()
 

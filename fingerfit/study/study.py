@@ -217,6 +217,11 @@ class Study:
         """The tests of the study, at least one."""
         return self.tests or (self,)
 
+    @property
+    def region_names(self) -> list[str]:
+        """Names of the regions of all tests."""
+        return list(dict.fromkeys(region.name for test in self.every for region in test.body.regions))
+
     def of_test(self, name: str) -> Study:
         """One of its tests; the study itself for the name of none."""
         return next((test for test in self.tests if test.test == name), self)
