@@ -212,19 +212,21 @@ def _refits(
 ) -> Iterator[tuple[Ranked, Refit, int]]:
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
-    Where one explains most of the misfit, not those whose odds in the first pass were far below its own.
+    Where one explains most of the misfit, not those whose odds in the first pass were far below its own, and no probe
+    that was less likely: it would only say that there is something of no known form.
     """
-    enough = -np.inf
+    explained = -np.inf
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     for ranked in to_refit(found.score_test, found.ranking, found.tests, known):
-        if ranked.refitted and ranked.odds(spread) < enough:
+        share = 1.0 if ranked.candidate.effect.probe else ENOUGH
+        if ranked.refitted and ranked.odds(spread) < share * explained:
             continue
         try:
             refit, run = refit_of(problem, last, ranked, everything, found.weighed, found.score_test.misfit, threads)
         except StateError:
             continue  # bodies without a solution explain nothing
         if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
-            enough = max(enough, ENOUGH * ranked.odds(spread))
+            explained = max(explained, ranked.odds(spread))
         effect, share = ranked.candidate.effect, min(1.0, max(0.0, explained_share(found.score_test, refit)))
         tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
         yield ranked, refit, run
