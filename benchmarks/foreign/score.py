@@ -60,6 +60,7 @@ FAMILY = {
     "swollen": "state",
     "tilt": "indenter",
     "turned_pictures": "observation",
+    "uneven_brightness": "observation",
     "wall": "indenter",
     "wandering_pictures": "observation",
     "yeoh": "material",
