@@ -136,7 +136,9 @@ class _Shown:
             return None
         # columns of the prescribed quantity and of the mesh take turns
         unknown = unknown * np.tile([design.forces, design.error], unknown.shape[1] // 2)
-        score_test = ScoreTest(residual.vector, covariance, np.concatenate([own, other], axis=1), unknown)
+        before, rows = comparison.known
+        known = before, np.pad(rows, ((0, 0), (0, other.shape[1])))
+        score_test = ScoreTest(residual.vector, covariance, np.concatenate([own, other], axis=1), unknown, known=known)
         return float((score_test.signature(one @ first.finding.size[:, None]) ** 2).sum())
 
     def _ask(self, values: Mapping[str, float], role: str, gain: float = 1.0) -> Asked:
