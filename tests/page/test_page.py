@@ -51,6 +51,14 @@ def test_sections_and_numbers(whole):
     assert "44 reused" in whole and "held out" in whole
 
 
+def test_measurements_that_would_identify_a_constant_stand_below_it(whole):
+    text = re.search(r"<h3>A measurement that would identify mu_bottom</h3>(.*?)</table>", whole, re.S)[1]
+    assert re.findall(r"<td>(.*?)</td>", text) == [
+        "as measured", "0.02 to 0.3", "not identified",
+        "the same test to 1.2 times the force", "0.06 to 0.07", "identified",
+    ]  # fmt: skip
+
+
 def test_it_begins_with_the_constants_and_their_intervals(whole, tmp_path):
     def top(text):
         return re.search(r'<table class="found">(.*?)</table>', text, re.S)[1]

@@ -283,6 +283,7 @@ def _rungs(inputs: Inputs) -> list[dict[str, Any]]:
                 "reused": simulations.get("reused"),
                 "parameters": rung.get("parameters") or {},
                 "ranges": rung.get("ranges") or {},
+                "further": rung.get("further") or {},
             }
         )
     return shown
