@@ -115,7 +115,7 @@ class FirstPass:
         """
         from scipy.optimize import least_squares
 
-        path = _Path(self, problem, start, self.known if near else {}, secant=near)
+        path = Way(self, problem, start, self.known if near else {}, secant=near)
         begin = np.zeros(len(path.parameters))
         if not np.isfinite(path.residual(begin)).all():
             raise StateError("the start of a refit has no solution")
@@ -261,7 +261,7 @@ def _few(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-class _Path:
+class Way:
     """The way of one refit: from a distance in search coordinates to what the model leaves there, and its slopes."""
 
     def __init__(
@@ -317,6 +317,8 @@ class _Path:
         if self._secant and self._before is not None:
             here, (last, left, columns) = self.residual(delta), self._before
             move = delta - last
+            if not move.any():
+                return columns
             columns = columns + np.outer(here - left - columns @ move, move / (move @ move))
         else:
             columns = self._differences(delta)

@@ -9,6 +9,7 @@ from blocks import FIT, MODEL, STUDY
 from one_layer import DESCRIPTION, SHARED
 
 from fingerfit.core.files import write_json
+from fingerfit.diagnosis.comparison import anchor_of
 from fingerfit.diagnosis.designs import NORMAL, identification
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.fit.jobs import solve_missing
@@ -22,21 +23,24 @@ TRUTH = {"mu_top": 0.09, "mu_bottom": 0.02}
 WIDTH = np.log(MU["upper"] / MU["lower"])
 
 
-def compared(folder, displacements, forces=None):
+def compared(folder, displacements, forces=None, truth=TRUTH, noise=0.05, bounds=None):
     """A block of two layers whose forces the start fits without any rest."""
     (folder / "study").mkdir(parents=True)
-    (folder / "study/study.yaml").write_text(yaml.safe_dump({**STUDY, "noise": {"force": 0.05}}))
-    forces = np.ones(len(displacements)) if forces is None else forces
-    rows = [f"{n},{d},{f:.10g}" for n, (d, f) in enumerate(zip(displacements, forces, strict=True), 1)]
-    (folder / "study/steps.csv").write_text("\n".join(["step,displacement,force", *rows]) + "\n")
-    model = {**copy.deepcopy(MODEL), "parameters": {name: {**MU, "start": mu} for name, mu in TRUTH.items()}}
+    (folder / "study/study.yaml").write_text(yaml.safe_dump({**STUDY, "noise": {"force": noise}}))
+    rows = zip(displacements, np.ones(len(displacements)) if forces is None else forces, strict=True)
+    lines = [f"{n},{displacement},{force:.10g}" for n, (displacement, force) in enumerate(rows, 1)]
+    (folder / "study/steps.csv").write_text("\n".join(["step,displacement,force", *lines]) + "\n")
+    parameters = {name: {**MU, **(bounds or {}).get(name, {}), "start": mu} for name, mu in truth.items()}
+    model = {**copy.deepcopy(MODEL), "parameters": parameters}
     fit = {**FIT, "stages": [{"name": "descent", "kind": "least_squares"}]}
     problem, everything = begin(load_settings({"study": str(folder / "study"), "model": model, "fit": fit}), folder)
-    if forces[0] == 1.0:
-        asked = problem.ask(TRUTH)
+    if forces is None:
+        asked = problem.ask(truth)
         solve_missing(problem, [asked], 1)
-        return compared(folder / "true", displacements, problem.prediction(asked).response)
-    return comparison_of(problem, run_fit(problem, 1)[0], everything)
+        return compared(folder / "true", displacements, problem.prediction(asked).response, truth, noise, bounds)
+    last, _ = run_fit(problem, 1)
+    solve_missing(problem, [anchor_of(problem, last)], 1)
+    return comparison_of(problem, last, everything)
 
 
 def deviation(further):
