@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,6 +19,7 @@ from fingerfit.diagnosis.first_pass import refit_all, widened
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
+from fingerfit.diagnosis.refits import Everything, ended_of, refit_of, with_outline
 from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
@@ -31,6 +32,7 @@ from fingerfit.diagnosis.reservations import (
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.series import cut
+from fingerfit.diagnosis.sides import begun, sides_of
 from fingerfit.diagnosis.verdict import (
     SEEN,
     Refit,
@@ -49,12 +51,8 @@ from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.simulate import run_fit
 from fingerfit.fit.slopes import moved
-from fingerfit.study.data import Data
 
-Everything = Data | Sequence[Data]
-"""What was measured, in one test or in several."""
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
 BATCHES = 2
@@ -119,10 +117,10 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
     score_test, ranking, tests = found.score_test, found.ranking, found.tests
     halves, ended = set[str](), dict[str, Refit]()
     fitted, held_out = errors(found.comparison)
-    outline = max(data.outline for data in found.comparison.measured)
+    outline = sides_of(found.comparison)
     verdict = decide(score_test, ranking, {}, tests, held_out=held_out)
     # of a body of another shape refits say nothing
-    for _ in range(0 if outline and not explains(score_test) else BATCHES):
+    for _ in range(0 if outline.off and not explains(score_test) else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits)
         ended = nearest(ended_well(score_test, refits, fitted))
@@ -151,7 +149,12 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
         run += more
     stiffness = stiffness_map(found.comparison, found.everywhere)
     verdict = by_settings(of_family(verdict, score_test, ranking), score_test, ranking, tests)
-    verdict = elsewhere(verdict, outline)
+    if outline.off and verdict.kind != "adequate":
+        states, more = _states(problem, last, everything, found, threads)
+        ranking = [next((own for own, _ in states if own.candidate is one.candidate), one) for one in ranking]
+        refits |= {one.candidate.effect.name: refit for one, refit in states}
+        form, again = with_outline(problem, last, threads)
+        verdict, run = elsewhere(verdict, outline, form, states), run + more + again
     verdict = far_off(verdict, found.comparison)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking))
     untold = found.lacking, untestable(problem)
@@ -201,7 +204,7 @@ def _refit_best(
 ) -> int:
     """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
     run = 0
-    for ranked, refit, more in _refits(problem, last, everything, found, threads, tuple(refits)):
+    for ranked, refit, more in _refits(problem, last, everything, found, threads, refits):
         refits[ranked.candidate.effect.name] = refit
         run += more
     return run
@@ -213,26 +216,45 @@ def _refits(
     everything: Everything,
     found: _Tested,
     threads: int,
-    known: Collection[str] = (),
+    known: Mapping[str, Refit] | None = None,
 ) -> Iterator[tuple[Ranked, Refit, int]]:
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
-    Where one explains most of the misfit, not those whose odds in the first pass were far below its own.
+    Where one explains most of the misfit, not those whose odds in the first pass were far below its own, and no probe
+    that was less likely: it would only say that there is something of no known form.
     """
-    enough = -np.inf
+    explained = -np.inf
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     for ranked in to_refit(found.score_test, found.ranking, found.tests, known):
-        if ranked.refitted and ranked.odds(spread) < enough:
+        share = 1.0 if ranked.candidate.effect.probe else ENOUGH
+        if ranked.refitted and ranked.odds(spread) < share * explained:
             continue
         try:
-            refit, run = _refit(problem, last, ranked, everything, found, threads)
+            refit, run = refit_of(problem, last, ranked, everything, found.weighed, found.score_test.misfit, threads)
         except StateError:
             continue  # bodies without a solution explain nothing
         if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
-            enough = max(enough, ENOUGH * ranked.odds(spread))
+            explained = max(explained, ranked.odds(spread))
         effect, share = ranked.candidate.effect, min(1.0, max(0.0, explained_share(found.score_test, refit)))
         tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
         yield ranked, refit, run
+
+
+def _states(
+    problem: InverseProblem, last: Round, everything: Everything, found: _Tested, threads: int
+) -> tuple[list[tuple[Ranked, Refit]], int]:
+    """Effects on the state in the picture before compression, refitted from where they bring the sides nearest."""
+    states, run = list[tuple[Ranked, Refit]](), 0
+    for one in begun(found.comparison, found.ranking):
+        try:
+            refit, more = refit_of(problem, last, one, everything, found.weighed, found.score_test.misfit, threads)
+        except StateError:
+            continue
+        effect, run = one.candidate.effect, run + more
+        away = f"a side is {refit.sides.off:.2g} mm off" if refit.sides.off else "sides are where the picture has them"
+        tell(f"refitted {effect.name} ({effect.title}): {away}; {more} simulations run")
+        states.append((one, refit))
+    return states, run
 
 
 def _partner(
@@ -242,7 +264,7 @@ def _partner(
 
     It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are.
     """
-    ended, run = _ended(problem, last, half, everything, before, threads)
+    ended, run = ended_of(problem, last, half, everything, before, threads)
     found, best = _test_all(ended.problem, ended.last, everything, threads), None
     run += found.run
     for ranked, refit, more in _refits(ended.problem, ended.last, everything, found, threads):
@@ -307,73 +329,6 @@ def _at_size(comparison: Comparison, score_test: ScoreTest, one: Ranked) -> Aske
     return problem.ask(
         {**values, **moved(parameters, values, change), **one.candidate.place, **size}, f"{effect.name} again"
     )
-
-
-def _refit(
-    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, found: _Tested, threads: int
-) -> tuple[Refit, int]:
-    ended, run = _ended(problem, last, one, everything, found.score_test.misfit, threads)
-    fitted, held_out = errors(ended.comparison)
-    score_test, values = ended.score_test, minimum(ended.problem, ended.last).values
-    start = ended.problem.settings.model.effects[one.candidate.effect.name]
-    before = problem.settings.starts()
-    constants = {name: value for name, value in ended.problem.settings.starts().items() if name in before}
-    models = {"before": found.weighed, "after": Weighed.of(ended.comparison)}
-    both = misfits(models, "before")
-    refit = Refit(
-        score_test.misfit, score_test.freedom, fitted, held_out, values,
-        score_test.common_misfit, score_test.common_freedom,
-        ended.share, start, len(ended.problem.asked), both["before"] - both["after"], constants, models["after"],
-        numbers=len(ended.problem.settings.parameters()) - len(problem.settings.parameters()),
-    )  # fmt: skip
-    return refit, run
-
-
-@dataclass(frozen=True)
-class _Ended:
-    """A model with one effect more, fitted and compared with everything."""
-
-    problem: InverseProblem
-    last: Round
-    comparison: Comparison
-    score_test: ScoreTest
-    share: float
-
-
-def _ended(
-    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, before: float, threads: int
-) -> tuple[_Ended, int]:
-    """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
-
-    A prediction from slopes can be far too large, and a search that starts there finds another valley, or bodies
-    without a solution.
-
-    Raises
-    ------
-    StateError
-        When there is no solution on either way.
-    """
-    try:
-        ended, run = _fitted(problem, last, one, everything, threads, 1.0)
-    except StateError:
-        return _fitted(problem, last, one, everything, threads, 0.1)
-    if ended.score_test.misfit >= before:
-        other, more = _fitted(problem, last, one, everything, threads, 0.1)
-        ended, run = min(ended, other, key=lambda each: each.score_test.misfit), run + more
-    return ended, run
-
-
-def _fitted(
-    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, threads: int, share: float
-) -> tuple[_Ended, int]:
-    wider = widened(problem, minimum(problem, last).values, one, share)
-    try:
-        end, run = run_fit(wider, threads)
-        run += solve_missing(wider, [anchor_of(wider, end)], threads)
-    finally:
-        problem.asked.update(wider.asked)
-    comparison = comparison_of(wider, end, everything)
-    return _Ended(wider, end, comparison, comparison.score_test, share), run
 
 
 def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> InverseProblem:

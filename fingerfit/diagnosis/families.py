@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,19 +15,32 @@ SURE = 4.6
 """Logarithm of the odds from which an answer is sure: 100 to 1."""
 
 
-def nominated(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[Ranked]:
+def nominated(
+    score_test: ScoreTest, ranking: Sequence[Ranked], falls: Mapping[str, float] | None = None
+) -> list[Ranked]:
     """The ranking with either the members of a family or its probe.
 
     A probe imitates all of its members. One of them is the answer where it does most of what the probe does; else there
     is something in the family that has no member.
+
+    Parameters
+    ----------
+    score_test : ScoreTest
+    ranking : sequence of Ranked
+    falls : mapping, optional
+        By how much the misfit fell in refits, by name of the effect. A member that keeps less than was promised does
+        not hold its probe back any more.
     """
+    known = falls or {}
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     probes = {one.candidate.effect.family: one for one in ranking if one.candidate.effect.probe}
 
     def stands(family: str) -> bool:
         probe = probes[family]
         members = [one for one in ranking if one.candidate.effect.family == family and one is not probe]
-        beyond = all(one.finding.fall < ENOUGH * probe.finding.fall for one in members)
+        limit = ENOUGH * probe.finding.fall
+        members = [one for one in members if known.get(one.candidate.effect.name, np.inf) >= limit]
+        beyond = all(one.finding.fall < limit for one in members)
         return beyond and all(one.odds(spread) < probe.odds(spread) for one in members)
 
     standing = {family: stands(family) for family in probes}

@@ -11,6 +11,7 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.sides import Sides
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import cure_of
@@ -18,6 +19,8 @@ from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE
 
 LARGEST = 0.5
 """Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
+SURELY = 3.0
+"""Standard deviations of chance."""
 LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
 
@@ -154,24 +157,44 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
     return Verdict("unexplained", (), text, verdict.threshold)
 
 
-def elsewhere(verdict: Verdict, outline: float) -> Verdict:
+def elsewhere(verdict: Verdict, sides: Sides, form: ScoreTest, states: Sequence[tuple[Ranked, Refit]] = ()) -> Verdict:
     """The verdict, but on the outline where the picture before compression shows another body than the study states.
 
-    That is seen without any model, and whatever is fitted to a body of another shape imitates it.
+    That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
+    or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
+    off; then the criterion of Schwarz (1978) decides. It knows the sides as data, which another form has as numbers.
 
     Parameters
     ----------
     verdict : Verdict
-    outline : float
-        How far a side surely lies from where it is stated, mm; 0 where it does not.
+    sides : Sides
+        Against the model without any effect more.
+    form : ScoreTest
+        Of the model whose body has the sides that the picture shows.
+    states : sequence of (Ranked, Refit)
+        Effects on the state in that picture, refitted.
     """
-    if not outline or verdict.kind == "adequate":
-        return verdict
-    text = (
-        f"missing: sides of the body elsewhere; the picture before compression shows one {outline:.2g} mm from where"
-        " body in study.yaml has it. A body that was pressed, or swelled, before that picture looks like this as well"
-    )
-    return Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
+    shown = f"the picture before compression shows one {sides.off:.2g} mm from where body in study.yaml has it"
+    text = f"missing: sides of the body elsewhere; {shown}"
+    another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
+    able = [each for each in states if explains(each[1]) and each[1].sides.off <= (1.0 - ENOUGH) * sides.off]
+    if not able:
+        return another
+
+    # what is left beyond what chance would: each has its own values, and some that another has not
+    def left(refit: Refit) -> float:
+        return refit.misfit - refit.freedom + refit.sides.misfit + refit.numbers * float(np.log(refit.freedom))
+
+    one, refit = min(able, key=lambda each: left(each[1]))
+    effect, title = one.candidate.effect, one.candidate.effect.title
+    gain = form.misfit - form.freedom + sides.numbers * float(np.log(form.freedom)) - left(refit)
+    if abs(gain) < verdict.threshold + SURELY * np.sqrt(2.0 * abs(form.freedom - refit.freedom)):
+        text = f"missing: sides of the body elsewhere or {title}; these data cannot tell them apart; {shown}"
+        return Verdict("indistinguishable", (OUTLINE, effect.name), text, verdict.threshold, "geometry")
+    if gain < 0:
+        return another
+    text = f"missing: {title}; with it {shown.replace('shows one', 'shows a side')}"
+    return Verdict("missing", (effect.name,), text, verdict.threshold, effect.family)
 
 
 def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:

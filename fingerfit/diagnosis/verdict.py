@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from fingerfit.diagnosis.families import ENOUGH, nominated
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.sides import Sides
 from fingerfit.model.effect import NUMERICS
 
 LEVEL = 0.01
@@ -63,6 +64,8 @@ class Refit:
         Misfit by the likelihood that all refits of a model have in common.
     numbers : int
         How many numbers of the effect were fitted.
+    sides : Sides
+        Where the picture before compression has the sides of the body, against the model.
     """
 
     misfit: float
@@ -80,6 +83,7 @@ class Refit:
     weighed: Weighed | None = field(default=None, repr=False, compare=False)
     compared: float | None = None
     numbers: int = 0
+    sides: Sides = field(default_factory=Sides)
 
     @property
     def level(self) -> float:
@@ -122,7 +126,9 @@ def threshold(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, colu
     return float(chdtri(columns, LEVEL / max(tests, 1))) * spread_of(score_test.misfit, ranking, score_test.freedom)
 
 
-def to_refit(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, known: Collection[str] = ()) -> list[Ranked]:
+def to_refit(
+    score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, known: Mapping[str, Refit] | None = None
+) -> list[Ranked]:
     """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's.
 
     Where some are `known` and did not explain it, the next best: far from the truth predictions from slopes rank
@@ -130,7 +136,7 @@ def to_refit(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, known
     """
     found = [
         one
-        for one in nominated(score_test, ranking)
+        for one in nominated(score_test, ranking, {name: refit.fall for name, refit in (known or {}).items()})
         if one.candidate.effect.acts != NUMERICS
         and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         and one.finding.visible > _seen(score_test)

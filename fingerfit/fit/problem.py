@@ -207,7 +207,7 @@ class InverseProblem:
         """Solution of a guess on the nodes of its mesh, since the first picture; nodes of tools come after them."""
         whole = Outcome.load(self.sims / asked.sim / "solution.npz")
         body = whole.displacement[:, : len(self.meshes[self.mesh_of(asked)].points)]
-        return since_first_picture(replace(whole, displacement=body), len(self.data.step))
+        return since_first_picture(replace(whole, displacement=body), len(self.data.step), self.data.outline > 0)
 
     def synthesis(self, asked: Asked) -> Synthesis:
         """What should have been measured by a guess that must have a solution, and its maps."""

@@ -21,8 +21,8 @@ from fingerfit.study.several import file_ending
 from fingerfit.study.study import Study
 
 
-def begin(settings: Settings, folder: Path) -> tuple[InverseProblem, Data | list[Data]]:
-    """A fit outside the workflow, its meshes and simulations in `folder`; also the data with all pictures.
+def begin(settings: Settings, folder: Path, sims: Path | None = None) -> tuple[InverseProblem, Data | list[Data]]:
+    """A fit outside the workflow, its meshes in `folder`, its simulations there or in `sims`; also all data.
 
     Those of a study with several tests are a list.
 
@@ -37,7 +37,7 @@ def begin(settings: Settings, folder: Path) -> tuple[InverseProblem, Data | list
         files.append(write_meshes(settings, test, mesh, folder))
         fitted.append(prepare(test, mesh, settings.fit.steps, settings.fit.smooth, settings.fit.crop))
         check_data(settings, test, fitted[-1])
-    problem = problem_of(settings, fitted, files, folder / "sims")
+    problem = problem_of(settings, fitted, files, sims or folder / "sims")
     return problem, measured(problem)
 
 

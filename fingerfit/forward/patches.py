@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fingerfit.forward.predict import in_first_picture
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.registration import FEWEST, means
@@ -110,21 +111,25 @@ class Reader:
         self, data: Data, mesh: Mesh, patches: Patches, places: tuple[np.ndarray, np.ndarray] | None = None
     ) -> None:
         self.data = data
-        self._points = Probe(mesh, data.points)
-        self._patches = patches
+        self._mesh, self._patches = mesh, patches
         if places is not None and len(places[0]):
             points, self._owner = places
         else:
             offsets = np.stack([o.ravel() for o in np.meshgrid(*[(-0.25, 0.25)] * mesh.dim)], axis=1)
             points = (patches.centre[:, None] + offsets * patches.size).reshape(-1, mesh.dim)
             self._owner = np.repeat(np.arange(len(patches.centre)), len(offsets))
-        self._probe = Probe(mesh, points)
+        self._places = points
+        self._probes = Probe(mesh, data.points), Probe(mesh, points)
 
     def read(self, outcome: Outcome) -> np.ndarray:
         """Displacements (mm), brightness 0, and the response of a solution since the first picture."""
         data, found = self.data, []
+        at_points, at_places = self._probes
+        if outcome.begun is not None:
+            shown = in_first_picture(self._mesh, outcome)
+            at_points, at_places = Probe(shown, data.points), Probe(shown, self._places)
         for step in data.picture_step:
-            u = self._probe.read(outcome.displacement[step])
+            u = at_places.read(outcome.displacement[step])
             known = np.isfinite(u[:, 0])  # in the mesh; a patch without any such place has 0
             u = np.nan_to_num(means(u[known], self._owner[known], len(self._patches.centre)))
             found.append(np.concatenate([u, np.zeros((len(u), 1))], axis=1))
@@ -132,7 +137,7 @@ class Reader:
             at = np.empty_like(data.points_displacement)
             for step in np.unique(data.points_step):
                 own = data.points_step == step
-                at[own] = self._points.read(outcome.displacement[step])[own]
+                at[own] = at_points.read(outcome.displacement[step])[own]
             found += list(points_by_patch(data, at, self._patches))
         response = outcome.indenter if data.control == "force" else outcome.reaction
         return flat(np.array(found), -response[: len(data.step), -1])

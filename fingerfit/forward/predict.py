@@ -90,9 +90,10 @@ class Predictor:
         axis = self.mesh.dim - 1
         response = outcome.indenter if data.control == "force" else outcome.reaction
         points = np.empty_like(data.points_displacement)
+        probe = self._probe if outcome.begun is None else Probe(in_first_picture(self.mesh, outcome), data.points)
         for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
-            moved = self._probe.read(outcome.displacement[step])[chosen]
+            moved = probe.read(outcome.displacement[step])[chosen]
             points[chosen] = moved if seen is None else moved + seen.shift(int(step) + 1, data.points[chosen] + moved)
         measured = -response[: len(data.step), axis]
         if seen is not None:
@@ -101,12 +102,12 @@ class Predictor:
 
     def maps(self, outcome: Outcome, seen: Observation | None = None) -> list[BackwardMap]:
         """Backward maps of the pictures' steps."""
-        found, points = [], self.mesh.points
+        found, mesh = [], in_first_picture(self.mesh, outcome)
         for step in self.data.picture_step:
             shown = outcome.displacement[step]
             if seen is not None:  # a displaced picture shows the body as if it had moved so
-                shown = shown + seen.shift(int(step) + 1, points + shown)
-            found.append(backward_map(self.mesh, shown, self._frame, MARGIN))
+                shown = shown + seen.shift(int(step) + 1, mesh.points + shown)
+            found.append(backward_map(mesh, shown, self._frame, MARGIN))
         return found
 
 
@@ -118,8 +119,11 @@ def positions(frame: Picture, pixel: np.ndarray | None = None) -> tuple[np.ndarr
     return tuple(column.reshape(shape if pixel is None else -1) for column in points.T)
 
 
-def since_first_picture(outcome: Outcome, steps: int) -> Outcome:
-    """An outcome whose displacements count from the state of the first picture, where that is a step of its own."""
+def since_first_picture(outcome: Outcome, steps: int, elsewhere: bool = False) -> Outcome:
+    """An outcome whose displacements count from the state of the first picture, where that is a step of its own.
+
+    With `elsewhere` its nodes lie there in that picture; else the mesh is the body in that picture already.
+    """
     if outcome.steps <= steps:
         return outcome
     return replace(
@@ -128,4 +132,12 @@ def since_first_picture(outcome: Outcome, steps: int) -> Outcome:
         reaction=outcome.reaction[1:] - outcome.reaction[:1],
         indenter=outcome.indenter[1:] - outcome.indenter[:1],
         iterations=outcome.iterations[1:],
+        begun=outcome.displacement[0] if elsewhere else None,
     )
+
+
+def in_first_picture(mesh: Mesh, outcome: Outcome) -> Mesh:
+    """The mesh as the first picture shows it."""
+    if outcome.begun is None:
+        return mesh
+    return replace(mesh, points=mesh.points + outcome.begun[: len(mesh.points)])

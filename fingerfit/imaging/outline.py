@@ -18,7 +18,7 @@ SURELY = 3.0
 """Standard errors."""
 _BLUR = 8
 """Half pixels over which an edge may be blurred, on either side."""
-_CORNER = 0.1
+CORNER = 0.1
 """Share of a side at either end that is not looked at: the corners are other sides', too."""
 _DEGREE = 2
 _LEVELS = 24
@@ -55,12 +55,11 @@ class Outline:
     error: np.ndarray
     pixel: float
 
-    @property
-    def elsewhere(self) -> dict[str, float]:
-        """Sides that surely do not lie where they are stated, and how far out at most, mm."""
-        along = np.linspace(2.0 * _CORNER - 1.0, 1.0 - 2.0 * _CORNER, 21)
+    def elsewhere(self, expected: np.ndarray | float = 0.0) -> dict[str, float]:
+        """Sides that surely do not lie as far out as `expected` (0: where stated), and how much further, mm."""
+        along = np.linspace(2.0 * CORNER - 1.0, 1.0 - 2.0 * CORNER, 21)
         found = {}
-        for name, outward, error in zip(SIDES, self.outward, self.error, strict=True):
+        for name, outward, error in zip(SIDES, self.outward - expected, self.error, strict=True):
             there = legval(along, outward)
             farthest = float(there[np.abs(there).argmax()])
             # half a pixel that all pictures of a kind may be off, and what chance makes, are independent of each other
@@ -102,7 +101,7 @@ def measure_outline(picture: Picture, low: np.ndarray, high: np.ndarray) -> Outl
     outward, error = np.full((len(SIDES), _DEGREE + 1), np.nan), np.full(len(SIDES), np.nan)
     for number in range(len(SIDES)):
         axis, last = divmod(number, 2)
-        share = np.linspace(_CORNER, 1.0 - _CORNER, max(int((high - low)[1 - axis] / pixel), 4 * _PARTS))
+        share = np.linspace(CORNER, 1.0 - CORNER, max(int((high - low)[1 - axis] / pixel), 4 * _PARTS))
         lines = _lines(picture, low, high, axis, bool(last), share, reach)
         if lines is not None:
             along, edges = 2.0 * share - 1.0, _edges(*lines)

@@ -60,7 +60,7 @@ class Prepared:
     smooth: float
     history: str
     remarks: list[str]
-    elsewhere: dict[str, float]
+    outline: Outline | None
 
 
 def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, crop: float) -> Prepared | None:
@@ -136,7 +136,8 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     follows = outline is not None and not np.allclose(
         [mesh.points.min(axis=0), mesh.points.max(axis=0)], _rectangle(study)
     )
-    elsewhere = outline.elsewhere if outline is not None and not follows else {}
+    outline = None if follows else outline
+    elsewhere = outline.elsewhere() if outline is not None else {}
     return Prepared(
         before=Picture(values, raw.spacing, raw.origin, raw.direction),
         coefficients=spline_coefficients(raw.values).astype(values.dtype),
@@ -146,7 +147,7 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
         smooth=sigma,
         history="\n".join(said),
         remarks=remarks + _outline_remarks(study, elsewhere),
-        elsewhere=elsewhere,
+        outline=outline,
     )
 
 

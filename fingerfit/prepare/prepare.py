@@ -155,7 +155,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     nothing = np.zeros((0,) * mesh.dim)
     if prepared is None:
         place = Picture(nothing, np.ones(mesh.dim), np.zeros(mesh.dim), np.eye(mesh.dim))
-        prepared = Prepared(place, nothing, np.zeros((0, *nothing.shape)), 0.0, 0.0, sigma, "", [], {})
+        prepared = Prepared(place, nothing, np.zeros((0, *nothing.shape)), 0.0, 0.0, sigma, "", [], None)
         used = []
 
     def column(name: str) -> np.ndarray:
@@ -188,9 +188,20 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         points_step=points[2],
         force_gain=study.noise.force_gain,
         history=prepared.history,
-        outline=max(map(abs, prepared.elsewhere.values()), default=0.0),
+        **_sides(prepared.outline),
     )
     return replace(data, remarks="\n".join([*prepared.remarks, *falls(data)]))
+
+
+def _sides(outline: Outline | None) -> dict[str, Any]:
+    """What is kept of an outline."""
+    if outline is None:
+        return {}
+    return {
+        "outline": max(map(abs, outline.elsewhere().values()), default=0.0),
+        "sides": np.column_stack([outline.outward, outline.error]),
+        "stated": np.stack([outline.low, outline.high]),
+    }
 
 
 def _steps_without_measurements(study: Study, steps: list[int] | None) -> list[FingerfitError]:

@@ -15,7 +15,7 @@ import numpy as np
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import check_kept, read_npz, read_record, write_text
 from fingerfit.deck.mesh_file import read_mesh
-from fingerfit.forward.predict import since_first_picture
+from fingerfit.forward.predict import in_first_picture, since_first_picture
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.imaging.sections import parts_of
 from fingerfit.imaging.warp import Probe
@@ -117,11 +117,12 @@ def write_fields(found: Results, folder: Path) -> list[Path]:
     """Mesh with displacement, strain and stress before compression and at each step (.vtu), and their series (.pvd);
     beside them points with the residual displacements, and with the map of stiffness.
 
-    Displacements count from the state of the first picture, stresses from the one without any.
+    Places and displacements count from the state of the first picture, stresses from the one without any.
     """
     folder.mkdir(parents=True, exist_ok=True)
     count, data = len(found.data.step), found.data
-    since = since_first_picture(found.outcome, count)
+    since = since_first_picture(found.outcome, count, data.outline > 0)
+    mesh = in_first_picture(found.mesh, since)
     extra = found.outcome.steps - count
     still = np.zeros_like(found.outcome.displacement[0])
     states = [(still, found.outcome.displacement[0] if extra else still)]
@@ -131,7 +132,7 @@ def write_fields(found: Results, folder: Path) -> list[Path]:
     for name, (moved, total) in zip(names, states, strict=True):
         written.append(folder / f"{name}.vtu")
         state = fields(found.mesh, found.deck, total)
-        _write_vtu(found.mesh, moved[: len(found.mesh.points)], state, written[-1], more if name == "before" else {})
+        _write_vtu(mesh, moved[: len(mesh.points)], state, written[-1], more if name == "before" else {})
     rows = [
         f'    <DataSet timestep="{time}" part="0" file={quoteattr(path.name)}/>'
         for time, path in zip([0, *data.step.tolist()], written, strict=True)

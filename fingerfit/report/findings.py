@@ -20,6 +20,7 @@ from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.diagnosis.verdict import unseen
 from fingerfit.fit.intervals import bound_of
+from fingerfit.forward.predict import in_first_picture
 from fingerfit.imaging.sections import border_triangles, parts_of
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh.mesh import Mesh
@@ -58,8 +59,8 @@ def by_test(comparison: Comparison, known: np.ndarray) -> list[np.ndarray]:
 
 def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarray]:
     problem, data, residual = comparison.problem, comparison.data, comparison.residual
-    mesh = problem.meshes[comparison.mesh]
     outcome = problem.outcome(comparison.base)
+    mesh = in_first_picture(problem.meshes[comparison.mesh], outcome)
     steps = data.entry_step[: shown(comparison)]
     left, noise = (parts_left(comparison, known) for known in (residual.vector, spread))
     error, floor = residual.error, comparison.floor

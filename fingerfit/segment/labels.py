@@ -12,9 +12,11 @@ from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture, read_picture
 
 BLUR = 0.7
-"""Standard deviation of the Gaussian that takes the steps of pixels out of depths, pixels."""
+"""Standard deviation of the Gaussian that takes the steps of pixels out of depths, pixels. A choice."""
 PASSES = 20
-"""Over cells that touch themselves: changing one may make another."""
+"""Over cells that touch themselves: changing one may make another. A choice."""
+MOST = 10**7
+"""Cells at most: about a gigabyte of depths. A choice."""
 
 
 def read_labels(path: Path) -> Picture:
@@ -118,8 +120,8 @@ def cells_of(picture: Picture, size: float, left_out: tuple[int, ...], where: Pa
     if count.min() < 2:
         found = f"{size:g} mm, for a body of {', '.join(f'{x:g}' for x in extent * picture.spacing)} mm"
         raise InputError(where, "size", found, "two elements or more along each axis")
-    if count.prod() > 10**7:
-        raise InputError(where, "size", f"{size:g} mm, {count.prod()} cells", "10 million cells at most")
+    if count.prod() > MOST:
+        raise InputError(where, "size", f"{size:g} mm, {count.prod()} cells", f"{MOST} cells at most")
     spacing = extent / count
     padded = np.pad(values, 2)
     there = np.unique(values)

@@ -34,6 +34,9 @@ class Outcome:
         Why it stopped, in one line.
     iterations : tuple of int
         Equilibrium iterations of each step.
+    begun : ndarray, shape (nodes, dim), optional
+        Where displacements count from a state in which the nodes lie elsewhere than in the mesh: how far from there,
+        mm. No solver answers it.
 
     Raises
     ------
@@ -47,6 +50,7 @@ class Outcome:
     indenter: np.ndarray
     message: str = ""
     iterations: tuple[int, ...] = ()
+    begun: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.status not in (CONVERGED, DIVERGED):

@@ -56,6 +56,10 @@ class Data:
         What was done to the pictures, in words, one step a line.
     outline : float
         How far at most the picture before compression surely shows a side of the body from where it is stated, mm.
+    sides : ndarray, shape (4, 4) or (0, 4)
+        How far out that picture shows each side, mm: Legendre coefficients along it, and their standard error.
+    stated : ndarray, shape (2, 2) or (0, 2)
+        Lower left and upper right corner of the body as it is stated, mm.
     remarks : str
         What looks wrong in the measurements and is no error, one a line.
     """
@@ -85,6 +89,8 @@ class Data:
     force_gain: float = 0.0
     history: str = ""
     outline: float = 0.0
+    sides: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
+    stated: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     remarks: str = ""
 
     def save(self, path: Path) -> None:

@@ -47,6 +47,13 @@ def test_else_the_probe_does():
     assert names(to_refit(score_test, ranking, TESTS)) == ["base_probe"]
 
 
+@pytest.mark.parametrize(("kept", "first"), [(0.9, "base_slip"), (0.4, "base_probe")])
+def test_a_member_whose_refit_keeps_less_than_promised_gives_way(kept, first):
+    score_test, ranking = ranked(ENOUGH + 0.05)
+    probe = next(one for one in ranking if one.candidate.effect.probe)
+    assert names(nominated(score_test, ranking, {"base_slip": kept * probe.finding.fall}))[0] == first
+
+
 def test_a_probe_that_only_has_more_numbers_does_not():
     """The member explains a little less, as much as seven idle numbers of the probe are not worth."""
     score_test, ranking = ranked(ENOUGH - 0.05, hidden=6.0, extra=7)

@@ -7,8 +7,6 @@ from scipy.ndimage import gaussian_filter
 from seeds import generator
 
 from fingerfit.core.errors import InputError
-from fingerfit.diagnosis.reservations import elsewhere
-from fingerfit.diagnosis.verdict import Verdict
 from fingerfit.imaging.outline import measure_outline
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.prepare.prepare import make_mesh, prepare
@@ -53,8 +51,8 @@ def test_sides_are_found_where_they_are(direction):
     for outward, wanted in zip(found.outward, shape.values(), strict=True):
         # where grains at an edge are nearly as dark as what is around them, a pixel is what remains unsure
         assert np.polynomial.legendre.legval(along, outward) == pytest.approx(wanted(along), abs=PIXEL)
-    assert found.elsewhere.keys() == {"left", "right", "upper"}
-    assert found.elsewhere["upper"] == pytest.approx(-0.5, abs=PIXEL)
+    assert found.elsewhere().keys() == {"left", "right", "upper"}
+    assert found.elsewhere()["upper"] == pytest.approx(-0.5, abs=PIXEL)
     corner = found.moved(np.array([[LOW[0], HIGH[1]], [HIGH[0], LOW[1]]]))
     assert corner == pytest.approx(np.array([[LOW[0] - 0.6, HIGH[1] - 0.5], [HIGH[0], LOW[1]]]), abs=3 * PIXEL)
     middle = found.moved(np.array([[HIGH[0], (LOW + HIGH)[1] / 2]]))
@@ -66,7 +64,7 @@ def test_sides_are_found_where_they_are(direction):
 def test_a_body_as_stated_is_nowhere_else(noise, dark):
     for seed in range(4):
         found = measure_outline(pictured(sides(), noise, dark=dark, seed=seed), LOW, HIGH)
-        assert found.elsewhere == {}
+        assert found.elsewhere() == {}
 
 
 def test_what_cannot_be_seen_is_not_said():
@@ -74,11 +72,11 @@ def test_what_cannot_be_seen_is_not_said():
     for seed in range(10):
         grains = gaussian_filter(generator(seed).normal(size=(130, 160)), 2.0)
         whole = Picture(grains, np.full(2, PIXEL), np.array([-1.0, -1.0]), np.eye(2))
-        assert measure_outline(whole, LOW, HIGH).elsewhere == {}
+        assert measure_outline(whole, LOW, HIGH).elsewhere() == {}
     close = pictured(sides(lower=0.5)).crop(np.array([LOW, HIGH]), 0.0)
     found = measure_outline(close, LOW, HIGH)
     assert np.isnan(found.outward).all()
-    assert found.elsewhere == {}
+    assert found.elsewhere() == {}
     assert np.array_equal(found.moved(np.array([LOW, HIGH])), np.array([LOW, HIGH]))
 
 
@@ -122,13 +120,3 @@ def test_a_picture_that_shows_no_side_is_refused(tmp_path):
     close = pictured(sides()).crop(np.array([LOW, HIGH]), 0.0)
     with pytest.raises(InputError, match=r"pictures.before: found no side of the body in 0.nii.gz; expected a picture"):
         make_mesh(study_in(tmp_path / "close", close), FOLLOWS)
-
-
-def test_no_effect_is_named_for_another_body():
-    named = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
-    found = elsewhere(named, 0.6)
-    assert (found.kind, found.effects, found.family) == ("missing", ("outline",), "geometry")
-    assert "0.6 mm" in found.sentence
-    assert elsewhere(named, 0.0) is named
-    fine = Verdict("adequate", (), "adequate", 10.0)
-    assert elsewhere(fine, 0.6) is fine

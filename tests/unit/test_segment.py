@@ -110,7 +110,7 @@ def test_names_of_segments_of_slicer_are_read_and_layers_refused(tmp_path):
         ({"tissues": {1: "FAT"}}, "2 without a name"),
         ({"tissues": {1: "FAT", 2: "BONE", 3: "SKIN"}}, "3, which no pixel has"),
         ({"size": 30.0}, "two elements or more along each axis"),
-        ({"size": 0.01}, "10 million cells"),
+        ({"size": 0.01}, "10000000 cells at most"),
         ({"element": "C3D10"}, "one of CPE6"),
         ({"picture": beside(disk(), 3), "holes": {3: "PAD"}}, "PAD, which touches no tissue"),
         ({"sides": {"TOP": "z+"}}, "one of x-, x[+], y-, y[+]"),

@@ -1,4 +1,6 @@
-"""A body that is higher than its study states: seen in its first picture, followed by the mesh, and the error falls."""
+"""A body whose first picture shows other sides than its study states: by its form, or since it had swelled."""
+
+from functools import partial
 
 import pytest
 import yaml
@@ -7,7 +9,9 @@ from small_body import SMALL, config_of, written
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.diagnose import diagnose, errors
 from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.forward.predict import in_first_picture, since_first_picture
 from fingerfit.settings.config import load_settings
+from fingerfit.virtual import experiment
 
 LACKS = 0.8
 """mm of the height that the study does not state: four pixels."""
@@ -35,9 +39,31 @@ def test_it_is_named_and_the_mesh_follows(study, tmp_path):
     problem, last, everything = fitted(study, tmp_path / "base", {})
     found = diagnose(problem, last, everything, 2)
     assert found.verdict.effects == ("outline",)
-    assert found.refits == {}
+    assert found.refits
+    assert all(refit.sides.off for refit in found.refits.values())
     before, _ = errors(found.comparison)
     followed = fitted(study, tmp_path / "followed", {"outline": {}})
     after, _ = errors(Comparison(*followed))
     # 4 seeds: from 2.45 with a standard deviation of 0.05 to 1.04 with 0.03
     assert after < 1.2 < 1.8 < before
+
+
+SWELLED = -0.12
+"""Share of the volume: its sides move by up to 0.9 mm, four pixels."""
+
+
+@pytest.mark.slow
+def test_what_swelled_before_is_told_from_another_form(tmp_path, monkeypatch):
+    """The first picture shows the body as it is then; the study states it as it was before."""
+    taken = experiment.take_pictures
+
+    def as_shown(truth, mesh, outcome, seen):
+        return taken(truth, in_first_picture(mesh, outcome), outcome, seen)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(experiment, "since_first_picture", partial(since_first_picture, elsewhere=True))
+        patched.setattr(experiment, "take_pictures", as_shown)
+        study = written(tmp_path, effects={"swollen": {"volume": SWELLED}})
+    found = diagnose(*fitted(study, tmp_path / "base", {}), 2)
+    assert (found.verdict.effects, found.verdict.family) == (("swollen",), "state")
+    assert found.refits["swollen"].values["swollen.volume"] == pytest.approx(SWELLED, abs=0.02)

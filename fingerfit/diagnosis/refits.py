@@ -1,0 +1,139 @@
+"""Models with one effect more, fitted from its predicted size and compared with everything that was measured."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fingerfit.core.errors import StateError
+from fingerfit.diagnosis.comparison import Comparison, anchor_of
+from fingerfit.diagnosis.errors import errors
+from fingerfit.diagnosis.first_pass import widened
+from fingerfit.diagnosis.joint import comparison_of
+from fingerfit.diagnosis.likelihood import Weighed, misfits
+from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.sides import sides_of
+from fingerfit.diagnosis.verdict import Refit
+from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.minimum import minimum
+from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.rounds import Round
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.model.effect import OUTLINE
+from fingerfit.settings.extend import extended
+from fingerfit.study.data import Data
+
+Everything = Data | Sequence[Data]
+"""What was measured, in one test or in several."""
+
+
+def refit_of(
+    problem: InverseProblem,
+    last: Round,
+    one: Ranked,
+    everything: Everything,
+    weighed: Weighed,
+    misfit: float,
+    threads: int,
+) -> tuple[Refit, int]:
+    """The refit of an effect, and how many simulations were not known.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+    last : Round
+    one : Ranked
+    everything : Data or sequence of Data
+    weighed : Weighed
+        What the model without it leaves.
+    misfit : float
+        Of that model.
+    threads : int
+
+    Raises
+    ------
+    StateError
+        When there is no solution.
+    """
+    ended, run = ended_of(problem, last, one, everything, misfit, threads)
+    fitted, held_out = errors(ended.comparison)
+    score_test, values = ended.score_test, minimum(ended.problem, ended.last).values
+    start = ended.problem.settings.model.effects[one.candidate.effect.name]
+    before = problem.settings.starts()
+    constants = {name: value for name, value in ended.problem.settings.starts().items() if name in before}
+    models = {"before": weighed, "after": Weighed.of(ended.comparison)}
+    both = misfits(models, "before")
+    refit = Refit(
+        score_test.misfit, score_test.freedom, fitted, held_out, values,
+        score_test.common_misfit, score_test.common_freedom,
+        ended.share, start, len(ended.problem.asked), both["before"] - both["after"], constants, models["after"],
+        numbers=len(ended.problem.settings.parameters()) - len(problem.settings.parameters()),
+        sides=sides_of(ended.comparison),
+    )  # fmt: skip
+    return refit, run
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A model with one effect more, fitted and compared with everything."""
+
+    problem: InverseProblem
+    last: Round
+    comparison: Comparison
+    score_test: ScoreTest
+    share: float
+
+
+def ended_of(
+    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, before: float, threads: int
+) -> tuple[Ended, int]:
+    """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
+
+    A prediction from slopes can be far too large, and a search that starts there finds another valley, or bodies
+    without a solution.
+
+    Raises
+    ------
+    StateError
+        When there is no solution on either way.
+    """
+    try:
+        ended, run = _fit(problem, last, one, everything, threads, 1.0)
+    except StateError:
+        return _fit(problem, last, one, everything, threads, 0.1)
+    if ended.score_test.misfit >= before:
+        other, more = _fit(problem, last, one, everything, threads, 0.1)
+        ended, run = min(ended, other, key=lambda each: each.score_test.misfit), run + more
+    return ended, run
+
+
+def _fit(
+    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, threads: int, share: float
+) -> tuple[Ended, int]:
+    wider = widened(problem, minimum(problem, last).values, one, share)
+    try:
+        end, run = run_fit(wider, threads)
+        run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    finally:
+        problem.asked.update(wider.asked)
+    comparison = comparison_of(wider, end, everything)
+    return Ended(wider, end, comparison, comparison.score_test, share), run
+
+
+def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[ScoreTest, int]:
+    """How well a body with the sides that the picture before compression shows explains what was measured.
+
+    It has other meshes, and patches elsewhere, so that it cannot be compared value by value.
+    """
+    effect, values = problem.effects[OUTLINE], minimum(problem, last).values
+    settings = extended(problem.settings, effect, {}, {}, values)
+    with tempfile.TemporaryDirectory(prefix="fingerfit-") as folder:
+        wider, everything = begin(settings, Path(folder), problem.sims)
+        end, run = run_fit(wider, threads)
+        run += solve_missing(wider, [anchor_of(wider, end)], threads)
+        found = comparison_of(wider, end, everything).score_test
+    problem.asked.update(wider.asked)
+    return found, run

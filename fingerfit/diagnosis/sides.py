@@ -1,0 +1,108 @@
+"""Sides of a block that lie elsewhere: by their form, or since the body was pressed or swelled before that picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.fit.rounds import Asked
+from fingerfit.imaging.outline import CORNER, SIDES, Outline
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Where the picture before compression has the sides, against a model.
+
+    Parameters
+    ----------
+    off : float
+        How far a side surely lies from where the model has it, mm; 0 where all lie there.
+    misfit : float
+        Sum of the squared distances of their coefficients, in units of their errors.
+    numbers : int
+        Coefficients that the picture tells.
+    """
+
+    off: float = 0.0
+    misfit: float = 0.0
+    numbers: int = 0
+
+
+def sides_of(comparison: Comparison) -> Sides:
+    """Where the sides are, in all tests whose picture shows them elsewhere than stated."""
+    found = Sides()
+    for test in comparison.every:
+        if test.data.outline:
+            outline, there = _outline(test), _sides(test, test.base)
+            away = (outline.outward - there) / np.hypot(outline.error, outline.pixel / 2.0)[:, None]
+            farthest = max(map(abs, outline.elsewhere(there).values()), default=0.0)
+            known = np.isfinite(away)
+            found = Sides(
+                max(found.off, farthest),
+                found.misfit + float((away[known] ** 2).sum()),
+                found.numbers + int(known.sum()),
+            )
+    return found
+
+
+def begun(comparison: Comparison, ranking: Sequence[Ranked]) -> list[Ranked]:
+    """Effects on the state in that picture, each at the size that brings the sides nearest, the nearest first.
+
+    Probes are not among them: they move sides in so many ways that those say nothing.
+    """
+    tests = [test for test in comparison.every if test.data.outline]
+    outlines = [_outline(test) for test in tests]
+    certain = [1.0 / np.hypot(one.error, one.pixel / 2.0) for one in outlines]
+    weight = np.concatenate([np.repeat(one, 3) for one in certain])
+    now = [_sides(test, test.anchor) for test in tests]
+    goal = np.concatenate([_flat(one.outward - there) for one, there in zip(outlines, now, strict=True)])
+    seen, found = np.isfinite(goal * weight), []
+    for one in ranking:
+        effect = one.candidate.effect
+        if "before" not in effect.changes or effect.probe or not seen.any():
+            continue
+        columns = []
+        for asked, parameter in zip(one.candidate.asked, effect.parameters, strict=True):
+            moved = [
+                _sides(test, asked.every[comparison.every.index(test)]) - there
+                for test, there in zip(tests, now, strict=True)
+            ]
+            columns.append(np.concatenate([_flat(part) for part in moved]) / parameter.step)
+        slopes = np.stack(columns, axis=1)[seen] * weight[seen, None]
+        size, *_ = np.linalg.lstsq(slopes, goal[seen] * weight[seen], rcond=None)
+        bounds = np.array([(p.lower - p.null, p.upper - p.null) for p in effect.parameters]).T
+        size = np.clip(size, *bounds)
+        away = float(((slopes @ size - goal[seen] * weight[seen]) ** 2).sum())
+        found.append((away, replace(one, finding=replace(one.finding, size=size), refitted=None)))
+    return [one for _, one in sorted(found, key=lambda pair: pair[0])]
+
+
+def _outline(test: Comparison) -> Outline:
+    data = test.data
+    low, high = data.stated
+    return Outline(low, high, data.sides[:, :-1], data.sides[:, -1], float(data.spacing.max()))
+
+
+def _sides(test: Comparison, asked: Asked) -> np.ndarray:
+    """How far out the sides of a simulation lie in that picture, as in `Outline.outward`."""
+    mesh, (low, high) = test.problem.meshes[test.problem.mesh_of(asked)], test.data.stated
+    moved = test.problem.outcome(asked).begun
+    found = np.zeros((len(SIDES), 3))
+    for number in range(len(SIDES)) if moved is not None else ():
+        axis, last = divmod(number, 2)
+        share = (mesh.points - low) / (high - low)
+        own = (np.abs(share[:, axis] - last) < 1e-6) & (np.abs(2 * share[:, 1 - axis] - 1) <= 1 - 2 * CORNER)
+        basis = legvander(2 * share[own, 1 - axis] - 1, found.shape[1] - 1)
+        outward = (1 if last else -1) * np.asarray(moved)[own, axis]
+        found[number] = np.linalg.lstsq(basis, outward, rcond=None)[0]
+    return found
+
+
+def _flat(values: Any) -> np.ndarray:
+    return np.asarray(values, float).ravel()

@@ -1,0 +1,141 @@
+"""Sides that the first picture shows elsewhere: read from simulations, explained by a state, told from another form."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_outline import HIGH, LOW, MESH, PIXEL, pictured, study_in
+from test_outline import sides as formed
+
+from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.reservations import elsewhere
+from fingerfit.diagnosis.score_tests import Finding
+from fingerfit.diagnosis.sides import Sides, begun, sides_of
+from fingerfit.diagnosis.verdict import Refit, Verdict
+from fingerfit.fit.rounds import Asked
+from fingerfit.forward.patches import Patches, Reader
+from fingerfit.forward.predict import Predictor, since_first_picture
+from fingerfit.model.catalogue import catalogue
+from fingerfit.prepare.prepare import make_mesh, prepare
+from fingerfit.solvers.contract import CONVERGED, Outcome
+
+LOWER = 0.6
+"""How far the upper side lies below where it is stated, mm."""
+
+
+@pytest.fixture(scope="module")
+def flattened(tmp_path_factory):
+    """What was prepared of a body that its first picture shows flatter than it is stated, and its mesh."""
+    study = study_in(tmp_path_factory.mktemp("flat"), pictured(formed(lower=LOWER)))
+    mesh = make_mesh(study, MESH)
+    return prepare(study, mesh, None, 1.0, 0.3), mesh
+
+
+def pressed(mesh, depth):
+    """Displacements of a body whose upper side is pressed evenly by a depth, mm."""
+    share = (mesh.points[:, 1] - LOW[1]) / (HIGH - LOW)[1]
+    return np.stack([np.zeros(len(share)), -depth * share], axis=1)
+
+
+def pulled(mesh, far):
+    """The same of one whose sides lie further out by a distance, mm."""
+    share = 2 * (mesh.points[:, 0] - LOW[0]) / (HIGH - LOW)[0] - 1
+    return np.stack([far * share, np.zeros(len(share))], axis=1)
+
+
+def asked(name):
+    return Asked({}, name, "mesh", "deck", "search")
+
+
+def compared(flattened, states):
+    """A model against such a picture, whose simulations have these states in it, by their names."""
+    data, mesh = flattened
+    problem = SimpleNamespace(
+        meshes={"search": mesh}, mesh_of=lambda _: "search", outcome=lambda one: SimpleNamespace(begun=states[one.sim])
+    )
+    test = SimpleNamespace(data=data, problem=problem, base=asked("base"), anchor=asked("base"))
+    test.every = (test,)
+    return test
+
+
+def ranked(name, sim):
+    effect = catalogue()[name]
+    nothing = Finding(1.0, np.zeros(len(effect.parameters)), 1.0, 1.0)
+    return Ranked(Candidate(effect, {}, (asked(sim),)), nothing, np.ones((10, 1)))
+
+
+def test_a_state_goes_out_from_where_it_brings_the_sides_nearest(flattened):
+    """0.3 mm for each newton: 2 N; a stretch cannot do it, and skin is no state before the first picture."""
+    mesh, effects = flattened[1], catalogue()
+    force, stretch = (effects[name].parameters[0].step for name in ("preload", "prestretch"))
+    states = {"base": None, "preload": pressed(mesh, 0.3 * force), "prestretch": pulled(mesh, stretch), "skin": None}
+    comparison = compared(flattened, states)
+    effects = [ranked(name, name) for name in ("skin", "prestretch", "preload")]
+    found = begun(comparison, [*effects, ranked("state_probe", "preload")])
+    assert [one.candidate.effect.name for one in found] == ["preload", "prestretch"]
+    upper = effects[2].candidate.effect.parameters[0].upper
+    assert found[0].finding.size == pytest.approx([min(2.0, upper)], abs=PIXEL / 0.3)
+
+
+@pytest.mark.parametrize(("depth", "left"), [(0.0, LOWER), (LOWER, 0.0), (0.3, LOWER - 0.3), (0.9, 0.3)])
+def test_a_model_says_where_the_sides_are(flattened, depth, left):
+    states = {"base": pressed(flattened[1], depth)}
+    assert sides_of(compared(flattened, states)).off == pytest.approx(left, abs=PIXEL)
+
+
+def test_solutions_are_read_where_the_first_picture_has_the_body(flattened):
+    """Material at a place of the picture came from higher up, and moves as it does there."""
+    data, mesh = flattened
+    begin, more = pressed(mesh, LOWER), pulled(mesh, 0.2) + pressed(mesh, 0.5)
+    zero = np.zeros((2, 2))
+    whole = Outcome(CONVERGED, np.stack([begin, begin + more]), zero, zero)
+    outcome = since_first_picture(whole, 1, elsewhere=True)
+    patches = Patches.over(mesh, 4)
+    value = Reader(data, mesh, patches).read(outcome)[: 3 * len(patches.centre)].reshape(-1, 3)
+    inside = patches.centre[:, 1] < 8.0
+    height = (HIGH - LOW)[1]
+    share = (patches.centre[inside, 1] - LOW[1]) / height
+    expected = -0.5 * share / (1 - LOWER / height)
+    assert value[inside, 1] == pytest.approx(expected, abs=1e-9)
+    stated = since_first_picture(whole, 1)
+    assert stated.begun is None
+    assert Reader(data, mesh, patches).read(stated)[: 3 * len(patches.centre)].reshape(-1, 3)[
+        inside, 1
+    ] == pytest.approx(-0.5 * share, abs=1e-9)
+    (way,) = Predictor(data, mesh).maps(
+        since_first_picture(Outcome(CONVERGED, np.stack([begin, begin]), zero, zero), 1, True)
+    )
+    assert way.index.max(axis=0)[1] * PIXEL - 1.0 == pytest.approx(HIGH[1] - LOWER, abs=2 * PIXEL)
+
+
+def refit(misfit, off=0.0, away=0.0):
+    return Refit(misfit, 1000, 1.0, None, {}, numbers=1, sides=Sides(off, away, 12))
+
+
+FORM = 1200.0 - 12 * np.log(1000)
+"""Misfit of another form that is worth 1200 with its twelve numbers."""
+
+
+@pytest.mark.parametrize(
+    ("states", "named"),
+    [
+        ([], ("outline",)),
+        ([refit(1000.0, off=0.3)], ("outline",)),
+        ([refit(2000.0)], ("outline",)),
+        ([refit(1000.0)], ("preload",)),
+        ([refit(1190.0)], ("outline", "preload")),
+        ([refit(1000.0, off=0.1, away=190.0)], ("outline", "preload")),
+        ([refit(1230.0)], ("outline",)),
+        ([refit(1000.0, off=0.3), refit(1010.0)], ("preload",)),
+    ],
+    ids=["none", "sides elsewhere", "unexplained", "better", "alike", "sides alike", "worse", "second"],
+)
+def test_another_form_or_a_state(states, named):
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    form = SimpleNamespace(misfit=FORM, freedom=1000)
+    found = elsewhere(given, Sides(LOWER, 500.0, 12), form, [(ranked("preload", "preload"), one) for one in states])
+    assert found.effects == named
+    assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
+    assert "0.6 mm" in found.sentence
+    assert found.family == ("state" if named == ("preload",) else "geometry")
