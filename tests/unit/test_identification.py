@@ -50,9 +50,13 @@ def deviation(further):
 
 
 @pytest.fixture(scope="module")
-def listed(tmp_path_factory):
-    comparison = compared(tmp_path_factory.mktemp("block"), [0.4, 0.8])
-    found, run = identification(comparison)
+def block(tmp_path_factory):
+    return compared(tmp_path_factory.mktemp("block"), [0.4, 0.8])
+
+
+@pytest.fixture(scope="module")
+def listed(block):
+    found, run = identification(block)
     assert run > 0
     return {name: {one.title: one for one in entries} for name, entries in found.items()}
 
@@ -81,6 +85,12 @@ def test_another_test_is_worth_what_its_data_are(listed, tmp_path):
     found = deviation(listed["mu_top"]["the same test to 1.2 times the displacement"])
     # 0.04 % found: slopes are differences
     assert found == pytest.approx(spread[0], rel=0.01)
+
+
+def test_slopes_of_the_fit_which_may_be_from_beside_the_estimate_do_not_matter(block, listed, monkeypatch):
+    taken = block.slope
+    monkeypatch.setattr(block, "slope", lambda name: taken(name) * np.array([1.0, 1.05]))
+    assert {entry.title: entry for entry in identification(block)[0]["mu_top"]} == listed["mu_top"]
 
 
 def test_without_any_force_it_is_the_force(tmp_path):

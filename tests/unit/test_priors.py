@@ -1,6 +1,7 @@
 """Priors: one more datum, in the fit, in the interval and in the diagnosis, against closed forms."""
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from blocks import FIT, MODEL, STEPS, STUDY
 from scipy.ndimage import gaussian_filter, shift
 from seeds import generator
 
+from fingerfit.core.errors import InputError
 from fingerfit.diagnosis.first_pass import FirstPass
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.fit.check import check_data
 from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.priors import Priors, weigh
 from fingerfit.fit.simulate import begin, run_fit
@@ -66,6 +69,17 @@ def test_weighed_as_by_the_normal_equations():
     assert whole == pytest.approx(np.linalg.inv(information), rel=1e-6)
     blind = weigh(Priors.of(TWO[1:]), left[1:], move[1:], shifts[:, 1:] * [1, 0], None, np.eye(2)[:, :1])
     assert blind.shift[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_search_knows_it(tmp_path):
+    priors = {"mu": {**MU, "prior": {"value": 0.2, "deviation": 0.02}}}
+    problem, last, _ = fitted(tmp_path, priors, **DESCENT)
+    first = last.history[0]
+    off = np.log(0.2 / first["values"]["mu"]) / 0.1
+    assert first["match"]["left"][-1] == pytest.approx(off)
+    assert len({len(first["match"][name]) for name in ("read", "left", "noise")}) == 1
+    asked = problem.ask(first["values"])
+    assert first["score"] - problem.fit_to_data(problem.prediction(asked)) == pytest.approx(off**2 / 2)
 
 
 def test_a_prior_as_good_as_the_data_meets_them_half_way(tmp_path):
@@ -147,3 +161,14 @@ def test_the_unit_of_a_mutual_information_is_of_the_size_of_its_noise():
     measured = np.var(slopes) / np.mean(curvatures)
     # measured: 4.6 times here, 0.5 to 3 times in the directions of the phantom; of another size it would be 100 times
     assert 1.0 < nmi_noise(a[None], 1.0, 32) / measured < 15.0
+
+
+def test_a_prior_beside_a_squared_difference_needs_the_noise_of_the_pictures():
+    fit, model = SimpleNamespace(score="ssd"), SimpleNamespace(parameters={"mu": SimpleNamespace(prior=(0.1, 0.01))})
+    pictures = SimpleNamespace(measured=np.ones((1, 2, 2)), picture_noise=0.0)
+    with pytest.raises(
+        InputError, match=r"study.yaml: pictures.noise: found 0, as estimated; expected a number above 0"
+    ):
+        check_data(SimpleNamespace(fit=fit, model=model), SimpleNamespace(path="study.yaml"), pictures)
+    model.parameters["mu"].prior = None
+    check_data(SimpleNamespace(fit=fit, model=model), SimpleNamespace(path="study.yaml"), pictures)
