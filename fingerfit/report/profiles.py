@@ -42,9 +42,10 @@ def profile_of(config: Path, name: str, threads: int = 1) -> str:
     with Progress(ticks=False).working(f"profile {name}"):
         solve_missing(problem, [anchor_of(problem, last)], threads)
         found = profile(comparison_of(problem, last, measured(problem)), name, threads)
+    unit = next(p.unit for p in settings.parameters() if p.name == name)
     data = {
         "constant": name,
-        "unit": next(p.unit for p in settings.parameters() if p.name == name),
+        "unit": unit,
         "interval95": found.interval,
         "ends": found.ends,
         "sentence": found.sentence,
@@ -55,8 +56,9 @@ def profile_of(config: Path, name: str, threads: int = 1) -> str:
     keep_json(file, data)
     picture = folder / f"figures/profile_{name}.png"
     save(profile_figure(data), picture)
-    lines = [f"{name:<14}rise of the misfit"]
-    lines += [f"{one[name]:<14.4g}{rise:.3g}" for one, rise in zip(found.guesses, found.rise, strict=True)]
+    label = name if unit == "1" else f"{name} in {unit}"
+    lines = [f"{label:<24}rise of the misfit"]
+    lines += [f"{one[name]:<24.4g}{rise:.3g}" for one, rise in zip(found.guesses, found.rise, strict=True)]
     where = [str(file), str(picture)]
     if (page := study_folder(settings) / "report.html").exists():
         write_page(study_folder(settings), page)
