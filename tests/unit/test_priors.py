@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
+from one_layer import TWO_TESTS
 from scipy.ndimage import gaussian_filter, shift
 from seeds import generator
 
@@ -31,10 +32,10 @@ TWO = (
 DESCENT = {"stages": [{"name": "descent", "kind": "least_squares"}]}
 
 
-def fitted(folder, parameters, material=None, **how):
-    """Fit of a block of two layers to two forces."""
+def fitted(folder, parameters, material=None, study=STUDY, **how):
+    """Fit of a block of two layers to two forces, or of another study."""
     (folder / "study").mkdir(exist_ok=True)
-    (folder / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
+    (folder / "study/study.yaml").write_text(yaml.safe_dump(study))
     (folder / "study/steps.csv").write_text(STEPS)
     model = {**copy.deepcopy(MODEL), "parameters": parameters}
     model["material"] |= material or {}
@@ -82,15 +83,16 @@ def test_the_search_knows_it(tmp_path):
     assert first["score"] - problem.fit_to_data(problem.prediction(asked)) == pytest.approx(off**2 / 2)
 
 
-def test_a_prior_as_good_as_the_data_meets_them_half_way(tmp_path):
-    alone = estimate(tmp_path, {"mu": MU})["parameters"]["mu"]
+@pytest.mark.parametrize("study", [STUDY, TWO_TESTS], ids=["one test", "two tests"])
+def test_a_prior_as_good_as_the_data_meets_them_half_way(tmp_path, study):
+    alone = estimate(tmp_path, {"mu": MU}, study=study)["parameters"]["mu"]
     share = alone["standard_error"] / alone["value"]
     centre = alone["value"] * np.exp(2 * share)
     prior = {"value": centre, "deviation": share * centre}
     for how in ({}, DESCENT):
-        found = estimate(tmp_path, {"mu": {**MU, "prior": prior}}, **how)["parameters"]["mu"]
-        # the force is not quite linear over a move of one standard error, 0.2 %
-        assert np.log(found["value"] / alone["value"]) / share == pytest.approx(1.0, abs=0.01)
+        found = estimate(tmp_path, {"mu": {**MU, "prior": prior}}, study=study, **how)["parameters"]["mu"]
+        # a move by slopes errs by about half its square: of 0.5 %, 0.4 % of the standard error; 1 % found at most
+        assert np.log(found["value"] / alone["value"]) / share == pytest.approx(1.0, abs=0.03)
         assert found["standard_error"] / found["value"] == pytest.approx(share / np.sqrt(2), rel=0.01)
         assert found["prior"] == [centre, share * centre]
 
