@@ -21,6 +21,8 @@ from fingerfit.solvers.registry import get_solver
 
 MARK = ".fingerfit.json"
 """What is known of the contents of files; it also tells that a folder is one of results."""
+LOG = "discover.log"
+"""What `snakemake discover` says, in the folder of the study."""
 OWNER = "study.json"
 LOCK = ".lock"
 """Locked by the run that works on the results of a model."""
@@ -73,9 +75,10 @@ def refuse(settings: Settings, where: Path | str = CONFIG) -> None:
     if results.exists() and not results.is_dir():
         raise InputError(where, "results", f"{results}, which is a file", "a folder")
     if Path.cwd().resolve() not in place.parents and results.exists() and not (results / MARK).exists():
-        entry = next(results.iterdir(), None)
+        # the log of `snakemake discover` is there before the first model begins
+        entry = next((path for path in results.rglob("*") if not path.is_dir() and path.name != LOG), None)
         if entry is not None:
-            found = f"{results}, outside of this workspace, with {entry.name} in it"
+            found = f"{results}, outside of this workspace, with {entry.relative_to(results).parts[0]} in it"
             raise InputError(where, "results", found, "a folder in the workspace, an empty one or one of results")
     if model in SHARED:
         raise InputError(where, "model.name", model, f"another name: {' and '.join(SHARED)} are folders of all models")

@@ -73,6 +73,16 @@ def test_two_workspaces_do_not_share_a_folder_unknowingly(place, tmp_path, monke
         refuse(settings(results=shared))
 
 
+def test_snakemake_discover_may_begin_in_a_folder_outside(place, tmp_path):
+    """Snakemake makes the folder of the log before anything runs."""
+    shared = tmp_path / "scratch"
+    write_text(shared / "test/discover.log", "")
+    refuse(settings(results=str(shared)))
+    write_text(shared / "test/thesis.txt", "")
+    with pytest.raises(InputError, match="outside of this workspace, with test in it"):
+        refuse(settings(results=str(shared)))
+
+
 @pytest.mark.parametrize(
     ("results", "found"),
     [
