@@ -179,6 +179,15 @@ def _add_models(command: Command) -> None:
         sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
 
     sub = command(
+        "profile",
+        "hold a constant of a fitted model at other values, where all other numbers follow (docs/uncertainty.md)",
+        "fingerfit profile mu_top",
+    )
+    sub.add_argument("constant", help="name, as in the table of the fit")
+    sub.add_argument("--config", type=Path, default=Path("config.yaml"), help="settings (config.yaml)")
+    sub.add_argument("--cores", type=_count, default=2)
+
+    sub = command(
         "discover",
         "fit, diagnose and add the missing effect, until the model is adequate or no known effect explains the rest",
         "fingerfit discover --config config.yaml",

@@ -215,6 +215,13 @@ def drop(args: argparse.Namespace) -> None:
     print(f"{drop(args.config, args.effect)}; now: {run_again(args.config)}")
 
 
+def profile(args: argparse.Namespace) -> None:
+    """How far the misfit rises when a constant is held elsewhere."""
+    from fingerfit.report.profiles import profile_of
+
+    print(profile_of(args.config, args.constant, args.cores))
+
+
 def discover(args: argparse.Namespace) -> None:
     """Fit, diagnose and add effects until the model is adequate."""
     import functools

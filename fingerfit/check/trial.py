@@ -149,7 +149,7 @@ def _simulate_test(problem: InverseProblem, asked: Asked) -> tuple[str, float, f
         return f"{head}: {told}", seconds, 0.0
     start = time.perf_counter()
     problem.predict_all([asked], 1)
-    score = problem.score(problem.prediction(asked))
+    score = problem.score(problem.prediction(asked), asked.values)
     scoring = time.perf_counter() - start
     return f"{head}: {_steps(problem, asked)} in {seconds:.2g} s; {_scored(problem, score)}", seconds, scoring
 

@@ -191,7 +191,13 @@ class Comparison:
     @cached_property
     def score_test(self) -> ScoreTest:
         """ScoreTest of what the model leaves."""
-        return ScoreTest(self.residual.vector, self.covariance, self.own(), self.nuisance(), self.common())
+        return ScoreTest(self.residual.vector, self.covariance, self.own(), self.nuisance(), self.common(), self.known)
+
+    @property
+    def known(self) -> tuple[np.ndarray, np.ndarray]:
+        """Priors as more values, as `ScoreTest` takes them; those of all tests belong to no single one."""
+        priors = self.problem.priors
+        return priors.left(self.base.values), priors.rows
 
     def common(self) -> np.ndarray:
         """What all values of a step have in common, shape (kept, modes)."""

@@ -1,7 +1,11 @@
-"""Which further measurement would tell two effects apart: each is simulated, and what it would show is compared."""
+"""Which further measurement would tell two effects apart, or identify a constant that is not.
+
+Each is simulated, and what it would show is compared.
+"""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,14 +19,22 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
-from fingerfit.fit.slopes import STEP, difference, neighbours
+from fingerfit.fit.slopes import STEP, coordinates, difference, moved, neighbours
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.study.several import AT
 from fingerfit.study.study import Study, with_gain
 
 HALF = "half"
 """The search mesh with an indenter over one half of the upper side."""
 FURTHER = 1.2
 LONGER = 5.0
+GOOD = 0.01
+"""Noise of a response that was not measured so far, as a share of its largest value: that of a load cell in use."""
+NARROW, TWICE = 0.25, 2.0
+"""A constant is identified where its 95 % interval covers at most this share of the distance of its bounds and, in the
+logarithm, goes no farther than this factor either way. Choices."""
+NORMAL = 1.96
+"""Standard deviations from the middle to the ends of a 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +51,8 @@ class Design:
         What is solved on.
     pictures, forces, error : float
         Factors on the noise of pictures, on that of forces and displacements, and on the error of the mesh.
+    response : bool
+        Whether the response is measured, which was not.
     """
 
     title: str
@@ -47,6 +61,7 @@ class Design:
     pictures: float = 1.0
     forces: float = 1.0
     error: float = 1.0
+    response: bool = False
 
 
 MEASURED = Design("as measured")
@@ -93,8 +108,7 @@ def separation(
     int
         Simulations that were not known before.
     """
-    problem, run = comparison.problem, 0
-    problem = problem.with_mesh(HALF, half_indenter(problem.meshes[SEARCH]))
+    problem, run = _with_half(comparison.problem), 0
     base = _Shown(comparison, problem, MEASURED).signal(first, second)
     found = []
     for design in designs(problem.study, REFINED in problem.mesh_files):
@@ -106,11 +120,105 @@ def separation(
     return sorted(found, key=lambda pair: -pair[1]), run
 
 
+@dataclass(frozen=True)
+class Further:
+    """A further measurement, and the 95 % interval that a constant would have with it, in its unit, within bounds."""
+
+    title: str
+    interval: tuple[float, float]
+    identified: bool
+
+
+def identification(comparison: Comparison, threads: int = 1) -> tuple[dict[str, list[Further]], int]:
+    """Further measurements for constants that are not identified, by how narrow the interval would become.
+
+    By the linear model: what the values at hand say of the constants (Fisher's information), and what those of another
+    test would add. A better measurement of the same test stands for the one at hand.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    threads : int
+        Simulations beside each other.
+
+    Returns
+    -------
+    dict
+        By constant; the first entry is the measurement at hand.
+    int
+        Simulations that were not known before.
+    """
+    parameters, values = comparison.problem.settings.parameters(), comparison.base.values
+    own = comparison.problem.settings.model.parameters
+    low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
+    width, known, run = high - low, comparison.known[1], 0
+    # all values between the bounds are as likely: a variance of width^2 / 12
+    before = np.diag(12.0 / width**2)
+    now = comparison.score_test.own.T @ comparison.score_test.own
+
+    def half(information: np.ndarray) -> np.ndarray:
+        return np.asarray(NORMAL * np.sqrt(np.diag(np.linalg.inv(information + before))))
+
+    def further(title: str, information: np.ndarray, n: int) -> Further:
+        move = half(information)[n] * (np.arange(len(width)) == n)
+        ends = [moved(parameters, values, side * move)[parameters[n].name] for side in (-1.0, 1.0)]
+        return Further(title, (ends[0], ends[1]), bool(move[n] <= min(NARROW / 2 * width[n], np.log(TWICE))))
+
+    def unsure() -> list[int]:
+        names = [p.name.partition(AT)[0] for p in parameters]
+        return [n for n, name in enumerate(names) if name in own and not further("", now, n).identified]
+
+    if not unsure():
+        return {}, 0
+    problem, found = _with_half(comparison.problem), dict[str, np.ndarray]()
+    chosen = designs(problem.study, REFINED in problem.mesh_files)
+    if not np.isfinite(comparison.residual.response).any():
+        name = "displacement" if problem.study.control == "force" else "force"
+        chosen = [one for one in chosen if one.forces == 1.0]
+        chosen.append(Design(f"the {name} measured, to {100 * GOOD:g} % of its largest value", response=True))
+    # slopes of the fit may be from a few percent beside: two nearly parallel ones would seem to cross
+    for design in (MEASURED, *chosen):
+        shown = _Shown(comparison, problem, replace(design, study=design.study or problem.study))
+        run += solve_missing(problem, shown.asked(), threads)
+        information = shown.information()
+        if design is MEASURED:
+            now = known.T @ known + (0.0 if information is None else information)
+            if information is None or not unsure():
+                return {}, run
+        elif information is not None:
+            found[design.title] = information + (now if design.study else known.T @ known)
+    told = dict[str, list[Further]]()
+    for n in unsure():
+        ranked = sorted(found, key=lambda title: half(found[title])[n])
+        listed = [further(title, found[title], n) for title in ranked]
+        told[parameters[n].name] = [further(MEASURED.title, now, n), *listed]
+    return told, run
+
+
+def _with_half(problem: InverseProblem) -> InverseProblem:
+    if problem.study.body.width is None:
+        return problem  # no design asks for it
+    return problem.with_mesh(HALF, half_indenter(problem.meshes[SEARCH]))
+
+
+def _with_response(comparison: Comparison) -> Comparison:
+    """The comparison as if the response had been measured, with a noise of `GOOD`; what was is not known."""
+    whole, residual = copy.copy(comparison), comparison.residual
+    kept = residual.kept.copy()
+    kept[residual.value.size :] = True
+    there, noise = residual.kept[kept], GOOD * np.abs(comparison.prediction.response).max()
+    covariance = noise**2 * np.eye(len(there))
+    covariance[np.ix_(there, there)] = residual.covariance
+    whole.residual = replace(residual, kept=kept, covariance=covariance)
+    return whole
+
+
 class _Shown:
     """What a design would show of a model and of effects."""
 
     def __init__(self, comparison: Comparison, problem: InverseProblem, design: Design) -> None:
-        self.comparison, self.problem, self.design = comparison, problem, design
+        self.comparison = _with_response(comparison) if design.response else comparison
+        self.problem, self.design = problem, design
         self.values = comparison.base.values
 
     def asked(self, *ranking: Ranked) -> list[Asked]:
@@ -122,22 +230,39 @@ class _Shown:
 
     def signal(self, first: Ranked, second: Ranked) -> float | None:
         """Squared size of the first effect that nothing else can imitate; None without a solution."""
-        comparison, design = self.comparison, self.design
-        if any(comparison.read(asked) is None for asked in self.asked(first, second)):
+        one, other = self._columns(first), self._columns(second)
+        if one is None or other is None or not self._solved(first, second):
             return None
+        score_test = self._score_test(other)
+        return float((score_test.signature(one @ first.finding.size[:, None]) ** 2).sum())
+
+    def information(self) -> np.ndarray | None:
+        """Fisher's information on the constants, shape (parameters, parameters); None without a solution."""
+        if not self._solved():
+            return None
+        own = self._score_test().own
+        return own.T @ own
+
+    def _solved(self, *ranking: Ranked) -> bool:
+        return all(self.comparison.read(asked) is not None for asked in self.asked(*ranking))
+
+    def _score_test(self, other: np.ndarray | None = None) -> ScoreTest:
+        """Of nothing but noise; `other` columns are as free as the constants."""
+        comparison, design = self.comparison, self.design
         residual = comparison.residual
         pictures = np.flatnonzero(residual.kept) < residual.value.size
         scale = np.where(pictures, design.pictures, design.forces)
         covariance = residual.covariance * np.outer(scale, scale) + comparison.mesh_covariance() * design.error**2
         slope = self._slope if design.study else comparison.slope
         own, unknown = comparison.own(slope), comparison.nuisance(slope)
-        one, other = self._columns(first), self._columns(second)
-        if one is None or other is None:
-            return None
         # columns of the prescribed quantity and of the mesh take turns
         unknown = unknown * np.tile([design.forces, design.error], unknown.shape[1] // 2)
-        score_test = ScoreTest(residual.vector, covariance, np.concatenate([own, other], axis=1), unknown)
-        return float((score_test.signature(one @ first.finding.size[:, None]) ** 2).sum())
+        nothing = np.zeros(len(covariance))
+        if other is None:
+            return ScoreTest(nothing, covariance, own, unknown)  # priors are added once, to all that is known
+        before, rows = comparison.known
+        known = before, np.pad(rows, ((0, 0), (0, other.shape[1])))
+        return ScoreTest(nothing, covariance, np.concatenate([own, other], axis=1), unknown, known=known)
 
     def _ask(self, values: Mapping[str, float], role: str, gain: float = 1.0) -> Asked:
         study = self.design.study or self.problem.study

@@ -12,7 +12,7 @@ from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.candidates import candidates, untestable
 from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
-from fingerfit.diagnosis.designs import separation
+from fingerfit.diagnosis.designs import Further, identification, separation
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import refit_all, widened
@@ -76,6 +76,8 @@ class Diagnosis:
         Simulations that were not known before.
     measurements : list of (str, float)
         Changes of the measurement and by how much each would separate the first two effects better.
+    further : dict
+        For constants that are not identified, measurements that would: as from `identification`.
     stiffness : ndarray, shape (places, dim + 2)
         As from `stiffness_map`.
     lacking : dict
@@ -91,6 +93,7 @@ class Diagnosis:
     verdict: Verdict
     run: int
     measurements: list[tuple[str, float]]
+    further: dict[str, list[Further]]
     stiffness: np.ndarray
     lacking: dict[str, InputError]
     untestable: dict[str, InputError]
@@ -135,7 +138,10 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
     own = {name: estimate[name] for name in problem.settings.model.parameters}
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
     verdict = traced(verdict, score_test, ranking, refits, base, problem.settings.fit.tolerance, tests)
-    measurements: list[tuple[str, float]] = []
+    measurements, further = list[tuple[str, float]](), dict[str, list[Further]]()
+    if len(problem.every) == 1:
+        further, more = identification(found.comparison, threads)
+        run += more
     if verdict.kind == "indistinguishable" and len(problem.every) == 1:
         named = {one.candidate.effect.name: one for one in ranking}
         first, second = (named[name] for name in verdict.effects[:2])
@@ -152,7 +158,9 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
     verdict = far_off(verdict, found.comparison)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking))
     untold = found.lacking, untestable(problem)
-    return Diagnosis(found.comparison, score_test, ranking, refits, verdict, run, measurements, stiffness, *untold)
+    return Diagnosis(
+        found.comparison, score_test, ranking, refits, verdict, run, measurements, further, stiffness, *untold
+    )
 
 
 @dataclass(frozen=True)

@@ -74,8 +74,7 @@ def field_of(comparison: Comparison) -> Field | None:
     own = np.array([p.name in effect.null() for p in parameters], dtype=bool)
     # what no model explains counts as noise
     spread = max(1.0, score_test.misfit / max(score_test.freedom, 1))
-    columns = score_test.whiten(comparison.own()) / np.sqrt(spread)
-    rest = score_test.whiten(comparison.residual.vector) / np.sqrt(spread)
+    columns, rest = score_test.own / np.sqrt(spread), score_test.left / np.sqrt(spread)
     at = coordinates(parameters, comparison.base.values) * own
     precision = np.where(own, LIKELY**-2, FLAT)
     inverse = np.linalg.inv(columns.T @ columns + np.diag(precision))

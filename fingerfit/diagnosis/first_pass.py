@@ -115,7 +115,7 @@ class FirstPass:
         """
         from scipy.optimize import least_squares
 
-        path = _Path(self, problem, start, self.known if near else {}, secant=near)
+        path = Way(self, problem, start, self.known if near else {}, secant=near)
         begin = np.zeros(len(path.parameters))
         if not np.isfinite(path.residual(begin)).all():
             raise StateError("the start of a refit has no solution")
@@ -126,7 +126,7 @@ class FirstPass:
         values = path.values(found.x)
         bound = tuple(p.name for p in path.parameters if bound_of(p, values[p.name]) is not None)
         weighed = _information(path.parameters, values, np.asarray(found.jac), effect)
-        return Refitted(values, float(2.0 * found.cost), found.status > 0, bound, path.run, self.count, *weighed)
+        return Refitted(values, float(2.0 * found.cost), found.status > 0, bound, path.run, path.count, *weighed)
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Values, or columns of them, in units of their noise; those that are fitted only."""
@@ -261,7 +261,7 @@ def _few(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-class _Path:
+class Way:
     """The way of one refit: from a distance in search coordinates to what the model leaves there, and its slopes."""
 
     def __init__(
@@ -276,6 +276,8 @@ class _Path:
         self._known, self._secant = known, secant
         self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self.parameters: tuple[Parameter, ...] = problem.settings.parameters()
+        self.priors = problem.priors
+        self.count = owner.count + len(self.priors.rows)
         comparison = owner.comparison
         effects = problem.settings.effects()
         names = problem.settings.names_of
@@ -308,13 +310,15 @@ class _Path:
     def residual(self, delta: np.ndarray) -> np.ndarray:
         """What the model leaves there, in units of the noise, shape (values,); infinite without a solution."""
         (found,) = self._residuals([self.values(delta)])
-        return np.full(self.owner.count, np.inf) if found is None else found
+        return np.full(self.count, np.inf) if found is None else found
 
     def slopes(self, delta: np.ndarray) -> np.ndarray:
         """Derivatives of that, shape (values, parameters); 0 where neither side has a solution."""
         if self._secant and self._before is not None:
             here, (last, left, columns) = self.residual(delta), self._before
             move = delta - last
+            if not move.any():
+                return columns
             columns = columns + np.outer(here - left - columns @ move, move / (move @ move))
         else:
             columns = self._differences(delta)
@@ -323,12 +327,13 @@ class _Path:
         return columns
 
     def _differences(self, delta: np.ndarray) -> np.ndarray:
-        columns, steps = np.zeros((self.owner.count, len(delta))), dict[int, float]()
+        columns, steps = np.zeros((self.count, len(delta))), dict[int, float]()
+        columns[self.owner.count :] = -self.priors.rows
         for n, p in enumerate(self.parameters):
             if p.name in self._linear:
-                columns[:, n] = -self.owner.whiten(self._observed[p.name]) * p.scale
+                columns[: self.owner.count, n] = -self.owner.whiten(self._observed[p.name]) * p.scale
             elif not delta.any() and p.name in self._known:
-                columns[:, n] = self._known[p.name]
+                columns[: self.owner.count, n] = self._known[p.name]
             else:
                 steps[n] = STEP if delta[n] + STEP <= self.bounds[1][n] else -STEP
         unit = np.eye(len(delta))
@@ -336,7 +341,8 @@ class _Path:
         here, *sides = self._residuals([self.values(delta), *beside])
         for (n, step), there in zip(steps.items(), sides, strict=True):
             slope = difference(there, None, lambda: here, step)
-            columns[:, n] = 0.0 if slope is None else slope
+            if slope is not None:
+                columns[:, n] = slope
         return columns
 
     def _residuals(self, guesses: Sequence[Mapping[str, float]]) -> list[np.ndarray | None]:
@@ -350,7 +356,7 @@ class _Path:
             return None
         for name, column in self._observed.items():
             read = read + column * (asked.values[name] - self._base[name])
-        return self.owner.left(read)
+        return np.append(self.owner.left(read), self.priors.left(asked.values))
 
 
 def _followed(comparison: Comparison) -> np.ndarray:

@@ -28,6 +28,7 @@ class Weighed:
     own : ndarray, shape (kept, parameters)
         Slopes of the model's own numbers.
     nuisance : ndarray, shape (kept, nuisances)
+    known : (ndarray, ndarray), optional
         As for `ScoreTest`.
     """
 
@@ -36,12 +37,14 @@ class Weighed:
     covariance: np.ndarray
     own: np.ndarray
     nuisance: np.ndarray
+    known: tuple[np.ndarray, np.ndarray] | None = None
 
     @classmethod
     def of(cls, comparison: Comparison) -> Weighed:
         """Of a model that is compared with its measurements."""
         residual = comparison.residual
-        return cls(residual.kept, residual.vector, comparison.covariance, comparison.own(), comparison.nuisance())
+        own, nuisance = comparison.own(), comparison.nuisance()
+        return cls(residual.kept, residual.vector, comparison.covariance, own, nuisance, comparison.known)
 
 
 def misfits(models: Mapping[str, Weighed], reference: str) -> dict[str, float]:
@@ -59,6 +62,6 @@ def misfits(models: Mapping[str, Weighed], reference: str) -> dict[str, float]:
     one, its = models[reference], rows[reference]
     covariance, nuisance = one.covariance[np.ix_(its, its)], one.nuisance[its]
     return {
-        name: ScoreTest(model.vector[rows[name]], covariance, model.own[rows[name]], nuisance).misfit
+        name: ScoreTest(model.vector[rows[name]], covariance, model.own[rows[name]], nuisance, known=model.known).misfit
         for name, model in models.items()
     }

@@ -52,10 +52,18 @@ class ScoreTest:
         What all values of a step have in common. Of thousands of values a few that are far off hardly raise the
         misfit of all, so that these modes are looked at by themselves: `common_misfit`, with `common_freedom`.
 
+    known : (ndarray, ndarray), optional
+        Priors as more values: what they leave, in units of their standard deviations, shape (priors,), and slopes of
+        the model's constants, shape (priors, parameters).
+
     Attributes
     ----------
     spread : ndarray, shape (values,)
         Standard deviation of each value by all of the noise, nuisances included.
+    own : ndarray, shape (values + priors, parameters)
+        Slopes of the model's constants, in units of the noise; those of priors come last, as they do everywhere here.
+    left : ndarray, shape (values + priors,)
+        The residual, in units of the noise.
     """
 
     def __init__(
@@ -65,20 +73,26 @@ class ScoreTest:
         own: np.ndarray,
         nuisance: np.ndarray,
         common: np.ndarray | None = None,
+        known: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
+        before, rows = known if known is not None else (np.zeros(0), np.zeros((0, own.shape[1])))
+        self._priors = len(before)
         try:
             self._root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
         except np.linalg.LinAlgError as error:
             text = "some measurements have no noise of their own, so that nothing can be weighed against it"
             raise StateError(f"{text}: give noise in study.yaml (noise, pictures.noise)") from error
         self.spread = np.sqrt((self._root**2).sum(axis=1))
-        basis, sizes, turn = np.linalg.svd(self.whiten(own), full_matrices=False)
+        self.own, self.left = self.whiten(own), self.whiten(residual)
+        values = len(residual)
+        self.own[values:], self.left[values:] = rows, before
+        basis, sizes, turn = np.linalg.svd(self.own, full_matrices=False)
         seen = sizes > 1e-6 * sizes.max(initial=0.0)
         self._own = basis[:, seen]
         self._inverse = (turn[seen].T / sizes[seen]) @ self._own.T
-        self.rest = self._without_own(self.whiten(residual))
+        self.rest = self._without_own(self.left)
         self.misfit = float(self.rest @ self.rest)
-        self.freedom = len(residual) - self._own.shape[1]
+        self.freedom = len(self.left) - self._own.shape[1]
         self.common_misfit, self.common_freedom = 0.0, 0
         if common is not None:
             columns = self.whiten(common)
@@ -88,10 +102,11 @@ class ScoreTest:
             self.common_misfit, self.common_freedom = float(((modes.T @ self.rest) ** 2).sum()), modes.shape[1]
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
-        """Columns in units of the noise."""
+        """Columns in units of the noise; priors do not see them."""
         from scipy.linalg import solve_triangular
 
-        return np.asarray(solve_triangular(self._root, columns, lower=True, check_finite=False))
+        values = solve_triangular(self._root, columns, lower=True, check_finite=False)
+        return np.concatenate([values, np.zeros((self._priors, *columns.shape[1:]))])
 
     def _without_own(self, columns: np.ndarray) -> np.ndarray:
         return columns - self._own @ (self._own.T @ columns)

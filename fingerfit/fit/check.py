@@ -197,14 +197,15 @@ def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effec
 
 
 def check_data(settings: Settings, study: Study, data: Data) -> None:
-    """Refuse a likelihood of what has no noise: it would leave that out, or be the same for all guesses.
+    """Refuse a likelihood, or priors beside a squared difference, of what has no noise: nothing could be weighed.
 
     Raises
     ------
     InputError
         For noise that is 0, as it is estimated from pictures without any.
     """
-    if settings.fit.score != "likelihood":
+    priors = any(p.prior for p in settings.model.parameters.values())
+    if settings.fit.score != "likelihood" and not (priors and settings.fit.score == "ssd"):
         return
     if data.measured.size and not data.picture_noise > 0:
         raise InputError(study.path, "pictures.noise", f"{data.picture_noise:g}, as estimated", "a number above 0")

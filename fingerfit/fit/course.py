@@ -106,15 +106,24 @@ def _evaluate_all(problem: InverseProblem, batch: list[Asked], threads: int) -> 
 
     def evaluated(asked: Asked) -> dict[str, Any]:
         tests = zip(problem.every, asked.every, predictors, strict=True)
-        return _joined(asked, [_evaluate(*test) for test in tests])
+        return _joined(problem, asked, [_evaluate(*test) for test in tests])
 
     return side_by_side(evaluated, batch, threads)
 
 
-def _joined(asked: Asked, entries: list[dict[str, Any]]) -> dict[str, Any]:
-    """The entry of a guess, from those of its tests: likelihoods multiply, and all must have a solution."""
-    if len(entries) == 1:
-        return entries[0]
+def _joined(problem: InverseProblem, asked: Asked, entries: list[dict[str, Any]]) -> dict[str, Any]:
+    """The entry of a guess with its priors, from those of its tests."""
+    found = entries[0] if len(entries) == 1 else _of_tests(asked, entries)
+    if problem.priors and found["score"] is not None:
+        found["score"] += problem.penalty(asked.values)
+        for name, values in problem.priors.match(asked.values).items():
+            if "match" in found:
+                found["match"][name] += values
+    return found
+
+
+def _of_tests(asked: Asked, entries: list[dict[str, Any]]) -> dict[str, Any]:
+    """Of several tests: likelihoods multiply, and all must have a solution."""
     scores = [entry["score"] for entry in entries]
     found = {
         "values": asked.values,
@@ -136,7 +145,7 @@ def _evaluate(problem: InverseProblem, asked: Asked, predictor: Predictor) -> di
     entry: dict[str, Any] = {"values": asked.values, "sim": asked.sim, "score": None}
     if made is None:
         return {**entry, "message": outcome.message}
-    score = problem.score(made.prediction)
+    score = problem.fit_to_data(made.prediction)
     if not math.isfinite(score):  # of huge displacements or tiny noise: worse than all others
         return {**entry, "message": f"a score of {score}"}
     entry = {**entry, "score": score, "message": ""}

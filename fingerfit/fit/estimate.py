@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.fit.intervals import FAR_OFF, SURE, as_json, bound_of, repeat, summarise
-from fingerfit.fit.minimum import Minimum, mesh_error, minimum, on_search_mesh
+from fingerfit.fit.intervals import FAR_OFF, as_json, bound_of, repeat, seen_directions, summarise
+from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_search_mesh
+from fingerfit.fit.priors import told, weigh
 from fingerfit.fit.problem import REFINED, InverseProblem
+from fingerfit.fit.refine import CLOSE
 from fingerfit.fit.replicates import Replicates
 from fingerfit.fit.rounds import Round, simulations
+from fingerfit.fit.slopes import coordinates, moved
 from fingerfit.study.several import AT
 
 Objective = Callable[[np.ndarray], float]
@@ -43,15 +46,22 @@ def estimate_of(
             f"no guess had a solution ({why}): widen or move the bounds, or look at mesh, forces and their noise"
         )
     settings, parameters = problem.settings, problem.settings.parameters()
-    best = minimum(problem, last)
+    best, priors = minimum(problem, last), problem.priors
     mesh = problem.mesh_of(best.base)
     searched = on_search_mesh(problem, last) if mesh == REFINED else best
-    size, values = len(parameters), best.values
-    how = settings.fit
-    sure = SURE if problem.exact else np.inf
-    shifts, hessian = repeat(_repetitions(problem, best, threads), size, how.replicates, sure)
+    values, left_by_mesh = best.values, mesh_error(problem, best, searched)
+    shifts, hessian = repeat(
+        _repetitions(problem, best, threads), len(parameters), settings.fit.replicates, problem.sure
+    )
+    known, on_search = None, searched.values
+    if priors:
+        left, move = priors.left(best.base.values), by_data(problem, best)
+        weighed = weigh(priors, left, move, shifts, left_by_mesh, seen_directions(hessian, problem.sure))
+        values = moved(parameters, best.base.values, weighed.shift)
+        on_search = moved(parameters, on_search, coordinates(parameters, values) - coordinates(parameters, best.values))
+        shifts, left_by_mesh, known = shifts @ weighed.gain.T, weighed.mesh, weighed.known
     point = [values[p.name] for p in parameters]
-    found = summarise(shifts, hessian, parameters, point, mesh_error(problem, best, searched), sure)
+    found = summarise(shifts, hessian, parameters, point, left_by_mesh, problem.sure, known)
     names = [p.name for p in parameters]
     if asked is None:
         asked = [sim for e in last.history for sim in e.get("sims", [e["sim"]])]
@@ -67,6 +77,8 @@ def estimate_of(
         },
         "remarks": [
             *found.remarks,
+            *(told(priors, priors.left(values), np.hypot(found.relative, found.mesh)) if priors else []),
+            *_extrapolated(problem, best, values),
             *_bound_remarks(problem, values),
             *_mesh_remarks(problem, mesh),
             *_thickness_remarks(problem),
@@ -76,7 +88,7 @@ def estimate_of(
         "score": {
             "kind": settings.fit.score,
             "search": last.best["score"],
-            "final": problem.score(best.model.base),
+            "final": problem.score(best.model.base, best.base.values),
         },
         "search": {
             "best": last.best["values"],
@@ -87,7 +99,7 @@ def estimate_of(
             "faults": sorted({e["message"] for e in last.history if e["score"] is not None and e["message"]}),
         },
         "simulations": {"asked": len(asked), "run": len(set(asked))},
-        "search_mesh": searched.values if mesh == REFINED else None,
+        "search_mesh": on_search if mesh == REFINED else None,
         "sim": best.base.every[0].sim,
         **({"sims": [one.sim for one in best.base.every]} if best.base.tests else {}),
         "sim_mesh": mesh,
@@ -108,6 +120,15 @@ def _repetitions(problem: InverseProblem, best: Minimum, threads: int) -> Callab
         return lambda delta: sum(one(delta) for one in drawn)
 
     return draw
+
+
+def _extrapolated(problem: InverseProblem, best: Minimum, values: Mapping[str, float]) -> list[str]:
+    """A sentence where priors, weighed at the end, take the estimate far from the last simulation."""
+    parameters = problem.settings.parameters()
+    far = float(np.abs(coordinates(parameters, values) - coordinates(parameters, best.base.values)).max(initial=0.0))
+    if not problem.priors or far <= CLOSE:
+        return []
+    return [f"with its priors the estimate is {100 * far:.0f} % from the last simulation, by slopes alone"]
 
 
 def _of(test: InverseProblem) -> str:

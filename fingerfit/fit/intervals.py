@@ -67,6 +67,7 @@ def minimise(
     reach: float = 0.15,
     low: np.ndarray | None = None,
     high: np.ndarray | None = None,
+    sure: float = np.inf,
 ) -> np.ndarray:
     """Minimum of a smooth score near 0 by Newton steps with the curvature at 0, shape (size,).
 
@@ -81,10 +82,13 @@ def minimise(
         Longest step.
     low, high : ndarray, shape (size,), optional
         Bounds, around 0.
+    sure : float
+        Curvature that is seen in any case.
     """
     gradient, hessian = gradient_and_hessian(objective, size)
     hessian = _positive(hessian)
     steepest = max(float(np.abs(np.diag(hessian)).max(initial=0.0)), 1e-300)
+    least = unseen(steepest, sure)
     low = np.full(size, -np.inf) if low is None else low
     high = np.full(size, np.inf) if high is None else high
     at, value = np.zeros(size), objective(np.zeros(size))
@@ -92,7 +96,7 @@ def minimise(
         # a constant at its bound that would go further stays; the others find their minimum without it
         free = ~(((at <= low) & (gradient > 0)) | ((at >= high) & (gradient < 0)))
         step = np.zeros(size)
-        step[free] = -np.linalg.pinv(hessian[np.ix_(free, free)], rcond=FLAT, hermitian=True) @ gradient[free]
+        step[free] = -np.linalg.pinv(hessian[np.ix_(free, free)], rcond=least, hermitian=True) @ gradient[free]
         # shortened before it is cut: a long step that is cut along one axis alone points elsewhere
         step *= min(1.0, reach / max(np.abs(step).max(initial=0.0), 1e-300))
         inside = np.clip(at + step, low, high) - at
@@ -152,6 +156,12 @@ def repeat(
     return -np.array(gradients) @ inverse, curvature
 
 
+def seen_directions(hessian: np.ndarray, sure: float = np.inf) -> np.ndarray:
+    """Directions that the score sees, as `repeat` takes them, shape (parameters, directions)."""
+    values, vectors = np.linalg.eigh(_positive(hessian))
+    return np.asarray(vectors[:, values > unseen(values[-1], sure) * values[-1]])
+
+
 @dataclass(frozen=True)
 class Uncertainty:
     """Uncertainty of an estimate.
@@ -163,7 +173,7 @@ class Uncertainty:
     mesh : ndarray, shape (parameters,)
         Error of the mesh that is left, in search coordinates, as a standard deviation; 0 where it is not known.
     interval : ndarray, shape (parameters, 2)
-        95 % interval, in units: noise and mesh.
+        95 % interval, in units: noise, mesh and priors.
     correlation : ndarray, shape (parameters, parameters)
     bias : ndarray, shape (parameters,)
         Mean shift of the repetitions: what noise alone does to the estimate.
@@ -186,6 +196,7 @@ def summarise(
     values: Sequence[float],
     mesh: np.ndarray | None = None,
     sure: float = np.inf,
+    known: np.ndarray | None = None,
 ) -> Uncertainty:
     """Uncertainty from repetitions.
 
@@ -201,16 +212,22 @@ def summarise(
         Error of the mesh, in search coordinates, as a standard deviation.
     sure : float
         Curvature that is seen in any case.
+    known : ndarray, shape (parameters, parameters), optional
+        Covariance that the errors of priors add.
     """
     # imported here, because rounds, which import `minimise`, need no scipy
     from scipy.special import ndtri, stdtrit
 
     mesh = np.zeros(len(parameters)) if mesh is None else mesh
     count = len(shifts)
-    covariance = np.atleast_2d(np.cov(shifts, rowvar=False))
+    known = np.zeros((len(parameters), len(parameters))) if known is None else known
+    noise = np.atleast_2d(np.cov(shifts, rowvar=False))
+    covariance = noise + known
     spread = np.sqrt(np.diag(covariance))
     scale = np.where(spread > 0, spread, 1.0)
-    half = np.hypot(stdtrit(count - 1, 0.975) * spread, ndtri(0.975) * mesh)
+    half = np.hypot(
+        stdtrit(count - 1, 0.975) * np.sqrt(np.diag(noise)), ndtri(0.975) * np.sqrt(mesh**2 + np.diag(known))
+    )
     interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
     return Uncertainty(
         spread,
@@ -283,5 +300,6 @@ def as_json(uncertainty: Uncertainty, parameters: Sequence[Parameter], values: S
             "bounds": [parameter.lower, parameter.upper],
             "at_bound": bound_of(parameter, value),
             "log": parameter.log,
+            "prior": list(parameter.prior) if parameter.prior else None,
         }
     return entries

@@ -109,18 +109,17 @@ class JointProblem(InverseProblem):
         for n, test in enumerate(self.tests):
             test.predict_all([asked.every[n] for asked in batch], processes)
 
-    def score(self, prediction: Any) -> float:
+    def fit_to_data(self, prediction: Any) -> float:
         """Score of all tests together: the sum of their negative log likelihoods."""
-        return sum(test.score(own) for test, own in zip(self.tests, prediction.tests, strict=True))
+        return sum(test.fit_to_data(own) for test, own in zip(self.tests, prediction.tests, strict=True))
 
     def deviations(self, prediction: Any) -> np.ndarray:
         """Response and points less what was measured, in units of the noise, of all tests."""
         pairs = zip(self.tests, prediction.tests, strict=True)
         return np.concatenate([test.deviations(own) for test, own in pairs])
 
-    def objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
-        """Score of a linear model at a distance of shape (parameters,) from its base."""
-        parts = [test.objective(own) for test, own in zip(self.tests, model.every, strict=True)]
+    def _objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
+        parts = [test.objective(own, known=False) for test, own in zip(self.tests, model.every, strict=True)]
         return lambda delta: sum(part(delta) for part in parts)
 
     def _pairs(self, asked: Asked) -> list[tuple[InverseProblem, Asked]]:

@@ -106,25 +106,38 @@ def left_over(problem: InverseProblem) -> float:
 def _minimum(problem: InverseProblem, last: Round, base: Asked, trust: float = TRUST) -> Minimum:
     parameters = problem.settings.parameters()
     model = _linear_model(problem, last, base)
-    at = coordinates(parameters, base.values)
-    low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
-    high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
-    low, high = np.maximum(low, -trust), np.minimum(high, trust)
-    delta = _least_squares(problem, model, low, high) if problem.exact else _by_score(problem, model, low, high)
+    delta = _move(problem, model, trust)
     objective = problem.objective(model)
     fall = objective(np.zeros(len(delta))) - objective(delta)
     return Minimum(moved(parameters, base.values, delta), base, model, float(np.abs(delta).max(initial=0.0)), fall)
 
 
-def _by_score(problem: InverseProblem, model: LinearModel, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def by_data(problem: InverseProblem, found: Minimum) -> np.ndarray:
+    """Move from the base to the minimum of the data alone, without priors, shape (parameters,)."""
+    return _move(problem, found.model, TRUST, known=False)
+
+
+def _move(problem: InverseProblem, model: LinearModel, trust: float, known: bool = True) -> np.ndarray:
+    parameters = problem.settings.parameters()
+    at = coordinates(parameters, model.values)
+    low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
+    high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
+    low, high = np.maximum(low, -trust), np.minimum(high, trust)
+    return (_least_squares if problem.exact else _by_score)(problem, model, low, high, known)
+
+
+def _by_score(
+    problem: InverseProblem, model: LinearModel, low: np.ndarray, high: np.ndarray, known: bool
+) -> np.ndarray:
     """Minimum of the score; the numbers of effects on the observation are those of the least squares.
 
     A similarity of pictures does not see their common brightness, nor forces and displacements at all.
     """
-    observed, objective = problem.observed, problem.objective(model)
+    observed, objective = problem.observed, problem.objective(model, known)
+    sure = problem.unit * problem.priors.curvature if known and problem.priors else np.inf
     delta: np.ndarray = np.zeros(len(low))
     for _ in range(IN_TURN if observed.any() else 1):
-        delta = _constants(problem, objective, delta, low, high)
+        delta = _constants(problem, objective, delta, low, high, sure)
         if observed.any():
             delta[observed] = 0.0
             delta[observed] = _brightness_and_shifts(problem, model.at(delta), model, low, high)
@@ -132,7 +145,12 @@ def _by_score(problem: InverseProblem, model: LinearModel, low: np.ndarray, high
 
 
 def _constants(
-    problem: InverseProblem, score: Callable[[np.ndarray], float], delta: np.ndarray, low: np.ndarray, high: np.ndarray
+    problem: InverseProblem,
+    score: Callable[[np.ndarray], float],
+    delta: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    sure: float,
 ) -> np.ndarray:
     """`delta`, moved to the minimum of the score along all but the numbers of effects on the observation."""
     free = np.flatnonzero(~problem.observed)
@@ -142,7 +160,8 @@ def _constants(
         found[free] += step
         return found
 
-    return at(minimise(lambda step: score(at(step)), len(free), low=(low - delta)[free], high=(high - delta)[free]))
+    low, high = (low - delta)[free], (high - delta)[free]
+    return at(minimise(lambda step: score(at(step)), len(free), low=low, high=high, sure=sure))
 
 
 def _brightness_and_shifts(
@@ -171,14 +190,18 @@ def _brightness_and_shifts(
     return np.asarray(found.x[: len(number)])
 
 
-def _least_squares(problem: InverseProblem, model: LinearModel, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Minimum of the likelihood of forces and points alone, between bounds: linear least squares."""
+def _least_squares(
+    problem: InverseProblem, model: LinearModel, low: np.ndarray, high: np.ndarray, known: bool
+) -> np.ndarray:
+    """Minimum of the likelihood of forces, points and priors alone, between bounds: linear least squares."""
     from scipy.optimize import lsq_linear
 
     left = problem.deviations(model.base)
-    columns = [problem.deviations(model.base + slope) - left for slope in model.slopes]
+    columns = np.stack([problem.deviations(model.base + slope) - left for slope in model.slopes], axis=1)
+    if known and (priors := problem.priors):
+        columns, left = np.concatenate([columns, priors.rows]), np.append(left, -priors.left(model.values))
     # bounds that coincide, as at a corner of the space, are kept a little apart
-    return np.asarray(lsq_linear(np.stack(columns, axis=1), -left, (low - 1e-9, high + 1e-9)).x)
+    return np.asarray(lsq_linear(columns, -left, (low - 1e-9, high + 1e-9)).x)
 
 
 def _linear_model(problem: InverseProblem, last: Round, base: Asked) -> LinearModel:

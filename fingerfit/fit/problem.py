@@ -15,7 +15,9 @@ from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import digest, write_text
 from fingerfit.core.processes import side_by_side
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.fit.intervals import SURE
 from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.priors import Priors, unit
 from fingerfit.fit.rounds import Asked, simulation_name
 from fingerfit.forward.decks import make_deck, refusal
 from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
@@ -246,16 +248,47 @@ class InverseProblem:
             if made is not None:
                 self._predictions[_key(asked)], self._folded[_key(asked)] = made.prediction, made.folded
 
-    def score(self, prediction: Prediction) -> float:
-        """Score of a prediction."""
+    def score(self, prediction: Prediction, values: Mapping[str, float]) -> float:
+        """Score of a guess and its prediction, priors included."""
+        return self.fit_to_data(prediction) + self.penalty(values)
+
+    def penalty(self, values: Mapping[str, float]) -> float:
+        """What priors add to the score of a guess."""
+        return self.unit * 0.5 * float(np.sum(self.priors.left(values) ** 2)) if self.priors else 0.0
+
+    def fit_to_data(self, prediction: Prediction) -> float:
+        """Score of a prediction by the data alone."""
         return score(self.settings.fit.score, prediction, self.data, self.settings.fit.bins)
+
+    @cached_property
+    def priors(self) -> Priors:
+        """What was known of the parameters before."""
+        return Priors.of(self.settings.parameters())
+
+    @cached_property
+    def unit(self) -> float:
+        """What one unit of the log likelihood is in the score."""
+        how = self.settings.fit
+        return unit(how.score, self.data, how.smooth, how.bins)
+
+    @property
+    def sure(self) -> float:
+        """Curvature of the score of the data that is seen in any case: with a scale of its own, half a chi-square's."""
+        return SURE if self.exact else np.inf
 
     def deviations(self, prediction: Prediction) -> np.ndarray:
         """Response and points less what was measured, in units of the noise, where both are known."""
         return deviations(prediction, self.data)
 
-    def objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
-        """Score of a linear model at a distance of shape (parameters,) from its base."""
+    def objective(self, model: LinearModel, known: bool = True) -> Callable[[np.ndarray], float]:
+        """Score of a linear model at a distance of shape (parameters,) from its base; `known`: priors included."""
+        of_data, priors = self._objective(model), self.priors
+        if not (known and priors):
+            return of_data
+        left = priors.left(model.values)
+        return lambda delta: of_data(delta) + self.unit * 0.5 * float(np.sum((left - priors.rows @ delta) ** 2))
+
+    def _objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
         return model.objective(self.settings.fit.score, self.data, self.settings.fit.bins)
 
 

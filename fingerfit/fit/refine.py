@@ -78,7 +78,7 @@ def refine_round(problem: InverseProblem, last: Round) -> Round:
         # no search came before the first slopes of a model with effects: they are taken where it was predicted to be
         far = FAR if last.reason != ADDED else FIRST if last.slopes == 1 else CLOSE
         if last.rough or found.move > far or _promises(problem, found):
-            before = {"values": dict(found.base.values), "score": problem.score(found.model.base), "fall": found.fall}
+            before = {"values": dict(found.base.values), "score": _score(problem, found), "fall": found.fall}
             rough = last.reason == ADDED and found.move > FAR and last.slopes + 1 < again
             return _slopes_again(problem, last, found.values, {"before": before, "trust": trust}, rough)
     asked = problem.ask(found.values, FINAL)
@@ -127,7 +127,7 @@ def _half_way_back(problem: InverseProblem, last: Round, found: Minimum) -> tupl
     before, trust = best.get("before"), best.get("trust", TRUST)
     if last.stage != SENSITIVITY or before is None or not before["fall"] > 0:
         return None, trust
-    true = (before["score"] - problem.score(found.model.base)) / before["fall"]
+    true = (before["score"] - _score(problem, found)) / before["fall"]
     trust = 0.4 * trust if true < 0.25 else min(2 * trust, TRUST) if true > 0.75 else trust
     parameters = problem.settings.parameters()
     way = 0.4 * (coordinates(parameters, found.base.values) - coordinates(parameters, before["values"]))
@@ -139,4 +139,8 @@ def _half_way_back(problem: InverseProblem, last: Round, found: Minimum) -> tupl
 
 def _promises(problem: InverseProblem, found: Minimum) -> bool:
     """Whether forces and points alone, cheap and exact, still see a move that is short."""
-    return problem.exact and found.fall > max(FALL, FALL_SHARE * problem.score(found.model.base))
+    return problem.exact and found.fall > max(FALL, FALL_SHARE * _score(problem, found))
+
+
+def _score(problem: InverseProblem, found: Minimum) -> float:
+    return problem.score(found.model.base, found.base.values)

@@ -29,6 +29,8 @@ class Parameter:
         Whether the search walks in its logarithm.
     unity : float, optional
         What counts as 1 in the coordinate of a parameter without a logarithm; the distance of the bounds when left out.
+    prior : (float, float), optional
+        Value and standard deviation that were known before, in that unit.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Parameter:
     start: float
     log: bool = True
     unity: float | None = None
+    prior: tuple[float, float] | None = None
 
     @property
     def scale(self) -> float:

@@ -305,6 +305,10 @@ def rung_of(found: Diagnosis, estimate: dict[str, Any], simulations: dict[str, i
         "effects": list(settings.model.effects),
         "parameters": entries,
         "ranges": ranges(found.comparison, found.refits.values(), entries) if doubtful else {},
+        "further": {
+            name: [{"title": one.title, "interval95": one.interval, "identified": one.identified} for one in listed]
+            for name, listed in found.further.items()
+        },
         "error": {"fitted": fitted, "held_out": held_out},
         "misfit": score_test.misfit,
         "freedom": score_test.freedom,

@@ -71,7 +71,13 @@ class Choices:
 
     def parameters(self: Any) -> tuple[Parameter, ...]:
         """Parameters in the order of the file, then those of the effects."""
-        own = [Parameter(name, p.unit, p.lower, p.upper, p.start, p.log) for name, p in self.model.parameters.items()]
+        own = [
+            Parameter(
+                name, p.unit, p.lower, p.upper, p.start, p.log,
+                prior=(p.prior.value, p.prior.deviation) if p.prior else None,
+            )
+            for name, p in self.model.parameters.items()
+        ]  # fmt: skip
         found = [replace(p, name=name) for p in own for name in self.names_of(p.name)]
         for effect in self.effects():
             given = self.model.effects[effect.name]
@@ -185,7 +191,12 @@ def read_checked(path: Path) -> Any:
     try:
         model, fit = data["model"], data["fit"]
         meshes = {name: SimpleNamespace(**model[name]) if model[name] else None for name in ("mesh", "refined")}
-        parameters = {name: SimpleNamespace(**entry) for name, entry in model["parameters"].items()}
+        priors = {
+            name: SimpleNamespace(**p["prior"]) if p["prior"] else None for name, p in model["parameters"].items()
+        }
+        parameters = {
+            name: SimpleNamespace(**{**entry, "prior": priors[name]}) for name, entry in model["parameters"].items()
+        }
         stages = [SimpleNamespace(**stage) for stage in fit["stages"]]
         if KNOWN in data:
             kinds = (Study, Step, Body, Layer, Region, Noise, Chain, Effect, EffectParameter)

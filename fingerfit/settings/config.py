@@ -82,6 +82,17 @@ class MeshSettings(_Strict):
         return self._pictured
 
 
+class PriorSettings(_Strict):
+    """What was known of a constant before."""
+
+    value: float = Field(description="What another test gave for it: one more datum.")
+    deviation: float = Field(
+        gt=0,
+        description="Its standard deviation, in the same unit. With log: true the logarithm is normal, with the"
+        " deviation as a share of the value: 0.05 and 0.01 are 0.041 to 0.061 (in two cases of three).",
+    )
+
+
 class ParameterSettings(_Strict):
     """A constant to be identified."""
 
@@ -90,6 +101,7 @@ class ParameterSettings(_Strict):
     lower: float = Field(description="Lower bound.")
     upper: float = Field(description="Upper bound.")
     log: bool = Field(default=True, description="Search in the logarithm.")
+    prior: PriorSettings | None = Field(default=None, description="What was known of it before (docs/uncertainty.md).")
 
 
 class ModelSettings(Model, _Strict):
@@ -201,9 +213,7 @@ class FitSettings(_Strict):
     batch: int = Field(default=2, ge=1, description="Guesses tried at once; the result does not depend on it.")
     max_evaluations: int = Field(default=400, ge=1, description="The search ends after as many.")
     replicates: int = Field(
-        default=60,
-        ge=20,
-        description="Repetitions of the measurement with new noise, for the standard errors.",
+        default=60, ge=20, description="Repetitions of the measurement with new noise, for the standard errors."
     )
     seed: int = Field(default=1, ge=0, description="Of that noise.")
     tolerance: float = Field(
@@ -285,6 +295,9 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
             problems.append(InputError(where, field, f"start {p.start:g}", f"{p.lower:g} to {p.upper:g}, the bounds"))
         elif p.log and p.lower <= 0:
             problems.append(InputError(where, f"{field}.lower", p.lower, "above 0, for a search in the logarithm"))
+        elif p.prior and not p.lower <= (known := p.prior.value) <= p.upper:
+            expected = f"{p.lower:g} to {p.upper:g}, the bounds"
+            problems.append(InputError(where, f"{field}.prior.value", f"{known:g}", expected))
         else:
             problems += impossible(where, f"{field}.lower", constants[quantity], p.lower)
             problems += impossible(where, f"{field}.upper", constants[quantity], p.upper)

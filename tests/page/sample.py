@@ -112,6 +112,10 @@ def ladder(done=True):
         rung("base+tilt", ["tilt"], {"mu_top": 0.0212, "mu_middle": 0.0356, "mu_bottom": 0.0655, "tilt": 2.02}, 0.012, (1.01, 1.04),
              611.0, "adequate", "the model explains the measurements to within their noise", (17, 44)),
     ]  # fmt: skip
+    listed = [("as measured", (0.02, 0.3), False), ("the same test to 1.2 times the force", (0.06, 0.07), True)]
+    rungs[1]["further"] = {
+        "mu_bottom": [dict(zip(("title", "interval95", "identified"), one, strict=True)) for one in listed]
+    }
     return {"study": "hidden-tilt", "rungs": rungs if done else rungs[:1]}
 
 

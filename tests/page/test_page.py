@@ -51,6 +51,30 @@ def test_sections_and_numbers(whole):
     assert "44 reused" in whole and "held out" in whole
 
 
+def test_measurements_that_would_identify_a_constant_stand_below_it(whole):
+    text = re.search(r"<h3>A measurement that would identify mu_bottom</h3>(.*?)</table>", whole, re.S)[1]
+    assert re.findall(r"<td>(.*?)</td>", text) == [
+        "as measured", "0.02 to 0.3", "not identified",
+        "the same test to 1.2 times the force", "0.06 to 0.07", "identified",
+    ]  # fmt: skip
+
+
+def test_profiles_of_these_settings_are_shown(tmp_path):
+    sample.write(tmp_path / "study")
+    made, file = "these", tmp_path / "study/ladder.json"
+    ladder = read_json(file)
+    ladder["rungs"][-1]["made_with"] = made
+    keep_json(file, ladder)
+    one = {"unit": "MPa", "interval95": [None, 0.03], "ends": ["bound", "risen"], "sentence": "mu_top is not identified below",
+           "points": [{"values": {"mu_top": mu}, "rise": rise} for mu, rise in ((0.01, 1.0), (0.02, 0.0), (0.04, 5.0))]}  # fmt: skip
+    for name, written in (("mu_top", made), ("mu_middle", "others")):
+        keep_json(tmp_path / f"study/base+tilt/profile_{name}.json", {**one, "constant": name, "made_with": written})
+    write_page(tmp_path / "study", tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "<h3>Profile of mu_top</h3>" in text and "mu_top is not identified below." in text
+    assert "Profile of mu_middle" not in text
+
+
 def test_it_begins_with_the_constants_and_their_intervals(whole, tmp_path):
     def top(text):
         return re.search(r'<table class="found">(.*?)</table>', text, re.S)[1]

@@ -21,6 +21,7 @@ def compared(vector, own):
         covariance=np.eye(count),
         own=lambda: own,
         nuisance=lambda: np.zeros((count, 0)),
+        known=(np.zeros(0), np.zeros((0, 1))),
     )
     one.every = (one,)
     return one

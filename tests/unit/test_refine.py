@@ -9,6 +9,7 @@ import pytest
 from fingerfit.core.errors import StateError
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.minimum import ORDER, Minimum, finest, mesh_error, minimum
+from fingerfit.fit.priors import Priors
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY
 from fingerfit.fit.refine import ADDED, around_best, refine_round
 from fingerfit.fit.rounds import Asked, Round
@@ -158,7 +159,7 @@ class Body:
         self.sims, self.truth, self.lost, self.folded = sims, truth, lost, folded
         self.settings = SimpleNamespace(parameters=lambda: PARAMETERS[:1])
         self.mesh_names, self.exact = {SEARCH: SEARCH, REFINED: REFINED}, False
-        self.observed = np.zeros(1, dtype=bool)
+        self.observed, self.priors = np.zeros(1, dtype=bool), Priors.of(PARAMETERS[:1])
 
     def ask(self, values, role=SEARCH, gain=1.0):
         mesh = REFINED if role == FINAL else SEARCH
@@ -179,11 +180,11 @@ class Body:
         z = np.log(asked.values["mu_top"] * stiffer)
         return Prediction(np.array([[[z, z**2 / 10]]]), np.zeros(1), np.zeros((0, 2)))
 
-    def score(self, prediction):
+    def score(self, prediction, values=None):
         z = np.log(self.truth)
         return float(((prediction.pictures - np.array([z, z**2 / 10])) ** 2).sum())
 
-    def objective(self, model):
+    def objective(self, model, known=True):
         return lambda delta: self.score(model.at(delta))
 
     def start(self, mu):
@@ -338,7 +339,7 @@ class Bright(Body):
         made = super().prediction(asked)
         return Prediction((1 + asked.values[DRIFT.name]) * made.pictures, made.response, made.points)
 
-    def score(self, prediction):
+    def score(self, prediction, values=None):
         x, y = prediction.pictures.ravel()
         return float((y / x - np.log(self.truth) / 10) ** 2)
 

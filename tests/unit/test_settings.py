@@ -71,6 +71,18 @@ def test_parameters_keep_the_order_of_the_file():
         ("model.parameters.mu_top.unit", "1", "model.parameters.mu_top.unit: found 1; expected MPa"),
         ("model.parameters.mu_top.start", 2.0, "found start 2; expected 0.001 to 1, the bounds"),
         ("model.parameters.mu_top.lower", 0.0, "found 0.0; expected above 0, for a search in the logarithm"),
+        ("model.parameters.mu_top.prior", 0.03, "model.parameters.mu_top.prior: found 0.03; expected"),
+        ("model.parameters.mu_top.prior", {"value": 0.03}, "mu_top.prior.deviation: found nothing; expected"),
+        (
+            "model.parameters.mu_top.prior",
+            {"value": 0.03, "deviation": 0},
+            "model.parameters.mu_top.prior.deviation: found 0; expected greater than 0",
+        ),
+        (
+            "model.parameters.mu_top.prior",
+            {"value": 3, "deviation": 1},
+            "model.parameters.mu_top.prior.value: found 3; expected 0.001 to 1, the bounds",
+        ),
         ("model.material.poisson", 0.5, "model.material.poisson: found 0.5; expected between -1 and 0.5"),
         ("model.material.alpha", 0, "model.material.alpha: found 0; expected not 0"),
         ("model.material.alpha", 1e-9, "model.material.alpha: found 1e-09; expected not 0: 0.00012 to 709"),

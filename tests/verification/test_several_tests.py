@@ -91,8 +91,8 @@ def test_two_tests_tell_compressibility_and_stiffening_where_one_cannot(results)
 def test_the_score_is_that_of_both_together(results):
     problem, last = results["both"].problem, results["both"].last
     asked = finest(problem, last)
-    parts = [test.score(test.prediction(one)) for test, one in zip(problem.every, asked.every, strict=True)]
-    assert problem.score(problem.prediction(asked)) == pytest.approx(sum(parts))
+    parts = [test.fit_to_data(test.prediction(one)) for test, one in zip(problem.every, asked.every, strict=True)]
+    assert problem.score(problem.prediction(asked), asked.values) == pytest.approx(sum(parts))
     assert list(results["both"].steps.index[5:7]) == [("glued", 6), ("greased", 1)]
     # 12 values and 3 constants: half of a chi-square with 9 degrees of freedom is below 14 in 999 cases of 1000
     assert sum(parts) < 14

@@ -74,6 +74,7 @@ PLACES = {
     "results/STUDY/MODEL": "results/phantom/base",
     "sims/NAME": "sims/$(ls results/phantom/sims | head -1)",
     "rounds/LAST": "rounds/$(($(ls results/phantom/base/rounds | wc -l) - 1))",
+    "profile mu_top": "profile mu",
     "STUDY/": "studies/mine/",
     "STUDY": "studies/mine",
 }
@@ -148,7 +149,7 @@ SESSIONS = {
     "calculix": ["snakemake --cores 2 --configfile studies/phantom/calculix.yaml"],
     "diagnose": [
         "fingerfit run studies/phantom --diagnose", "snakemake --cores 2 export", "fingerfit export results/STUDY/MODEL",
-        "fingerfit export results/phantom/base", "fingerfit open studies/phantom", *examples_of("simulate", "prepare", "propose"),
+        "fingerfit export results/phantom/base", "fingerfit open studies/phantom", "fingerfit profile mu_top", *examples_of("simulate", "prepare", "propose"),
         *examples_of("estimate", "plot", "diagnose", "ladder"),
         "> python -c 'import json, yaml; print(json.dumps(yaml.safe_load(open(\"config.yaml\"))))' > settings.json",
         *examples_of("settings"),
@@ -165,7 +166,10 @@ LEFT = {
     "run": {"results/phantom/base/estimate.json": ["mu"], "results/phantom/base/figures/force.png": []},
     "study": {"mesh.png": [], "results/mine/base/table.txt": ["mu"]},
     "experiment": {"studies/mine/steps.csv": ["step"], "studies/virtual/study.yaml": ["layers"]},
-    "diagnose": {"results/phantom/report.html": ["<html"], "results/phantom/base/export/error_by_step.csv": ["step"]},
+    "diagnose": {
+        "results/phantom/report.html": ["<html", "Profile of mu"],
+        "results/phantom/base/export/error_by_step.csv": ["step"],
+    },
     "calculix": {"results/phantom/calculix/table.txt": ["solver calculix"]},
     "tilt": {"tilt/config.yaml": ["tilt: {slope:"], "results/tilt/base/diagnosis.json": ["verdict"]},
     "new": {"mesh.png": [], "mine/config.yaml": ["# CHECK"]},

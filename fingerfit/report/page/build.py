@@ -20,7 +20,7 @@ from fingerfit.core.folders import OURS
 from fingerfit.model.effect import FAMILIES
 from fingerfit.report.drawing import COLOURS
 from fingerfit.report.page.inputs import Inputs, Model, read_inputs
-from fingerfit.report.page.ladder import constants_figures, ladder_figure, rung_label
+from fingerfit.report.page.ladder import constants_figures, ladder_figure, profile_figure, rung_label
 from fingerfit.report.page.panels import Panels
 from fingerfit.report.page.regions import in_words, places
 from fingerfit.report.page.words import (
@@ -99,6 +99,7 @@ def page_context(inputs: Inputs) -> dict[str, Any]:
         "ladder_figure": panels.keep(ladder_figure(inputs.ladder)) if rungs else None,
         "constants_figures": [(name, panels.keep(figure)) for name, figure in constants.items()],
         "constants": list(constants),
+        "profiles": [(one, panels.keep(profile_figure(one))) for one in inputs.profiles],
         "units": {name: p.get("unit", "") for rung in rungs for name, p in (rung.get("parameters") or {}).items()},
         "verdicts": VERDICTS,
         "files": inputs.files,
@@ -283,6 +284,7 @@ def _rungs(inputs: Inputs) -> list[dict[str, Any]]:
                 "reused": simulations.get("reused"),
                 "parameters": rung.get("parameters") or {},
                 "ranges": rung.get("ranges") or {},
+                "further": rung.get("further") or {},
             }
         )
     return shown

@@ -294,6 +294,8 @@ class Inputs:
         What was read.
     others : list of list of Model
         The same models beside the other tests of a study with several; `models` are beside the first.
+    profiles : list of dict
+        Of constants of the last model, as in ``profile_NAME.json``, made with its settings.
     """
 
     study: str
@@ -301,6 +303,7 @@ class Inputs:
     models: list[Model]
     files: list[tuple[str, str]]
     others: list[list[Model]] = field(default_factory=list)
+    profiles: list[dict[str, Any]] = field(default_factory=list)
 
 
 def read_inputs(study: Path) -> Inputs:
@@ -337,7 +340,10 @@ def read_inputs(study: Path) -> Inputs:
     ]
     files = [(part, digest((study / part).read_bytes())) for part in parts if (study / part).exists()]
     files += [(name, digest(read_bytes(path, limit=free_memory()))) for name, path in _study_files(models).items()]
-    return Inputs(str(ladder.get("study") or study.name), ladder, models, files, others)
+    drawn = [read_json(path) for path in sorted(study.glob(f"{names[-1]}/profile_*.json"))]
+    made = rungs.get(names[-1], {}).get("made_with")
+    drawn = [one for one in drawn if one["made_with"] == made]
+    return Inputs(str(ladder.get("study") or study.name), ladder, models, files, others, drawn)
 
 
 def _tests(study: Path, names: list[str]) -> list[str]:

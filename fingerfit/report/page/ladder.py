@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from fingerfit.diagnosis.profiles import ENOUGH
 from fingerfit.report.drawing import COLOURS
 from fingerfit.report.page.figures import plain
 
+SHOWN = 10.0
+"""Highest rise of the misfit that is drawn: beyond a wall it is of another size."""
 SERIES = (("fitted", "fitted", "o-", COLOURS[4]), ("held_out", "held out", "s--", COLOURS[5]))
 
 
@@ -66,6 +70,37 @@ def ladder_figure(ladder: dict[str, Any]) -> Figure:
         "noise alone", (0.99, 1.0), (0, -3), xycoords=("axes fraction", "data"), textcoords="offset points",
         ha="right", va="top", fontsize=8.5, color="#333333",
     )  # fmt: skip
+    return figure
+
+
+def profile_figure(data: Mapping[str, Any]) -> Figure:
+    """Rise of the misfit over the constant, and where it tells the 95 % interval.
+
+    Parameters
+    ----------
+    data : mapping
+        As in ``profile_NAME.json``.
+    """
+    name = data["constant"]
+    value = np.array([one["values"][name] for one in data["points"]])
+    rise = np.array([one["rise"] for one in data["points"]])
+    figure = Figure(figsize=(4.6, 3.2), layout="constrained")
+    axes = figure.subplots()
+    limit = ENOUGH**2
+    axes.plot(value, rise, "o-", color=COLOURS[4], markersize=5)
+    axes.axhline(limit, color="#444444", linewidth=1.0)
+    axes.annotate(
+        "95 %", (0.99, limit), (0, 3), xycoords=("axes fraction", "data"), textcoords="offset points", ha="right"
+    )
+    low, high = data["interval95"]
+    for end in (low, high):
+        if end is not None:
+            axes.axvline(end, color=COLOURS[5], linestyle="--", linewidth=1.0)
+    shown = value[rise <= SHOWN]
+    axes.set_xlim(*(np.array([shown.min(), shown.max()]) + 0.06 * np.ptp(shown) * np.array([-1, 1])))
+    axes.set_ylim(-0.3, min(SHOWN, max(1.2 * limit, 1.1 * float(rise.max()))))
+    axes.set_xlabel(name if data["unit"] == "1" else f"{name} in {data['unit']}")
+    axes.set_ylabel("rise of the misfit")
     return figure
 
 

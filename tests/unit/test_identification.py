@@ -1,0 +1,112 @@
+"""Which further measurement identifies a constant: what is predicted is what that measurement gives."""
+
+import copy
+
+import numpy as np
+import pytest
+import yaml
+from blocks import FIT, MODEL, STUDY
+from one_layer import DESCRIPTION, SHARED
+
+from fingerfit.core.files import write_json
+from fingerfit.diagnosis.comparison import anchor_of
+from fingerfit.diagnosis.designs import NORMAL, identification
+from fingerfit.diagnosis.joint import comparison_of
+from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.settings.config import load_settings
+from fingerfit.virtual.experiment import solve, write_study
+from fingerfit.virtual.file import read_truth
+
+MU = {"unit": "MPa", "lower": 1e-4, "upper": 10.0}
+TRUTH = {"mu_top": 0.09, "mu_bottom": 0.02}
+WIDTH = np.log(MU["upper"] / MU["lower"])
+
+
+def compared(folder, displacements, forces=None, truth=TRUTH, noise=0.05, bounds=None):
+    """A block of two layers whose forces the start fits without any rest."""
+    (folder / "study").mkdir(parents=True)
+    (folder / "study/study.yaml").write_text(yaml.safe_dump({**STUDY, "noise": {"force": noise}}))
+    rows = zip(displacements, np.ones(len(displacements)) if forces is None else forces, strict=True)
+    lines = [f"{n},{displacement},{force:.10g}" for n, (displacement, force) in enumerate(rows, 1)]
+    (folder / "study/steps.csv").write_text("\n".join(["step,displacement,force", *lines]) + "\n")
+    parameters = {name: {**MU, **(bounds or {}).get(name, {}), "start": mu} for name, mu in truth.items()}
+    model = {**copy.deepcopy(MODEL), "parameters": parameters}
+    fit = {**FIT, "stages": [{"name": "descent", "kind": "least_squares"}]}
+    problem, everything = begin(load_settings({"study": str(folder / "study"), "model": model, "fit": fit}), folder)
+    if forces is None:
+        asked = problem.ask(truth)
+        solve_missing(problem, [asked], 1)
+        return compared(folder / "true", displacements, problem.prediction(asked).response, truth, noise, bounds)
+    last, _ = run_fit(problem, 1)
+    solve_missing(problem, [anchor_of(problem, last)], 1)
+    return comparison_of(problem, last, everything)
+
+
+def deviation(further):
+    """Standard deviation of the logarithm by the data alone: without what the bounds say."""
+    half = np.log(further.interval[1] / further.interval[0]) / 2 / NORMAL
+    return (half**-2 - 12 / WIDTH**2) ** -0.5
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory):
+    return compared(tmp_path_factory.mktemp("block"), [0.4, 0.8])
+
+
+@pytest.fixture(scope="module")
+def listed(block):
+    found, run = identification(block)
+    assert run > 0
+    return {name: {one.title: one for one in entries} for name, entries in found.items()}
+
+
+def test_two_forces_do_not_identify_two_layers(listed):
+    assert set(listed) == {"mu_top"}
+    for entries in listed.values():
+        now, *others = entries.values()
+        assert now.title == "as measured"
+        assert not now.identified
+        widths = [one.interval[1] / one.interval[0] for one in others]
+        assert widths == sorted(widths)
+        assert widths[0] < 0.5 * now.interval[1] / now.interval[0]
+
+
+def test_forces_measured_better_are_worth_what_their_noise_says(listed):
+    for entries in listed.values():
+        better = deviation(entries["forces and displacements measured five times better"])
+        assert better == pytest.approx(deviation(entries["as measured"]) / 5, rel=0.01)
+
+
+def test_another_test_is_worth_what_its_data_are(listed, tmp_path):
+    """The steps of both tests as one: an elastic body knows no other history."""
+    both = compared(tmp_path, [0.4, 0.48, 0.8, 0.96]).score_test.own
+    spread = np.sqrt(np.diag(np.linalg.inv(both.T @ both)))
+    found = deviation(listed["mu_top"]["the same test to 1.2 times the displacement"])
+    # 0.04 % found: slopes are differences
+    assert found == pytest.approx(spread[0], rel=0.01)
+
+
+def test_slopes_of_the_fit_which_may_be_from_beside_the_estimate_do_not_matter(block, listed, monkeypatch):
+    taken = block.slope
+    monkeypatch.setattr(block, "slope", lambda name: taken(name) * np.array([1.0, 1.05]))
+    assert {entry.title: entry for entry in identification(block)[0]["mu_top"]} == listed["mu_top"]
+
+
+def test_without_any_force_it_is_the_force(tmp_path):
+    quiet = {**DESCRIPTION, "noise": {"force": 0.001, "displacement": 1e-5}}
+    write_json(tmp_path / "experiment.yaml", quiet)
+    truth = read_truth(tmp_path / "experiment.yaml")
+    write_study(truth, solve(truth, tmp_path / "body", 1), tmp_path / "study")
+    steps, description = tmp_path / "study/steps.csv", tmp_path / "study/study.yaml"
+    description.write_text(description.read_text().replace("control: force", "control: displacement"))
+    step, displacement, _, picture = steps.read_text().splitlines()[1].split(",")
+    steps.write_text(f"step,displacement,picture\n{step},{displacement},{picture}\n")
+    problem, everything = begin(load_settings({**SHARED, "study": str(tmp_path / "study")}), tmp_path)
+    found, _ = identification(comparison_of(problem, run_fit(problem, 1)[0], everything))
+    first, *others = found["mu"][1:]
+    assert first.title == "the force measured, to 1 % of its largest value"
+    assert first.identified
+    # the force of one step is proportional to mu: its noise of 1 %
+    assert np.log(first.interval[1] / first.interval[0]) / 2 == pytest.approx(NORMAL * 0.01, rel=0.02)
+    assert not any(one.identified for one in others)
