@@ -36,6 +36,7 @@ FAMILY = {
     "indenter_slip": "indenter",
     "intensity_drift": "observation",
     "interface": "geometry",
+    "layer_stiffening": "material",
     "load_step": "numerics",
     "loading_probe": "loading",
     "material_probe": "material",
