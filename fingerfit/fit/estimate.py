@@ -10,6 +10,7 @@ import numpy as np
 from fingerfit.core.errors import StateError
 from fingerfit.fit.intervals import FAR_OFF, as_json, bound_of, repeat, seen_directions, summarise
 from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_search_mesh
+from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import told, weigh
 from fingerfit.fit.problem import REFINED, InverseProblem
 from fingerfit.fit.refine import CLOSE
@@ -17,8 +18,6 @@ from fingerfit.fit.replicates import Replicates
 from fingerfit.fit.rounds import Round, simulations
 from fingerfit.fit.slopes import coordinates, moved
 from fingerfit.study.several import AT
-
-Objective = Callable[[np.ndarray], float]
 
 
 def estimate_of(
@@ -116,8 +115,7 @@ def _repetitions(problem: InverseProblem, best: Minimum, threads: int) -> Callab
         return makers[0].draw
 
     def draw() -> Objective:
-        drawn = [maker.draw() for maker in makers]
-        return lambda delta: sum(one(delta) for one in drawn)
+        return Objective.total([maker.draw() for maker in makers])
 
     return draw
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.fit.objective import Objective
 from fingerfit.model.parameters import Parameter
 
 WIDTH = 0.02
@@ -30,7 +31,7 @@ FAR_OFF = 10.0
 
 
 def _gradient(objective: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
-    """Central differences, shape of `at`."""
+    """Central differences, shape of `at`: a similarity of noisy pictures is no parabola nearer to its minimum."""
     steps = np.eye(len(at)) * WIDTH
     return np.array([(objective(at + step) - objective(at - step)) / (2 * WIDTH) for step in steps])
 
@@ -50,6 +51,18 @@ def gradient_and_hessian(objective: Callable[[np.ndarray], float], size: int) ->
     return (ahead - behind) / (2 * WIDTH), hessian
 
 
+def curvature(objective: Objective, size: int) -> np.ndarray:
+    """Second derivatives at 0 by differences of the exact gradient, shape (size, size).
+
+    For tens of numbers this asks for fewer scores than second differences do. It shows the way to the minimum, which is
+    where `_gradient` says. Their kernel over twice `WIDTH` is a triangle: the box of the same spread is narrower.
+    """
+    found, width = np.zeros((size, size)), WIDTH / np.sqrt(2.0)
+    for number, step in enumerate(np.eye(size) * width):
+        found[number] = (objective.gradient(step) - objective.gradient(-step)) / (2 * width)
+    return (found + found.T) / 2
+
+
 def _positive(hessian: np.ndarray) -> np.ndarray:
     """The same matrix with the size of its eigenvalues: a step always goes downhill."""
     values, vectors = np.linalg.eigh(hessian)
@@ -62,7 +75,7 @@ def unseen(steepest: float, sure: float) -> float:
 
 
 def minimise(
-    objective: Callable[[np.ndarray], float],
+    objective: Objective,
     size: int,
     reach: float = 0.15,
     low: np.ndarray | None = None,
@@ -75,8 +88,7 @@ def minimise(
 
     Parameters
     ----------
-    objective : callable
-        Of shape (size,).
+    objective : Objective
     size : int
     reach : float
         Longest step.
@@ -85,8 +97,7 @@ def minimise(
     sure : float
         Curvature that is seen in any case.
     """
-    gradient, hessian = gradient_and_hessian(objective, size)
-    hessian = _positive(hessian)
+    gradient, hessian = _gradient(objective, np.zeros(size)), _positive(curvature(objective, size))
     steepest = max(float(np.abs(np.diag(hessian)).max(initial=0.0)), 1e-300)
     least = unseen(steepest, sure)
     low = np.full(size, -np.inf) if low is None else low
@@ -114,16 +125,14 @@ def minimise(
     return at
 
 
-def _downhill(objective: Callable[[np.ndarray], float], at: np.ndarray, value: float, step: np.ndarray) -> np.ndarray:
+def _downhill(objective: Objective, at: np.ndarray, value: float, step: np.ndarray) -> np.ndarray:
     """A step, halved until the score falls; zero where it does not."""
     while np.abs(step).max(initial=0.0) > SHORTEST and not objective(at + step) < value:
         step = step / 2
     return step if np.abs(step).max(initial=0.0) > SHORTEST else np.zeros(len(step))
 
 
-def repeat(
-    draw: Callable[[], Callable[[np.ndarray], float]], size: int, count: int, sure: float = np.inf
-) -> tuple[np.ndarray, np.ndarray]:
+def repeat(draw: Callable[[], Objective], size: int, count: int, sure: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
     """Best constants of repetitions by one Newton step with their mean curvature, and that curvature.
 
     Parameters
@@ -149,11 +158,11 @@ def repeat(
         else:
             gradient = _gradient(objective, np.zeros(size))
         gradients.append(gradient)
-    curvature = np.mean(curvatures, axis=0)
-    curved = _positive(curvature)
+    hessian = np.mean(curvatures, axis=0)
+    curved = _positive(hessian)
     cut = unseen(float(np.linalg.eigvalsh(curved).max(initial=0.0)), sure)
     inverse = np.linalg.pinv(curved, rcond=cut, hermitian=True)
-    return -np.array(gradients) @ inverse, curvature
+    return -np.array(gradients) @ inverse, hessian
 
 
 def seen_directions(hessian: np.ndarray, sure: float = np.inf) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import digest
 from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.objective import Objective
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.score import JointPrediction
@@ -118,9 +119,9 @@ class JointProblem(InverseProblem):
         pairs = zip(self.tests, prediction.tests, strict=True)
         return np.concatenate([test.deviations(own) for test, own in pairs])
 
-    def _objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
-        parts = [test.objective(own, known=False) for test, own in zip(self.tests, model.every, strict=True)]
-        return lambda delta: sum(part(delta) for part in parts)
+    def _objective(self, model: LinearModel) -> Objective:
+        pairs = zip(self.tests, model.every, strict=True)
+        return Objective.total([test.objective(own, known=False) for test, own in pairs])
 
     def _pairs(self, asked: Asked) -> list[tuple[InverseProblem, Asked]]:
         return list(zip(self.tests, asked.every, strict=True))

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import StateError
+from fingerfit.fit.objective import Objective
 from fingerfit.forward.score import Prediction, deviations, score, weights
+from fingerfit.imaging.similarity import LIMITS, nmi_gradient
 from fingerfit.study.data import Data
 
 
@@ -62,13 +64,14 @@ class LinearModel:
             raise StateError("the slopes by the prescribed quantity were not asked for")
         return self.control.by_step(relative, data)
 
-    def objective(
-        self, kind: str, data: Data, bins: int, offset: Prediction | None = None
-    ) -> Callable[[np.ndarray], float]:
+    def objective(self, kind: str, data: Data, bins: int, offset: Prediction | None = None) -> Objective:
         """Score against `data` as a function of delta; but for ``nmi`` it is a quadratic one, by inner products."""
         if kind == "nmi":
             near = self._nearby(offset)
-            return lambda delta: score(kind, near(delta), data, bins)
+            return Objective(
+                lambda delta: score(kind, near(delta), data, bins),
+                lambda delta: self._by_similarity(near(delta), data, bins),
+            )
         base = self.base if offset is None else self.base + offset
         pictures, others = weights(kind, data)
         left = base.pictures - data.measured
@@ -80,7 +83,16 @@ class LinearModel:
             columns = np.array([deviations(base + slope, data) - away for slope in self.slopes])
             middle += others * _inner(away, away)
             gradient, curvature = gradient + others * columns @ away, curvature + others * columns @ columns.T
-        return lambda delta: middle + float(2.0 * gradient @ delta + delta @ curvature @ delta)
+        return Objective(
+            lambda delta: middle + float(2.0 * gradient @ delta + delta @ curvature @ delta),
+            lambda delta: 2.0 * (gradient + curvature @ delta),
+        )
+
+    def _by_similarity(self, there: Prediction, data: Data, bins: int) -> np.ndarray:
+        """Derivatives of the score ``nmi`` by delta, shape (parameters,)."""
+        pairs = zip(data.measured, there.pictures, strict=True)
+        by_pixel = np.array([nmi_gradient(measured, picture, bins, LIMITS) for measured, picture in pairs])
+        return -np.array([_inner(by_pixel, slope.pictures) for slope in self.slopes]) / len(by_pixel)
 
     def _nearby(self, offset: Prediction | None) -> Callable[[np.ndarray], Prediction]:
         """As `at`, but where one or two numbers differ from those of the last whole sum only these are added.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.fit.intervals import minimise
 from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.objective import Objective
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
@@ -146,7 +146,7 @@ def _by_score(
 
 def _constants(
     problem: InverseProblem,
-    score: Callable[[np.ndarray], float],
+    score: Objective,
     delta: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
@@ -154,14 +154,10 @@ def _constants(
 ) -> np.ndarray:
     """`delta`, moved to the minimum of the score along all but the numbers of effects on the observation."""
     free = np.flatnonzero(~problem.observed)
-
-    def at(step: np.ndarray) -> np.ndarray:
-        found: np.ndarray = delta.copy()
-        found[free] += step
-        return found
-
     low, high = (low - delta)[free], (high - delta)[free]
-    return at(minimise(lambda step: score(at(step)), len(free), low=low, high=high, sure=sure))
+    found: np.ndarray = delta.copy()
+    found[free] += minimise(score.along(free, delta), len(free), low=low, high=high, sure=sure)
+    return found
 
 
 def _brightness_and_shifts(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from fingerfit.core.processes import side_by_side
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
 from fingerfit.fit.intervals import SURE
 from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import Priors, unit
 from fingerfit.fit.rounds import Asked, simulation_name
 from fingerfit.forward.decks import make_deck, refusal
@@ -280,15 +281,14 @@ class InverseProblem:
         """Response and points less what was measured, in units of the noise, where both are known."""
         return deviations(prediction, self.data)
 
-    def objective(self, model: LinearModel, known: bool = True) -> Callable[[np.ndarray], float]:
+    def objective(self, model: LinearModel, known: bool = True) -> Objective:
         """Score of a linear model at a distance of shape (parameters,) from its base; `known`: priors included."""
         of_data, priors = self._objective(model), self.priors
         if not (known and priors):
             return of_data
-        left = priors.left(model.values)
-        return lambda delta: of_data(delta) + self.unit * 0.5 * float(np.sum((left - priors.rows @ delta) ** 2))
+        return Objective.total([of_data, Objective.squares(0.5 * self.unit, priors.left(model.values), priors.rows)])
 
-    def _objective(self, model: LinearModel) -> Callable[[np.ndarray], float]:
+    def _objective(self, model: LinearModel) -> Objective:
         return model.objective(self.settings.fit.score, self.data, self.settings.fit.bins)
 
 

@@ -6,13 +6,14 @@ force or displacement and on the quantities measured beside; its score is the ve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
 from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.objective import Objective
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
@@ -51,7 +52,7 @@ class Replicates:
         self.model, self.data, self.maps, self.kind, self.bins = model, data, maps, kind, bins
         self.rng, self._pool = np.random.default_rng(seed), ThreadPoolExecutor(threads)
 
-    def draw(self) -> Callable[[np.ndarray], float]:
+    def draw(self) -> Objective:
         """Score of one repetition as a function of delta, shape (parameters,)."""
         data, base = self.data, self.model.base
         relative = self._control_noise()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerfit.imaging.similarity import nmi, ssd
+from fingerfit.imaging.similarity import LIMITS, nmi, ssd
 from fingerfit.study.data import Data
 
 KINDS = ("nmi", "ssd", "likelihood")
@@ -81,7 +81,7 @@ def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
     """
     if kind == "nmi":
         pairs = zip(data.measured, prediction.pictures, strict=True)
-        return -float(np.mean([nmi(measured, picture, bins, limits=(0.0, 1.0)) for measured, picture in pairs]))
+        return -float(np.mean([nmi(measured, picture, bins, limits=LIMITS) for measured, picture in pairs]))
     if kind == "ssd":
         return float(np.mean([ssd(m, p) for m, p in zip(data.measured, prediction.pictures, strict=True)]))
     with np.errstate(over="ignore"):  # infinite where noise is tiny: who asks sees it

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+LIMITS = (0.0, 1.0)
+"""Intensities of a picture after preprocessing."""
+_EMPTY = 1e-15
+"""A share of a histogram that is as good as none: what rounding leaves."""
+
 
 def ssd(a: np.ndarray, b: np.ndarray) -> float:
     """Mean squared difference of two pictures of the same shape."""
@@ -36,12 +41,16 @@ def joint_histogram(
     ndarray, shape (bins, bins)
         Sums to 1.
     """
-    places = [_places(picture.ravel(), bins, smooth, limits) for picture in (a, b)]
     if not smooth:
+        places = [_places(picture.ravel(), bins, smooth, limits) for picture in (a, b)]
         low = places[0] * bins + places[1]
         return np.bincount(low, minlength=bins * bins).reshape(bins, bins) / a.size
-    ia, ib = (np.minimum(p.astype(np.int64), bins - 2) for p in places)
-    fa, fb = places[0] - ia, places[1] - ib
+    return _shared((_between(a, bins, limits), _between(b, bins, limits)), bins)
+
+
+def _shared(pair: tuple[tuple[np.ndarray, np.ndarray], ...], bins: int) -> np.ndarray:
+    """Joint histogram of two pictures whose values lie between bins, see `_between`."""
+    (ia, fa), (ib, fb) = pair
     # the lower corner of each pair's four bins; what goes to the others is moved there bin by bin, not pair by pair
     corner = ia * bins + ib
     many = bins * bins
@@ -51,7 +60,14 @@ def joint_histogram(
     total = np.bincount(corner, minlength=many) - first - second - both
     for offset, shares in ((1, second), (bins, first), (bins + 1, both)):
         total[offset:] += shares[:-offset]
-    return total.reshape(bins, bins) / a.size
+    return total.reshape(bins, bins) / ia.size
+
+
+def _between(picture: np.ndarray, bins: int, limits: tuple[float, float] | None) -> tuple[np.ndarray, np.ndarray]:
+    """The bin below each pixel and how far it is to the next one, from 0 to 1, each of shape (pixels,)."""
+    place = _places(picture.ravel(), bins, True, limits)
+    below = np.minimum(place.astype(np.int64), bins - 2)
+    return below, place - below
 
 
 def _places(values: np.ndarray, bins: int, smooth: bool, limits: tuple[float, float] | None) -> np.ndarray:
@@ -88,6 +104,32 @@ def nmi(
     return (_entropy(joint.sum(axis=0)) + _entropy(joint.sum(axis=1))) / _entropy(joint.ravel())
 
 
+def nmi_gradient(a: np.ndarray, b: np.ndarray, bins: int, limits: tuple[float, float]) -> np.ndarray:
+    """Derivative of the smooth `nmi` by each pixel of `b`, of its shape.
+
+    By the chain rule through the joint histogram, which a pixel's intensity moves from one bin towards the next
+    (Thevenaz and Unser 2000, with a linear window). Pixels beyond the limits have none.
+
+    Parameters
+    ----------
+    a, b, bins, limits
+        As for `nmi`.
+    """
+    (ia, fa), (ib, _) = pair = _between(a, bins, limits), _between(b, bins, limits)
+    joint = _shared(pair, bins)
+    own, both = joint.sum(axis=0), _entropy(joint.ravel())
+    alone = _entropy(joint.sum(axis=1)) + _entropy(own)
+    # what the entropies lose when a share moves to the next bin of b
+    moved, single = (np.diff(np.log(np.maximum(share, _EMPTY))) for share in (joint, own))
+    corner = ia * (bins - 1) + ib
+    pairs = moved.ravel()[corner]
+    pairs += fa * (moved.ravel()[corner + bins - 1] - pairs)
+    slope = alone / both**2 * pairs - single[ib] / both
+    slope *= (bins - 1) / ((limits[1] - limits[0]) * b.size)
+    slope[(b.ravel() < limits[0]) | (b.ravel() > limits[1])] = 0.0
+    return slope.reshape(b.shape)
+
+
 def nmi_noise(pictures: np.ndarray, smooth: float, bins: int = 64) -> float:
     """What one unit of the log likelihood of pictures is in their mean normalized mutual information.
 
@@ -104,11 +146,11 @@ def nmi_noise(pictures: np.ndarray, smooth: float, bins: int = 64) -> float:
     bins : int
         As for `nmi`.
     """
-    entropies = [_entropy(joint_histogram(one, one, bins, limits=(0.0, 1.0)).sum(axis=0)) for one in pictures]
+    entropies = [_entropy(joint_histogram(one, one, bins, limits=LIMITS).sum(axis=0)) for one in pictures]
     alone = min(1.0, (4.0 * np.pi * smooth**2) ** (-(pictures.ndim - 1) / 2)) if smooth > 0 else 1.0
     return 1.0 / (pictures[0].size * alone * 4.0 / 3.0 * sum(entropies))
 
 
 def _entropy(share: np.ndarray) -> float:
-    present = share[share > 1e-15]
+    present = share[share > _EMPTY]
     return float(-(present * np.log(present)).sum()) or 1e-300

@@ -2,11 +2,21 @@
 
 import numpy as np
 import pytest
+from differences import by_differences
 from scipy.stats import norm
 from scipy.stats import t as student
 from seeds import generator
 
-from fingerfit.fit.intervals import as_json, gradient_and_hessian, identifiability, minimise, repeat, summarise
+from fingerfit.fit.intervals import (
+    as_json,
+    curvature,
+    gradient_and_hessian,
+    identifiability,
+    minimise,
+    repeat,
+    summarise,
+)
+from fingerfit.fit.objective import Objective
 from fingerfit.model.parameters import Parameter
 
 A = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
@@ -14,7 +24,7 @@ LOG = tuple(Parameter(name, "MPa", 1e-3, 1.0, 0.1) for name in ("mu_a", "mu_b", 
 
 
 def bowl(centre, matrix=A):
-    return lambda d: 0.5 * (d - centre) @ matrix @ (d - centre)
+    return Objective(lambda d: 0.5 * (d - centre) @ matrix @ (d - centre), lambda d: matrix @ (d - centre))
 
 
 def test_differences_of_a_quadratic_are_exact():
@@ -22,6 +32,15 @@ def test_differences_of_a_quadratic_are_exact():
     gradient, hessian = gradient_and_hessian(bowl(centre), 3)
     assert gradient == pytest.approx(-A @ centre, abs=1e-12)
     assert hessian == pytest.approx(A, abs=1e-10)
+    assert curvature(bowl(centre), 3) == pytest.approx(A, abs=1e-10)
+
+
+def test_sums_squares_and_a_part_of_the_numbers_have_the_gradients_of_their_values(rng):
+    left, columns, start = rng.normal(size=5), rng.normal(size=(5, 3)), rng.normal(size=3)
+    whole = Objective.total([bowl(start), Objective.squares(0.7, left, columns)])
+    assert whole(start) == pytest.approx(0.7 * np.sum((left - columns @ start) ** 2))
+    for one, at in ((whole, rng.normal(size=3)), (whole.along(np.array([0, 2]), start), rng.normal(size=2))):
+        assert one.gradient(at) == pytest.approx(by_differences(one.value).gradient(at), rel=1e-6)
 
 
 @pytest.mark.parametrize("reach", [0.01, 0.15])
@@ -32,7 +51,7 @@ def test_minimum_of_a_quadratic(reach):
 
 
 def test_minimum_of_something_else():
-    found = minimise(lambda d: float(np.cosh(3 * (d[0] - 0.2)) + np.exp(d[1]) - 1.1 * d[1]), 2)
+    found = minimise(by_differences(lambda d: float(np.cosh(3 * (d[0] - 0.2)) + np.exp(d[1]) - 1.1 * d[1])), 2)
     assert found == pytest.approx([0.2, np.log(1.1)], abs=5e-4)
 
 
@@ -41,7 +60,7 @@ def test_from_the_top_of_a_hill_it_goes_down():
         return float(-np.cos(4 * (d[0] - 0.1)) + d[1] ** 2)
 
     start = np.zeros(2)
-    found = minimise(lambda d: hill(d + np.array([0.55, 0.0])), 2)
+    found = minimise(by_differences(lambda d: hill(d + np.array([0.55, 0.0]))), 2)
     assert hill(found + np.array([0.55, 0.0])) < hill(start + np.array([0.55, 0.0])) - 0.3
 
 
@@ -58,7 +77,7 @@ def test_a_long_step_that_bounds_cut_still_goes_down():
     def score(d):
         return float(gradient @ d + 0.5 * d @ curvature @ d)
 
-    found = minimise(score, 4, low=np.full(4, -0.3), high=np.full(4, 0.3))
+    found = minimise(by_differences(score), 4, low=np.full(4, -0.3), high=np.full(4, 0.3))
     assert score(found) < -0.1
     assert np.abs(found).max() <= 0.3 + 1e-12
 
@@ -69,12 +88,12 @@ def test_a_step_that_bounds_turn_uphill_is_taken_straight_down():
     def valley(d):
         return float(100 * (d[0] - d[1] - 0.02) ** 2 + 0.5 * (d[1] - 0.5) ** 2)
 
-    found = minimise(valley, 2, low=np.full(2, -0.3), high=np.array([0.3, 0.03]))
+    found = minimise(by_differences(valley), 2, low=np.full(2, -0.3), high=np.array([0.3, 0.03]))
     assert found == pytest.approx([0.05, 0.03], abs=2e-3)
 
 
 def test_what_the_score_does_not_see_is_not_moved():
-    found = minimise(lambda d: float((d[0] - d[1] - 0.1) ** 2), 2)
+    found = minimise(by_differences(lambda d: float((d[0] - d[1] - 0.1) ** 2)), 2)
     assert found[0] - found[1] == pytest.approx(0.1, abs=1e-4)
     assert found.sum() == pytest.approx(0.0, abs=1e-6)
 
