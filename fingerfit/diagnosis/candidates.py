@@ -34,6 +34,13 @@ class Candidate:
     place: dict[str, float]
     asked: tuple[Asked, ...] = ()
 
+    def is_that_of(self, other: Candidate) -> bool:
+        """Whether it is the same model under another name: the same changes by the same decks, and no other ones."""
+        if not self.asked or self.effect.observes or other.effect.observes:
+            return False
+        sims, theirs = [one.sim for one in self.asked], [one.sim for one in other.asked]
+        return sims == theirs and self.effect.changes.keys() == other.effect.changes.keys()
+
 
 def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[list[Candidate], dict[str, InputError]]:
     """Effects that make sense in this study and are not in the model, with their simulations at small sizes.
@@ -47,7 +54,7 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     found: list[Candidate] = []
     lacking: dict[str, InputError] = {}
     without = problem.ask(values).sim
-    for effect in problem.effects.values():
+    for effect in sorted(problem.effects.values(), key=lambda effect: bool(effect.scan)):
         if effect.name in (OUTLINE, *problem.settings.model.effects):
             continue
         if all(test.lacks(effect) for test in problem.every):  # one test that can have it is enough
@@ -63,13 +70,16 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
                 asked.append(problem.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
             if asked and all(one.sim == without for one in asked):
                 continue  # no part of this study's deck: friction where nothing is in contact, a layer beyond the last
+            one = Candidate(effect, place, tuple(asked))
+            if any(map(one.is_that_of, found)):
+                continue  # one layer that stiffens, where there is one: an effect without a place comes first
             if asked and not any(one.effect.name == effect.name for one in found):
                 # its first place only: the others have the same keywords
                 refused = next(filter(None, map(problem.refusal, asked)), None)
                 if refused is not None:
                     lacking[effect.title] = refused
                     break
-            found.append(Candidate(effect, place, tuple(asked)))
+            found.append(one)
     return found, lacking
 
 
@@ -110,11 +120,13 @@ def _is_fitted(effect: Effect, problem: InverseProblem) -> bool:
     if effect.name.startswith(PREFIX) and own in {**model, **problem.settings.model.material}:
         return True
     names = {name for test in problem.every for name in test.study.layer_names}
+    shared = "layer" not in effect.scan
     return (
         set(effect.changes) <= set(CONSTANTS)
         and bool(effect.changes)
         and not (effect.part or effect.fills or effect.replaces)
         and all(
-            quantity in model or all(f"{quantity}_{name}" in model for name in names) for quantity in effect.changes
+            (quantity in model and (shared or len(names) == 1)) or all(f"{quantity}_{name}" in model for name in names)
+            for quantity in effect.changes
         )
     )
