@@ -102,6 +102,7 @@ def test_the_diagnosis_says_so(tmp_path, monkeypatch):
         ("mesh too coarse", "a finer mesh"),
         ("inclusion of any size and shape", "pictures or measured points"),
         ("inclusion in the plane", "pictures or measured points"),
+        ("swelling before the first picture", "pictures or measured points"),
         ("tilt of the indenter", "pictures or measured points"),
         ("wall beside the body", "pictures or measured points"),
     ]
@@ -120,6 +121,7 @@ def test_what_was_not_measured_is_no_candidate_but_told(tmp_path):
         "mesh too coarse": "a finer mesh",
         "inclusion of any size and shape": "pictures or measured points",
         "inclusion in the plane": "pictures or measured points",
+        "swelling before the first picture": "pictures or measured points",
         "tilt of the indenter": "pictures or measured points",
         "wall beside the body": "pictures or measured points",
         "viscoelastic relaxation": "a time at every step",
