@@ -152,11 +152,11 @@ def _far_off(problem: InverseProblem, best: Minimum) -> list[str]:
         if not off.size or off.max() < FAR_OFF:
             continue
         n = int(known[off.argmax()])
-        kind, unit = ("displacement", "mm") if test.data.control == "force" else ("force", "N")
+        (kind, unit), step = test.data.response_name(n), test.data.step[test.data.response_step[n]]
         found.append(
-            f"{_of(test)}{kind} of step {test.data.step[n]} is {off.max():.0f} standard deviations off:"
+            f"{_of(test)}{kind} of step {step} is {off.max():.0f} standard deviations off:"
             f" {measured[n]:.4g} {unit} measured, {model.base.response[n]:.4g} {unit} by the model;"
-            f" look at noise.{kind}, at its unit, and at what the model lacks"
+            f" look at noise.{kind.partition('_')[0]}, at its unit, and at what the model lacks"
         )
     return found
 

@@ -20,8 +20,9 @@ class Prediction:
     ----------
     pictures : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
         Synthesized pictures.
-    response : ndarray, shape (steps,)
-        Force in N under displacement control, displacement in mm under force control.
+    response : ndarray, shape (responses,)
+        As `Data.response`: force in N under displacement control, displacement in mm under force control, of each step;
+        then lateral forces, N.
     points : ndarray, shape (points, dim)
         Displacements of the measured points, mm.
     """
@@ -43,7 +44,9 @@ class Prediction:
         """Each step times its own factor, shape (steps,)."""
         per_picture = factor[data.picture_step].reshape(-1, *[1] * (self.pictures.ndim - 1))
         per_point = factor[data.points_step][:, None]
-        return Prediction(self.pictures * per_picture, self.response * factor, self.points * per_point)
+        return Prediction(
+            self.pictures * per_picture, self.response * factor[data.response_step], self.points * per_point
+        )
 
 
 @dataclass(frozen=True)

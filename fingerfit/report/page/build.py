@@ -245,9 +245,11 @@ def _forces(model: Model) -> list[dict[str, Any]]:
     if len(sizes) > 1:
         return []
     for n, step in enumerate(compare.step):
+        lateral = (values[n] for values in (compare.lateral_force, compare.lateral_force_model) if len(values))
         table.append(
             {"step": int(step), **{name: number(getattr(compare, name)[n]) for name in
-             ("force", "displacement", "force_model", "displacement_model")}}
+             ("force", "displacement", "force_model", "displacement_model")},
+             "lateral": [(number(one), number(other)) for one, other in zip(*lateral, strict=True)]}
         )  # fmt: skip
     return table
 
