@@ -20,7 +20,7 @@ from fingerfit.deck.context import deck_context, place_of
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import blocks
 from fingerfit.fit.check import changes_the_deck, check_against_study, check_data, check_effects
-from fingerfit.forward.decks import make_deck, refusal
+from fingerfit.forward.decks import make_deck, refusal, template_of
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import unmet
@@ -349,7 +349,7 @@ def _taken(settings: Settings, study: Study, mesh: Mesh, effect: Effect, values:
         raise InputError(where, "changes.increment", f"{increment:g}", "above 0 and at most 1, the whole step")
     start = {**values, **effect.null()}
     with_it, without = (make_deck(settings, study, mesh, "mesh", one, known) for one in (values, start))
-    template = settings.model.template
+    template = template_of(settings, study)
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
         file = Path(name) / "mesh.inp"
         write_text(file, format_mesh(mesh))

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems
-from fingerfit.forward.decks import make_deck, with_effect
+from fingerfit.core.folders import template_folders
+from fingerfit.deck.render import is_template
+from fingerfit.forward.decks import make_deck, template_of, with_effect
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import cure_of, unmet
@@ -30,11 +32,11 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
     ------
     Problems
         Constants of layers that the study does not have, constants that are missing or without effect, a mesh twice
-        or not at all or of another dimension, a score without the data it compares.
+        or not at all or of another dimension, a score without the data it compares, a template that is not there.
     """
     problems = [problem for test in study.every for problem in _missing_data(settings, test, where)]
     problems += _unusable_folder(settings, where) + _of_several(settings, study, where)
-    problems += _strange_layers(settings, study, where)
+    problems += _strange_layers(settings, study, where) + _no_template(settings, study)
     for test in study.every:
         problems += _unweighted(settings, test) + _missing_constants(settings, study, test, where)
         problems += _wrong_mesh(settings, test, where)
@@ -106,6 +108,21 @@ def _missing_constants(settings: Settings, study: Study, test: Study, where: Pat
             expected = f"a value of {quantity} for " + (", ".join(without) if without != layers else "the layers")
             problems.append(InputError(where, f"model.material.{quantity}", "nothing", expected))
     return problems
+
+
+def _no_template(settings: Settings, study: Study) -> list[FingerfitError]:
+    """Deck templates of a study, or of its tests, that are nowhere."""
+    folders, shared = template_folders(Path(settings.study)), len({test.template for test in study.every}) == 1
+    return [
+        InputError(
+            study.path,
+            "template" if shared else f"tests.{test.test}.template",
+            test.template,
+            "a template beside it or in templates/",
+        )
+        for test in study.every
+        if test.template and not is_template(test.template, folders)
+    ]
 
 
 def _wrong_mesh(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
@@ -189,7 +206,7 @@ def _wrong_effect(
         return InputError(where, field, found, f"an effect that makes sense in {study.path}")
     if effect.simulated and not changes_the_deck(settings, study, mesh, effect):
         found = f"{effect.name}, which changes nothing in the deck of this study"
-        return InputError(where, field, found, f"an effect on what {settings.model.template} has")
+        return InputError(where, field, found, f"an effect on what {template_of(settings, study)} has")
     return None
 
 

@@ -19,7 +19,7 @@ from fingerfit.fit.intervals import SURE
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.priors import Priors, unit
 from fingerfit.fit.rounds import Asked, simulation_name
-from fingerfit.forward.decks import make_deck, refusal
+from fingerfit.forward.decks import make_deck, refusal, template_of
 from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
 from fingerfit.forward.score import Prediction, deviations, score
 from fingerfit.mesh.mesh import Mesh
@@ -176,7 +176,7 @@ class InverseProblem:
         if (self.sims / asked.sim / "solution.npz").exists():
             return None
         settings, file = self.settings, self.mesh_files[self.mesh_of(asked)]
-        return refusal(settings.solver, settings.model.template, asked.deck, file, asked.mesh)
+        return refusal(settings.solver, template_of(settings, self.study), asked.deck, file, asked.mesh)
 
     def with_mesh(self, name: str, mesh: Mesh) -> InverseProblem:
         """The fit with one mesh more."""

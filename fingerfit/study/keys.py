@@ -255,6 +255,11 @@ class StudyKeys(Strict):
     pictures: PictureKeys | None = Field(default=None, description="Pictures and their preparation.")
     noise: NoiseKeys | None = Field(default=None, description="Standard deviations, in the units of the study.")
     boundary: BoundaryKeys = Field(description="What base and indenter do to the body.")
+    template: Line | None = Field(
+        default=None,
+        description="Deck template in place of `model.template` of the config, as one of several tests may need it;"
+        " looked up in the study's folder, then in templates/.",
+    )
 
 
 class BlockStudy(StudyKeys):

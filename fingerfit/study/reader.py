@@ -107,6 +107,7 @@ def _study(given: Any, steps: tuple[Step, ...], sizes: Mapping[str, float], file
         indenter_nodes=indenter_nodes,
         chain=_chain(pictures, length),
         table=file.parent / given.steps,
+        template=given.template or "",
         direction=_unit(None if isinstance(pusher, str) else pusher.direction),
     )
 

@@ -201,6 +201,8 @@ class Study:
         Size of the study's unit of length, for tables of points.
     table : Path or None
         Table of the steps.
+    template : str
+        Deck template in place of that of the settings; empty for that one.
     direction : tuple of float
         Of the indenter's way, a unit vector; empty for straight down, against the last axis.
     test : str
@@ -223,6 +225,7 @@ class Study:
     indenter_nodes: str = "TOP"
     chain: Chain = Chain()
     table: Path | None = None
+    template: str = ""
     direction: tuple[float, ...] = ()
     test: str = ""
     tests: tuple[Study, ...] = ()
