@@ -18,7 +18,8 @@ from fingerfit.model.laws import LAWS, foreign
 from fingerfit.model.regions import PREFIX
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.bound import effects_of
-from fingerfit.settings.config import CONFIG, MeshSettings, Settings, too_long
+from fingerfit.settings.config import CONFIG, Settings, too_long
+from fingerfit.settings.parts import MeshSettings
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
 from fingerfit.study.several import of_test

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.forward.score import Prediction, deviations, score, weights
+from fingerfit.forward.score import Prediction, deviations, deviations_by_kind, score, weights
 from fingerfit.study.data import Data
 
 
@@ -81,6 +81,22 @@ class LinearModel:
             middle += others * _inner(away, away)
             gradient, curvature = gradient + others * columns @ away, curvature + others * columns @ columns.T
         return lambda delta: middle + float(2.0 * gradient @ delta + delta @ curvature @ delta)
+
+    def misfits(self, data: Data) -> Callable[[np.ndarray], dict[str, float]]:
+        """Chi-square of each kind of data, as `fingerfit.forward.score.chi_square`, as a function of delta."""
+        found: dict[str, tuple[float, np.ndarray, np.ndarray]] = {}
+        if data.measured.size and data.picture_noise > 0:
+            left, share = self.base.pictures - data.measured, 0.5 / data.picture_noise**2
+            gradient = np.array([_inner(left, slope.pictures) for slope in self.slopes])
+            found["pictures"] = share * _inner(left, left), share * gradient, share * self._products
+        by_slope = [deviations_by_kind(self.base + slope, data) for slope in self.slopes]
+        for kind, away in deviations_by_kind(self.base, data).items():
+            columns = np.array([own[kind] - away for own in by_slope])
+            found[kind] = _inner(away, away), columns @ away, columns @ columns.T
+        return lambda delta: {
+            kind: middle + float(2.0 * gradient @ delta + delta @ curvature @ delta)
+            for kind, (middle, gradient, curvature) in found.items()
+        }
 
     def _nearby(self, offset: Prediction | None) -> Callable[[np.ndarray], Prediction]:
         """As `at`, but where one or two numbers differ from those of the last whole sum only these are added.

@@ -20,7 +20,7 @@ from fingerfit.prepare.pictures import Prepared, outline_of, prepare_pictures
 from fingerfit.prepare.plausible import falls, refuse_depth
 from fingerfit.prepare.points import points_covariance, read_points
 from fingerfit.prepare.regions import with_regions
-from fingerfit.settings.config import MeshSettings
+from fingerfit.settings.parts import MeshSettings
 from fingerfit.study.data import Data
 from fingerfit.study.direction import wrong_axes
 from fingerfit.study.study import AXES, ESTIMATED, Study

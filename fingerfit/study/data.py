@@ -67,6 +67,8 @@ class Data:
         Unit vector along which `force` and `displacement` count; empty for straight down.
     lateral_force : ndarray, shape (steps, dim - 1) or (steps, 0)
         Measured forces of the indenter on the body along the other axes, N; their noise is that of the forces.
+    response_scale : float
+        Factor of the standard deviations of the response: above 1 where it is to count less.
     """
 
     step: np.ndarray
@@ -99,6 +101,7 @@ class Data:
     remarks: str = ""
     direction_of_load: np.ndarray = field(default_factory=lambda: np.zeros(0))
     lateral_force: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    response_scale: float = 1.0
 
     def save(self, path: Path) -> None:
         """Write to .npz, whole or not at all; not compressed, because every round reads it and noise stays as large."""
@@ -139,7 +142,8 @@ class Data:
         along = (self.displacement, self._by_step(self.displacement_noise))
         measured, noise = along if self.control == "force" else (self.force, forces)
         lateral = self.lateral_force.T
-        return np.concatenate([measured, lateral.ravel()]), np.concatenate([noise, *(forces for _ in lateral)])
+        spread = np.concatenate([noise, *(forces for _ in lateral)])
+        return np.concatenate([measured, lateral.ravel()]), self.response_scale * spread
 
     def split(self, response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Responses along the load, shape (steps,), and lateral forces, shape (steps, axes)."""
