@@ -20,7 +20,7 @@ from fingerfit.deck.context import deck_context, place_of
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import blocks
 from fingerfit.fit.check import changes_the_deck, check_against_study, check_data, check_effects
-from fingerfit.forward.decks import make_deck, refusal
+from fingerfit.forward.decks import make_deck, refusal, template_of
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import unmet
@@ -35,7 +35,7 @@ from fingerfit.settings.choices import CONFIG
 from fingerfit.settings.config import FitSettings, MeshSettings, Settings, load_settings
 from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.several import of_test
-from fingerfit.study.study import Study
+from fingerfit.study.study import SIDEWAYS, Study
 
 if TYPE_CHECKING:
     from fingerfit.study.data import Data
@@ -184,7 +184,8 @@ def _study(checked: Checked, title: str) -> list[str]:
 def _control(checked: Checked) -> list[str]:
     study = checked.study
     head = ["", f"test {study.test}: {study.title}"] if study.test else []
-    return [*head, f"control: {study.control}; base {study.base}, indenter {study.indenter}"]
+    aside = f"; direction of the indenter {', '.join(f'{x:.4g}' for x in study.direction)}" if study.direction else ""
+    return [*head, f"control: {study.control}; base {study.base}, indenter {study.indenter}{aside}"]
 
 
 def _body(checked: Checked) -> list[str]:
@@ -348,7 +349,7 @@ def _taken(settings: Settings, study: Study, mesh: Mesh, effect: Effect, values:
         raise InputError(where, "changes.increment", f"{increment:g}", "above 0 and at most 1, the whole step")
     start = {**values, **effect.null()}
     with_it, without = (make_deck(settings, study, mesh, "mesh", one, known) for one in (values, start))
-    template = settings.model.template
+    template = template_of(settings, study)
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as name, contextlib.suppress(SolverError):
         file = Path(name) / "mesh.inp"
         write_text(file, format_mesh(mesh))
@@ -369,11 +370,16 @@ def _turn(frame: Picture) -> str:
 
 
 def _table(study: Study) -> str:
-    rows = [f"{'step':>5}{'time s':>9}{'displacement mm':>17}{'force N':>10}  picture"]
+    aside = [name for name in SIDEWAYS if any(getattr(step, name) is not None for step in study.steps)]
+    units = {"displacement": "mm", "force": "N"}
+    head = "".join(f"{f'{name} ' + units[name.partition('_')[0]]:>19}" for name in aside)
+    rows = [f"{'step':>5}{'time s':>9}{'displacement mm':>17}{'force N':>10}{head}  picture"]
     for step in study.steps:
-        cells = [f"{v:.4g}" if v is not None else "-" for v in (step.time, step.displacement, step.force)]
+        values = (step.time, step.displacement, step.force, *(getattr(step, name) for name in aside))
+        cells = [f"{v:.4g}" if v is not None else "-" for v in values]
+        beside = "".join(f"{cell:>19}" for cell in cells[3:])
         name = step.picture.name if step.picture else "-"
-        rows.append(f"{step.number:>5}{cells[0]:>9}{cells[1]:>17}{cells[2]:>10}  {name}")
+        rows.append(f"{step.number:>5}{cells[0]:>9}{cells[1]:>17}{cells[2]:>10}{beside}  {name}")
     return "\n".join(rows)
 
 

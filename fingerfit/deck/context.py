@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import InputError
+from fingerfit.deck.changed import changed_by
+from fingerfit.deck.loading import direction, loading_steps, rail
 from fingerfit.deck.patch import ball, half_tube
 from fingerfit.deck.questions import (
     areas,
@@ -21,7 +23,6 @@ from fingerfit.deck.questions import (
     rests_on,
     shares,
     side,
-    temperature,
 )
 from fingerfit.mesh.inside import points_inside
 from fingerfit.mesh.mesh import Mesh
@@ -77,13 +78,13 @@ def deck_context(
     Returns
     -------
     dict
-        ``title, law, mesh, dim, quadratic, thickness, control, boundary, steps, swells, increment, top, indenter,
-        layers, effects, parts, follows, beside``, ``values`` for templates with parameters of their own, and what
-        templates may call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block, ``areas(set)``,
-        ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``, ``nodes(set)``,
-        ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for the centre of a
-        sphere that touches it from above, ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of
-        bricks.
+        ``title, law, mesh, dim, quadratic, thickness, control, boundary, steps, way, rail, swells, increment, top,
+        indenter, layers, effects, parts, follows, beside``, ``values`` for templates with parameters of their own, and
+        what templates may call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block,
+        ``areas(set)``, ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``,
+        ``nodes(set)``, ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for
+        the centre of a sphere that touches it from above, ``ball(centre, radius, count)`` and
+        ``half_tube(axis, radius, count)`` of bricks.
     """
     effects = bound(catalogue() if effects is None else effects, scales(study, np.ptp(mesh.body, axis=0)))
     present = [effect for effect in effects.values() if effect.present(values)]
@@ -93,8 +94,8 @@ def deck_context(
         _layer(number, len(study.layer_names), name, values, material, present, law)
         for number, name in enumerate(study.layer_names, 1)
     ]
-    increment = _changed("increment", 1.0, {}, present, values)
-    steps = _steps(study, mesh, present, values)
+    increment = changed_by("increment", 1.0, {}, present, values)
+    steps, way = loading_steps(study, mesh, present, values), direction(study, mesh.dim)
     numbers = itertools.count(TWINS)  # of one part after the other
     return {
         "title": study.title,
@@ -106,6 +107,8 @@ def deck_context(
         "control": study.control,
         "boundary": {"base": study.base, "indenter": study.indenter},
         "steps": steps,
+        "way": way,
+        "rail": rail(study, way),
         "swells": any(step["temperature"] for step in steps),
         "increment": "1." if increment == 1 else f"{increment:.6g}",
         "top": [int(node) + 1 for node in mesh.node_sets["TOP"]],
@@ -117,7 +120,7 @@ def deck_context(
         "fills": lambda block: [effect.fills[block] for effect in present if block in effect.fills],
         "replaced": lambda block: any(block in effect.replaces for effect in present),
         "follows": _follows(mesh, indenter, present, values),
-        "beside": {axis: float(_changed(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
+        "beside": {axis: float(changed_by(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
         "areas": lambda name: areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
         "elements": lambda layer=None: elements(mesh, numbers, layer),
@@ -157,25 +160,8 @@ def _follows(mesh: Mesh, indenter: int, present: list[Effect], values: Mapping[s
         return {}
     top = mesh.node_sets["TOP"]
     aside = mesh.points[top, 0] - mesh.points[indenter, 0]
-    share = np.broadcast_to(_changed("follow", np.ones(len(top)), {"aside": aside}, present, values), len(top))
+    share = np.broadcast_to(changed_by("follow", np.ones(len(top)), {"aside": aside}, present, values), len(top))
     return {int(node) + 1: float(one) for node, one in zip(top, share, strict=True)}
-
-
-def _changed(
-    what: str, value: Any, names: Mapping[str, Any], present: list[Effect], values: Mapping[str, float]
-) -> Any:
-    """A number or array after the formulas of the effects that are present."""
-    for effect in present:
-        if what not in effect.changes:
-            continue
-        try:
-            with np.errstate(all="ignore"):  # what comes out is told, not how
-                value = evaluate(effect.changes[what], {**names, what: value, **effect.own(values)})
-            if not np.isfinite(value).all():
-                raise ValueError(f"{effect.changes[what]!r} is not finite everywhere")
-        except ValueError as error:
-            raise InputError(f"effect {effect.name}", f"changes.{what}", error, "a formula of its names") from error
-    return value
 
 
 def _layer(
@@ -207,7 +193,7 @@ def _layer(
             )
     for quantity in (quantity for quantity in CONSTANTS if quantity in found):
         found[quantity] = float(
-            _changed(quantity, found[quantity], {"number": number, "layers": count}, present, values)
+            changed_by(quantity, found[quantity], {"number": number, "layers": count}, present, values)
         )
     return {"name": name.upper(), **found, "d": compressibility(found["mu"], found["poisson"]), "elements": []}
 
@@ -215,49 +201,6 @@ def _layer(
 def compressibility(mu: float, nu: float) -> float:
     """D of the deck, 2 over the bulk modulus, 1/MPa."""
     return 2 / (2 * mu * (1 + nu) / (3 * (1 - 2 * nu)))
-
-
-def _steps(study: Study, mesh: Mesh, present: list[Effect], values: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Prescribed quantities of the deck's steps; what was before the first picture is a step of its own."""
-    control, count = study.control, len(study.steps)
-    largest = max((abs(getattr(step, control) or 0.0) for step in study.steps), default=0.0)
-    before = float(_changed("before", 0.0, {"largest": largest}, present, values))
-    swelling = _swelling(study, mesh, present, values)
-    warm = [temperature(row) for row in swelling] if swelling.any() else [[]] * (count + 1)
-    found, last = [], 0.0
-    if any("before" in effect.changes for effect in present) or swelling[0].any():
-        found.append({control: before, "period": None, "temperature": warm[0]})
-    for k, step in enumerate(study.steps, 1):
-        period = None
-        if step.time is not None:
-            period, last = step.time - last, step.time
-        entry: dict[str, Any] = {"force": step.force, "displacement": step.displacement, "period": period}
-        entry["temperature"] = warm[k]
-        names = {"k": k, "n": count, "time": step.time or 0.0, "largest": largest}
-        if entry[control] is not None:
-            entry[control] = float(_changed(control, entry[control], names, present, values)) + before
-        found.append(entry)
-    return found
-
-
-def _swelling(study: Study, mesh: Mesh, present: list[Effect], values: Mapping[str, float]) -> np.ndarray:
-    """Stretches less 1 by which the material swells, shape (steps + 1, nodes): at the first picture and each step."""
-    count = len(study.steps)
-    if not any("swelling" in effect.changes for effect in present):
-        return np.zeros((count + 1, 1))
-    times = [0.0, *(step.time or 0.0 for step in study.steps)]
-    timed = all(step.time is not None for step in study.steps) and times[-1] > 0
-    low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
-    found = np.zeros((count + 1, len(mesh.points)))
-    for k, time in enumerate(times):
-        names = {**places(mesh.points, low, high), "k": k, "n": count, "now": time / times[-1] if timed else k / count}
-        for effect in present:
-            volume = _changed("swelling", 0.0, names, [effect], values)
-            if np.min(volume) <= -1:
-                expected = "a change of volume above -1"
-                raise InputError(f"effect {effect.name}", "changes.swelling", f"{np.min(volume):g}", expected)
-            found[k] += np.cbrt(1 + volume) - 1
-    return found
 
 
 _Own = tuple[np.ndarray, list[dict[str, Any]]]
@@ -326,7 +269,7 @@ def _pieces(
         total = np.zeros(len(place))
         for effect in present:
             if "field" in effect.changes:
-                total = total + _changed("field", 0.0, names, [effect], values)
+                total = total + changed_by("field", 0.0, names, [effect], values)
         field = np.bincount(np.repeat(np.arange(len(members)), count), total) / count
         own = np.zeros(len(members), dtype=int)
         for one, (held, _) in enumerate(regions, 1):

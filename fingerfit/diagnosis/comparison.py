@@ -20,7 +20,7 @@ from fingerfit.fit.refine import ANCHOR
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, difference
 from fingerfit.forward.patches import Patches, Reader, flat, points_by_patch
-from fingerfit.forward.predict import Predictor, positions
+from fingerfit.forward.predict import Predictor, positions, seen_response
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.registration import means
 from fingerfit.model.effect import MESH_ERROR, OBSERVATION, Effect
@@ -201,7 +201,7 @@ class Comparison:
 
     def common(self) -> np.ndarray:
         """What all values of a step have in common, shape (kept, modes)."""
-        return common_modes(self.residual, self.data.entry_step, self.slope("control"))
+        return common_modes(self.residual, self.data, self.slope("control"))
 
     @property
     def measured(self) -> list[Data]:
@@ -216,9 +216,7 @@ class Comparison:
     def _at_step(self, step: int) -> np.ndarray:
         value: np.ndarray = np.zeros(self.residual.value.shape)
         value[self.data.entry_step == step] = 1.0
-        response = np.zeros(len(self.data.step))
-        response[step] = 1.0
-        return flat(value, response)
+        return flat(value, (self.data.response_step == step).astype(float))
 
     def columns(self, candidate: Candidate, without: Asked | None = None) -> np.ndarray | None:
         """Slopes of a candidate, shape (kept, its parameters); None where a simulation has no solution.
@@ -274,8 +272,7 @@ class Comparison:
                 moved[its] = after.shift(int(step) + 1, places[its]) - before.shift(int(step) + 1, places[its])
             value[len(data.picture_step) :] = np.nan_to_num(points_by_patch(data, moved, self.patches))
         response = self.prediction.response
-        name = "displacement" if data.control == "force" else "force"
-        changed = after.response(response, name) - before.response(response, name)
+        changed = seen_response(after, response, data) - seen_response(before, response, data)
         return flat(value, changed) / parameter.step
 
 

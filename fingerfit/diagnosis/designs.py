@@ -205,7 +205,7 @@ def _with_response(comparison: Comparison) -> Comparison:
     """The comparison as if the response had been measured, with a noise of `GOOD`; what was is not known."""
     whole, residual = copy.copy(comparison), comparison.residual
     kept = residual.kept.copy()
-    kept[residual.value.size :] = True
+    kept[residual.value.size :][: len(comparison.data.step)] = True
     there, noise = residual.kept[kept], GOOD * np.abs(comparison.prediction.response).max()
     covariance = noise**2 * np.eye(len(there))
     covariance[np.ix_(there, there)] = residual.covariance
@@ -301,10 +301,10 @@ class _Shown:
 def _unloading(study: Study) -> Study:
     """The steps up to the middle, then back the same way."""
     steps, half = study.steps, (len(study.steps) + 1) // 2
-    name = study.control
-    way = [getattr(step, name) for step in steps]
-    back = way[:half] + way[: len(way) - half][::-1]
-    return replace(study, steps=tuple(replace(s, **{name: value}) for s, value in zip(steps, back, strict=True)))
+    names = (study.control, *(f"displacement_{axis}" for axis in study.moved_sideways))
+    back = steps[:half] + steps[: len(steps) - half][::-1]
+    pairs = zip(steps, back, strict=True)
+    return replace(study, steps=tuple(replace(s, **{n: getattr(b, n) for n in names}) for s, b in pairs))
 
 
 def half_indenter(mesh: Mesh) -> Mesh:

@@ -13,7 +13,7 @@ from fingerfit.core.errors import FingerfitError, InputError, SolverError
 from fingerfit.core.files import read_record, write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
-from fingerfit.forward.decks import make_deck, refusal, with_effect
+from fingerfit.forward.decks import make_deck, refusal, template_of, with_effect
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import chosen
 from fingerfit.model.effect import Effect
@@ -147,7 +147,7 @@ def _refuse_deck(settings: Settings, effect: Effect, study: Study, config: Path)
         for parameter in effect.parameters:
             values = {**start, **with_effect(effect, effect.places()[0], parameter.name)}
             deck = make_deck(settings, study, mesh, "mesh", values, known)
-            refused = refusal(settings.solver, settings.model.template, deck, file, "mesh")
+            refused = refusal(settings.solver, template_of(settings, study), deck, file, "mesh")
             if refused is not None:
                 found = f"{effect.name}, which needs {refused.found}"
                 expected = f"an effect that solver {settings.solver} has what it needs for"

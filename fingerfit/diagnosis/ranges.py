@@ -105,7 +105,7 @@ def _parts(comparison: Comparison) -> np.ndarray:
     centre, shape = comparison.patches.centre, comparison.residual.value.shape
     beyond = centre > np.median(centre, axis=0)
     corner = beyond @ (2 ** np.arange(centre.shape[1]))
-    forces = len(comparison.residual.kept) - comparison.residual.value.size
-    later = 2 ** centre.shape[1] + np.arange(forces) * PARTS // max(forces, 1)
+    data = comparison.data
+    later = 2 ** centre.shape[1] + data.response_step * PARTS // max(len(data.step), 1)
     whole = np.concatenate([np.broadcast_to(corner[None, :, None], shape).ravel(), later])
     return np.asarray(whole[comparison.residual.kept])

@@ -207,11 +207,11 @@ def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:
     worst, text = FAR_OFF, ""
     for test in comparison.every:
         spread = np.sqrt(np.diag(test.covariance) + (test.nuisance() ** 2).sum(axis=1))
-        rows = np.flatnonzero(test.residual.kept) >= test.residual.value.size
-        steps = test.data.step[test.step_of()[rows]]
-        for step, ratio in zip(steps, np.abs(test.residual.vector[rows]) / spread[rows], strict=True):
+        number = np.flatnonzero(test.residual.kept) - test.residual.value.size
+        rows = number >= 0
+        for n, ratio in zip(number[rows], np.abs(test.residual.vector[rows]) / spread[rows], strict=True):
             if ratio > worst:
-                kind = "displacement" if test.data.control == "force" else "force"
+                step, (kind, _) = test.data.step[test.data.response_step[n]], test.data.response_name(n)
                 name = f" of test {test.problem.test}" if test.problem.test else ""
                 worst, text = float(ratio), f"; the {kind} of step {step}{name} is {ratio:.0f} standard deviations off"
     return replace(verdict, sentence=verdict.sentence + text)

@@ -30,13 +30,13 @@ class Residual:
 
     The vector has, for each picture and patch, a displacement (mm) and a brightness, then the same for each step with
     measured points (mean of those of a patch, without a brightness), then the response of each step (N or
-    mm). `kept` says which of them are known.
+    mm), and lateral forces (N). `kept` says which of them are known.
 
     Parameters
     ----------
     value : ndarray, shape (pictures + steps with points, patches, dim + 1)
         Measured minus predicted.
-    response : ndarray, shape (steps,)
+    response : ndarray, shape (responses,)
     covariance : ndarray, shape (kept, kept)
         Of the noise of pictures and of the response.
     kept : ndarray of bool, shape (all,)
@@ -65,7 +65,7 @@ class Residual:
         return flat(self.value, self.response)[self.kept]
 
 
-def common_modes(residual: Residual, entry_step: np.ndarray, control: np.ndarray) -> np.ndarray:
+def common_modes(residual: Residual, data: Data, control: np.ndarray) -> np.ndarray:
     """What all values of a step have in common, shape (kept, modes).
 
     Of each step the slope by the prescribed quantity, a displacement of everything along each axis, a change of
@@ -74,18 +74,18 @@ def common_modes(residual: Residual, entry_step: np.ndarray, control: np.ndarray
     Parameters
     ----------
     residual : Residual
-    entry_step : ndarray of int, shape (pictures + steps with points,)
-        Index of the step of each.
+    data : Data
+        Tells which values are of which step.
     control : ndarray, shape (all,)
         Slope by the prescribed quantity.
     """
     columns, entries = [], residual.value.shape
-    for step in range(len(residual.response)):
-        here, response = (entry_step == step)[:, None, None], np.zeros(len(residual.response))
-        response[step] = 1.0
-        columns += [flat(np.zeros(entries), response), control * flat(here & np.ones(entries, bool), response)]
+    for step in range(len(data.step)):
+        here, response = (data.entry_step == step)[:, None, None], data.response_step == step
+        columns += [flat(np.zeros(entries), one) for one in np.diag(response.astype(float))[response]]
+        columns.append(control * flat(here & np.ones(entries, bool), response.astype(float)))
         if here.any():
-            columns += [flat(here * np.ones((*entries[:2], 1)) * one, 0 * response) for one in np.eye(entries[2])]
+            columns += [flat(here * np.ones((*entries[:2], 1)) * one, 0.0 * response) for one in np.eye(entries[2])]
     kept = np.stack(columns, axis=1)[residual.kept]
     return kept[:, np.abs(kept).max(axis=0, initial=0.0) > 0]
 

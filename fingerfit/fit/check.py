@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems
-from fingerfit.forward.decks import make_deck, with_effect
+from fingerfit.core.folders import template_folders
+from fingerfit.deck.render import is_template
+from fingerfit.forward.decks import make_deck, template_of, with_effect
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import cure_of, unmet
@@ -16,11 +18,12 @@ from fingerfit.model.laws import LAWS, foreign
 from fingerfit.model.regions import PREFIX
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.bound import effects_of
-from fingerfit.settings.config import CONFIG, MeshSettings, Settings, too_long
+from fingerfit.settings.config import CONFIG, Settings, too_long
+from fingerfit.settings.parts import MeshSettings
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
 from fingerfit.study.several import of_test
-from fingerfit.study.study import Study
+from fingerfit.study.study import AXES, Study, elsewhere
 
 
 def check_against_study(settings: Settings, study: Study, where: Path | str = CONFIG) -> None:
@@ -30,13 +33,13 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
     ------
     Problems
         Constants of layers that the study does not have, constants that are missing or without effect, a mesh twice
-        or not at all or of another dimension, a score without the data it compares.
+        or not at all or of another dimension, a score without the data it compares, a template that is not there.
     """
     problems = [problem for test in study.every for problem in _missing_data(settings, test, where)]
     problems += _unusable_folder(settings, where) + _of_several(settings, study, where)
-    problems += _strange_layers(settings, study, where)
+    problems += _strange_layers(settings, study, where) + _no_template(settings, study)
     for test in study.every:
-        problems += _unweighted_points(settings, test) + _missing_constants(settings, study, test, where)
+        problems += _unweighted(settings, test) + _missing_constants(settings, study, test, where)
         problems += _wrong_mesh(settings, test, where)
     if problems:  # what is wrong in every test is told once
         raise Problems(list({str(problem): problem for problem in problems}.values()))
@@ -108,6 +111,21 @@ def _missing_constants(settings: Settings, study: Study, test: Study, where: Pat
     return problems
 
 
+def _no_template(settings: Settings, study: Study) -> list[FingerfitError]:
+    """Deck templates of a study, or of its tests, that are nowhere."""
+    folders, shared = template_folders(Path(settings.study)), len({test.template for test in study.every}) == 1
+    return [
+        InputError(
+            study.path,
+            "template" if shared else f"tests.{test.test}.template",
+            test.template,
+            "a template beside it or in templates/",
+        )
+        for test in study.every
+        if test.template and not is_template(test.template, folders)
+    ]
+
+
 def _wrong_mesh(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
     """A mesh twice or not at all, or of another dimension."""
     model, problems = settings.model, list[FingerfitError]()
@@ -135,7 +153,7 @@ def wrong_element(mesh: MeshSettings, dim: int, solver: str, where: Path | str, 
 
 
 def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | str = CONFIG) -> None:
-    """Problems of the effects of a model with the study and with each other.
+    """Problems of the effects of a model with the study and with each other, and of a loading that no deck has.
 
     In a study with several tests an effect may act in some of them; `mesh` is that of the first.
 
@@ -144,10 +162,13 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
     Problems
         Effects of the solver's settings, effects that need what the study does not have, and effects that change
         nothing in its deck, as friction where nothing is in contact: their numbers could not be found; two effects
-        that replace the same block of the deck.
+        that replace the same block of the deck; an indenter that goes another way than straight down in the study,
+        but not in the deck, as one that slides.
     """
     problems: list[FingerfitError] = []
     tests = [(test, make_mesh(test, settings.model.mesh) if n else mesh) for n, test in enumerate(study.every)]
+    for test, own in tests:
+        problems += _not_moved(settings, test, own)
     for effect in _alone_in_blocks(settings.effects(where), where):
         told = (_wrong_effect(settings, test, own, effect, where) for test, own in tests)
         first = next(told)
@@ -155,6 +176,20 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
             problems.append(first)
     if problems:
         raise Problems(problems)
+
+
+def _not_moved(settings: Settings, study: Study, mesh: Mesh) -> list[FingerfitError]:
+    """A direction or a sideways displacement of the indenter that the deck does not have."""
+    if not study.oblique:
+        return []
+    start, known = of_test(settings.starts(), study.test), effects_of(Path(settings.study))
+    asked, other = (make_deck(settings, one, mesh, "mesh", start, known) for one in (study, elsewhere(study)))
+    if asked != other:
+        return []
+    field = "boundary.indenter.direction" if study.direction else "steps"
+    found = "a direction" if study.direction else f"displacement_{study.moved_sideways[0]}"
+    expected = "indenter: glued, or a template that moves the indenter aside"
+    return [InputError(study.path, field, f"{found} with indenter: {study.indenter}", expected)]
 
 
 def _wrong_effect(
@@ -172,7 +207,7 @@ def _wrong_effect(
         return InputError(where, field, found, f"an effect that makes sense in {study.path}")
     if effect.simulated and not changes_the_deck(settings, study, mesh, effect):
         found = f"{effect.name}, which changes nothing in the deck of this study"
-        return InputError(where, field, found, f"an effect on what {settings.model.template} has")
+        return InputError(where, field, found, f"an effect on what {template_of(settings, study)} has")
     return None
 
 
@@ -227,12 +262,21 @@ def _unusable_folder(settings: Settings, where: Path | str) -> list[FingerfitErr
     return []
 
 
-def _unweighted_points(settings: Settings, study: Study) -> list[FingerfitError]:
-    """Points that a likelihood would leave out without a word."""
-    pointed = any(step.points for step in study.steps)
-    if settings.fit.score != "likelihood" or not pointed or study.noise.points is not None:
+def _unweighted(settings: Settings, study: Study) -> list[FingerfitError]:
+    """Points and lateral forces that a likelihood would leave out without a word."""
+    if settings.fit.score != "likelihood":
         return []
-    return [InputError(study.path, "noise.points", "nothing", "a number or estimated, since points are measured")]
+    lateral = [name for name in (f"force_{axis}" for axis in AXES) if any(getattr(s, name) for s in study.steps)]
+    noisy = study.noise.force is not None or any(step.force_noise is not None for step in study.steps)
+    unweighted = {
+        "points": "points are" if any(step.points for step in study.steps) and study.noise.points is None else "",
+        "force": f"{lateral[0]} is" if lateral and not noisy else "",
+    }
+    return [
+        InputError(study.path, f"noise.{name}", "nothing", f"a number or estimated, since {what} measured")
+        for name, what in unweighted.items()
+        if what
+    ]
 
 
 def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
@@ -250,7 +294,7 @@ def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[F
     beside = study.steps if pictured else chosen  # as `prepare` leaves forces out
     pictured = fit.steps if pictured and fit.steps is not None else pictured
     response = "displacement" if study.control == "force" else "force"
-    measured = [step for step in beside if getattr(step, response) is not None]
+    measured = [step for step in beside if study.measures(step)]
     if fit.score != "likelihood" and not pictured:
         return [InputError(where, "fit.score", fit.score, "likelihood, since no pictures are compared")]
     points = [step for step in chosen if step.points]

@@ -83,6 +83,7 @@ def estimate_of(
             *_thickness_remarks(problem),
             *(f"{_of(test)}measurements: {line}" for test in problem.every for line in test.data.remarks.splitlines()),
             *_far_off(problem, best),
+            *_counted(problem, best),
         ],
         "score": {
             "kind": settings.fit.score,
@@ -110,7 +111,7 @@ def _repetitions(problem: InverseProblem, best: Minimum, threads: int) -> Callab
     how, makers = problem.settings.fit, []
     for n, (test, model, asked) in enumerate(zip(problem.every, best.model.every, best.base.every, strict=True)):
         maps, seed = test.synthesis(asked).maps, [how.seed, n] if n else how.seed
-        makers.append(Replicates(model, test.data, maps, how.score, how.bins, seed, threads))
+        makers.append(Replicates(model, test.as_counted(model.base).data, maps, how.score, how.bins, seed, threads))
     if len(makers) == 1:
         return makers[0].draw
 
@@ -150,12 +151,23 @@ def _far_off(problem: InverseProblem, best: Minimum) -> list[str]:
         if not off.size or off.max() < FAR_OFF:
             continue
         n = int(known[off.argmax()])
-        kind, unit = ("displacement", "mm") if test.data.control == "force" else ("force", "N")
+        (kind, unit), step = test.data.response_name(n), test.data.step[test.data.response_step[n]]
         found.append(
-            f"{_of(test)}{kind} of step {test.data.step[n]} is {off.max():.0f} standard deviations off:"
+            f"{_of(test)}{kind} of step {step} is {off.max():.0f} standard deviations off:"
             f" {measured[n]:.4g} {unit} measured, {model.base.response[n]:.4g} {unit} by the model;"
-            f" look at noise.{kind}, at its unit, and at what the model lacks"
+            f" look at noise.{kind.partition('_')[0]}, at its unit, and at what the model lacks"
         )
+    return found
+
+
+def _counted(problem: InverseProblem, best: Minimum) -> list[str]:
+    """A sentence on what each kind of data counts in the score, where it allows for what the model is wrong by."""
+    found = []
+    for test, model in zip(problem.every, best.model.every, strict=True):
+        if test.discrepancy:
+            weights = test.discrepancy.weights(model.base, test.data)
+            told = ", ".join(f"{kind} {100 * weight:.3g} %" for kind, weight in weights.items())
+            found.append(f"{_of(test)}what the data count beside an error of the model: {told}")
     return found
 
 

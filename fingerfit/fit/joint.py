@@ -97,6 +97,13 @@ class JointProblem(InverseProblem):
         """The fit of another model to the same measurements."""
         return JointProblem.of([test.with_settings(settings) for test in self.tests])
 
+    def as_counted(self, prediction: Any) -> InverseProblem:
+        """The fits with the noise that their data count with at a prediction."""
+        if self.settings.fit.discrepancy == "none":
+            return self
+        pairs = zip(self.tests, prediction.tests, strict=True)
+        return JointProblem.of([test.as_counted(own) for test, own in pairs])
+
     def prediction(self, asked: Asked) -> Any:
         """What should have been measured in each test."""
         return JointPrediction(tuple(test.prediction(one) for test, one in self._pairs(asked)))

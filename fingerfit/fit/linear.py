@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.fit.objective import Objective
-from fingerfit.forward.score import Prediction, deviations, score, weights
+from fingerfit.forward.score import Prediction, deviations, deviations_by_kind, score, weights
 from fingerfit.imaging.similarity import LIMITS, nmi_gradient
 from fingerfit.study.data import Data
 
@@ -83,16 +83,26 @@ class LinearModel:
             columns = np.array([deviations(base + slope, data) - away for slope in self.slopes])
             middle += others * _inner(away, away)
             gradient, curvature = gradient + others * columns @ away, curvature + others * columns @ columns.T
-        return Objective(
-            lambda delta: middle + float(2.0 * gradient @ delta + delta @ curvature @ delta),
-            lambda delta: 2.0 * (gradient + curvature @ delta),
-        )
+        return Objective.quadratic(middle, gradient, curvature)
 
     def _by_similarity(self, there: Prediction, data: Data, bins: int) -> np.ndarray:
         """Derivatives of the score ``nmi`` by delta, shape (parameters,)."""
         pairs = zip(data.measured, there.pictures, strict=True)
         by_pixel = np.array([nmi_gradient(measured, picture, bins, LIMITS) for measured, picture in pairs])
         return -np.array([_inner(by_pixel, slope.pictures) for slope in self.slopes]) / len(by_pixel)
+
+    def misfits(self, data: Data) -> dict[str, Objective]:
+        """Chi-square of each kind of data, as `fingerfit.forward.score.chi_square`, as a function of delta."""
+        found: dict[str, Objective] = {}
+        if data.measured.size and data.picture_noise > 0:
+            left, share = self.base.pictures - data.measured, 0.5 / data.picture_noise**2
+            gradient = share * np.array([_inner(left, slope.pictures) for slope in self.slopes])
+            found["pictures"] = Objective.quadratic(share * _inner(left, left), gradient, share * self._products)
+        by_slope = [deviations_by_kind(self.base + slope, data) for slope in self.slopes]
+        for kind, away in deviations_by_kind(self.base, data).items():
+            columns = np.array([own[kind] - away for own in by_slope])
+            found[kind] = Objective.quadratic(_inner(away, away), columns @ away, columns @ columns.T)
+        return found
 
     def _nearby(self, offset: Prediction | None) -> Callable[[np.ndarray], Prediction]:
         """As `at`, but where one or two numbers differ from those of the last whole sum only these are added.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
-from fingerfit.fit.intervals import minimise
+from fingerfit.fit.intervals import SHORTEST, minimise
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
@@ -22,6 +22,9 @@ TRUST = 0.3
 logarithm are an exponential's: over 0.3 they change by a third."""
 IN_TURN = 3
 """How often constants, by the score, and effects on the observation, by least squares, follow each other; a choice."""
+REWEIGHED = 100
+"""How often a minimum is found again with what the data count there, where the score allows for an error of the model:
+each time the score falls, as it is concave in the misfits (Hunter and Lange 2004). It bounds the time."""
 ORDER = 1.2
 """Order of convergence of displacements at a glued corner: twice the exponent of its singularity (Williams
 1952; docs/decisions/0003-two-meshes.md)."""
@@ -123,7 +126,13 @@ def _move(problem: InverseProblem, model: LinearModel, trust: float, known: bool
     low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
     high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
     low, high = np.maximum(low, -trust), np.minimum(high, trust)
-    return (_least_squares if problem.exact else _by_score)(problem, model, low, high, known)
+    find, delta = _least_squares if problem.exact else _by_score, np.zeros(len(low))
+    for _ in range(REWEIGHED):
+        counted = problem.as_counted(model.at(delta))
+        last, delta = delta, find(counted, model, low, high, known)
+        if counted is problem or np.abs(delta - last).max(initial=0.0) < SHORTEST:
+            break
+    return delta
 
 
 def _by_score(

@@ -35,6 +35,14 @@ class Objective:
         )
 
     @classmethod
+    def quadratic(cls, middle: float, gradient: np.ndarray, curvature: np.ndarray) -> Objective:
+        """A value at delta = 0, half a gradient there, shape (parameters,), and half a matrix of second derivatives."""
+        return cls(
+            lambda delta: middle + float(2.0 * gradient @ delta + delta @ curvature @ delta),
+            lambda delta: 2.0 * (gradient + curvature @ delta),
+        )
+
+    @classmethod
     def squares(cls, factor: float, left: np.ndarray, columns: np.ndarray) -> Objective:
         """A factor times the sum of the squares of `left`, shape (rows,), less columns times delta."""
 

@@ -15,14 +15,15 @@ from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import digest, write_text
 from fingerfit.core.processes import side_by_side
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.fit.discrepancy import Discrepancy
 from fingerfit.fit.intervals import SURE
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import Priors, unit
 from fingerfit.fit.rounds import Asked, simulation_name
-from fingerfit.forward.decks import make_deck, refusal
+from fingerfit.forward.decks import make_deck, refusal, template_of
 from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
-from fingerfit.forward.score import Prediction, deviations, score
+from fingerfit.forward.score import Prediction, chi_square, deviations, score
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import unmet
 from fingerfit.model.effect import OBSERVATION, Effect
@@ -177,7 +178,7 @@ class InverseProblem:
         if (self.sims / asked.sim / "solution.npz").exists():
             return None
         settings, file = self.settings, self.mesh_files[self.mesh_of(asked)]
-        return refusal(settings.solver, settings.model.template, asked.deck, file, asked.mesh)
+        return refusal(settings.solver, template_of(settings, self.study), asked.deck, file, asked.mesh)
 
     def with_mesh(self, name: str, mesh: Mesh) -> InverseProblem:
         """The fit with one mesh more."""
@@ -257,8 +258,25 @@ class InverseProblem:
         """What priors add to the score of a guess."""
         return self.unit * 0.5 * float(np.sum(self.priors.left(values) ** 2)) if self.priors else 0.0
 
+    @cached_property
+    def discrepancy(self) -> Discrepancy | None:
+        """What the model is wrong by, where the score allows for it."""
+        if self.settings.fit.discrepancy == "none":
+            return None
+        return Discrepancy.of(self.data, self.meshes[SEARCH].body)
+
+    def as_counted(self, prediction: Any) -> InverseProblem:
+        """The fit with the noise that the data count with there: its likelihood has the slopes of the score."""
+        if self.discrepancy is None:
+            return self
+        how = self.settings.fit.model_copy(update={"discrepancy": "none"})
+        settings = self.settings.model_copy(update={"fit": how})
+        return replace(self, settings=settings, data=self.discrepancy.weighed(prediction, self.data))
+
     def fit_to_data(self, prediction: Prediction) -> float:
         """Score of a prediction by the data alone."""
+        if self.discrepancy:
+            return self.discrepancy.score(chi_square(prediction, self.data))
         return score(self.settings.fit.score, prediction, self.data, self.settings.fit.bins)
 
     @cached_property
@@ -289,6 +307,8 @@ class InverseProblem:
         return Objective.total([of_data, Objective.squares(0.5 * self.unit, priors.left(model.values), priors.rows)])
 
     def _objective(self, model: LinearModel) -> Objective:
+        if self.discrepancy:
+            return self.discrepancy.objective(model.misfits(self.data))
         return model.objective(self.settings.fit.score, self.data, self.settings.fit.bins)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -72,12 +73,13 @@ class Replicates:
         drawn = np.where(np.isfinite(response), base.response, np.nan)
         drawn = drawn + self._gauss(drawn.shape, spread)
         drawn = drawn + base.response * self._gauss((1,), data.response_gain)
-        name = "displacement" if data.control == "force" else "force"
+        along, lateral = data.split(drawn)
+        responses: dict[str, Any] = {data.response_name(0)[0]: along, "lateral_force": lateral}
         repeated = replace(
             data,
             measured=measured,
             points_displacement=base.points + self._points_noise(),
-            **{name: drawn},
+            **responses,
         )
         return self.model.objective(self.kind, repeated, self.bins, offset)
 

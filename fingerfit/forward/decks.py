@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from fingerfit.settings.config import Settings
 
 
+def template_of(settings: Settings, study: Study) -> str:
+    """The deck template of a study, or of a test."""
+    return study.template or settings.model.template
+
+
 def make_deck(
     settings: Settings,
     study: Study,
@@ -46,7 +51,7 @@ def make_deck(
     included = f"../../meshes/{mesh_name}.inp"
     everything = {**settings.fixed(effects), **values}
     context = deck_context(study, mesh, included, everything, settings.model.material, effects, settings.model.law)
-    return render_deck(settings.model.template, context, template_folders(Path(settings.study)))
+    return render_deck(template_of(settings, study), context, template_folders(Path(settings.study)))
 
 
 def with_effect(effect: Effect, place: Mapping[str, float], parameter: str) -> dict[str, float]:

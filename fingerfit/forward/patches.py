@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerfit.forward.predict import in_first_picture
+from fingerfit.forward.predict import in_first_picture, response_of
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.registration import FEWEST, means
@@ -139,5 +139,4 @@ class Reader:
                 own = data.points_step == step
                 at[own] = at_points.read(outcome.displacement[step])[own]
             found += list(points_by_patch(data, at, self._patches))
-        response = outcome.indenter if data.control == "force" else outcome.reaction
-        return flat(np.array(found), -response[: len(data.step), -1])
+        return flat(np.array(found), response_of(outcome, data))

@@ -87,17 +87,15 @@ class Predictor:
                 for picture, step in zip(synthesized, data.picture_step, strict=True)
             ]
         pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
-        axis = self.mesh.dim - 1
-        response = outcome.indenter if data.control == "force" else outcome.reaction
         points = np.empty_like(data.points_displacement)
         probe = self._probe if outcome.begun is None else Probe(in_first_picture(self.mesh, outcome), data.points)
         for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
             moved = probe.read(outcome.displacement[step])[chosen]
             points[chosen] = moved if seen is None else moved + seen.shift(int(step) + 1, data.points[chosen] + moved)
-        measured = -response[: len(data.step), axis]
+        measured = response_of(outcome, data)
         if seen is not None:
-            measured = seen.response(measured, "displacement" if data.control == "force" else "force")
+            measured = seen_response(seen, measured, data)
         return Synthesis(Prediction(pictures, measured, points), maps)
 
     def maps(self, outcome: Outcome, seen: Observation | None = None) -> list[BackwardMap]:
@@ -109,6 +107,20 @@ class Predictor:
                 shown = shown + seen.shift(int(step) + 1, mesh.points + shown)
             found.append(backward_map(mesh, shown, self._frame, MARGIN))
         return found
+
+
+def response_of(outcome: Outcome, data: Data) -> np.ndarray:
+    """What a solution says of the response (`Data.response`), shape (responses,), N or mm."""
+    count, oblique = len(data.step), data.direction_of_load
+    along = (outcome.indenter if data.control == "force" else outcome.reaction)[:count]
+    lateral = outcome.reaction[:count, : data.lateral_force.shape[1]]
+    return np.concatenate([along @ oblique if len(oblique) else -along[:, -1], lateral.T.ravel()])
+
+
+def seen_response(seen: Observation, response: np.ndarray, data: Data) -> np.ndarray:
+    """The response as instruments show it: effects on the observation change what is measured along the load."""
+    along, _ = data.split(response)
+    return np.concatenate([seen.response(along, data.response_name(0)[0]), response[len(along) :]])
 
 
 def positions(frame: Picture, pixel: np.ndarray | None = None) -> tuple[np.ndarray, ...]:

@@ -20,8 +20,9 @@ class Prediction:
     ----------
     pictures : ndarray, shape (pictures, ny, nx) or (pictures, nz, ny, nx)
         Synthesized pictures.
-    response : ndarray, shape (steps,)
-        Force in N under displacement control, displacement in mm under force control.
+    response : ndarray, shape (responses,)
+        As `Data.response`: force in N under displacement control, displacement in mm under force control, of each step;
+        then lateral forces, N.
     points : ndarray, shape (points, dim)
         Displacements of the measured points, mm.
     """
@@ -43,7 +44,9 @@ class Prediction:
         """Each step times its own factor, shape (steps,)."""
         per_picture = factor[data.picture_step].reshape(-1, *[1] * (self.pictures.ndim - 1))
         per_point = factor[data.points_step][:, None]
-        return Prediction(self.pictures * per_picture, self.response * factor, self.points * per_point)
+        return Prediction(
+            self.pictures * per_picture, self.response * factor[data.response_step], self.points * per_point
+        )
 
 
 @dataclass(frozen=True)
@@ -106,24 +109,21 @@ def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
     total: dict[str, float] = {}
     if data.measured.size and data.picture_noise > 0:
         total["pictures"] = float(np.sum((prediction.pictures - data.measured) ** 2) / (2.0 * data.picture_noise**2))
-    response, points = _deviations(prediction, data)
-    if response.size:
-        total["response"] = float(np.sum(response**2))
-    if points.size:
-        total["points"] = float(np.sum(points**2))
-    return total
+    return total | {kind: float(np.sum(own**2)) for kind, own in deviations_by_kind(prediction, data).items()}
 
 
 def deviations(prediction: Prediction, data: Data) -> np.ndarray:
     """Response and points less what was measured, in units of the noise, where both are known."""
-    return np.concatenate(_deviations(prediction, data))
+    return np.concatenate([np.zeros(0), *deviations_by_kind(prediction, data).values()])
 
 
-def _deviations(prediction: Prediction, data: Data) -> tuple[np.ndarray, np.ndarray]:
+def deviations_by_kind(prediction: Prediction, data: Data) -> dict[str, np.ndarray]:
+    """The same of ``response`` and ``points`` each; kinds without data or without known noise are left out."""
     measured, noise = data.response
     known = np.isfinite(measured) & (noise > 0)
     points = np.zeros(0)
     if data.points.size and data.points_noise > 0:
         noise_of = np.sqrt(data.between_steps.diagonal())[data.points_step]
         points = ((prediction.points - data.points_displacement) / noise_of[:, None]).ravel()
-    return (prediction.response - measured)[known] / noise[known], points
+    found = {"response": (prediction.response - measured)[known] / noise[known], "points": points}
+    return {kind: own for kind, own in found.items() if own.size}

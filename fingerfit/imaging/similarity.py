@@ -147,8 +147,17 @@ def nmi_noise(pictures: np.ndarray, smooth: float, bins: int = 64) -> float:
         As for `nmi`.
     """
     entropies = [_entropy(joint_histogram(one, one, bins, limits=LIMITS).sum(axis=0)) for one in pictures]
-    alone = min(1.0, (4.0 * np.pi * smooth**2) ** (-(pictures.ndim - 1) / 2)) if smooth > 0 else 1.0
+    alone = share_alone(smooth, pictures.ndim - 1)
     return 1.0 / (pictures[0].size * alone * 4.0 / 3.0 * sum(entropies))
+
+
+def share_alone(smooth: float, dim: int) -> float:
+    """Share of pixels that are independent after a Gaussian of `smooth` pixels in `dim` dimensions, at most 1.
+
+    >>> round(share_alone(1.0, 2), 3)
+    0.08
+    """
+    return min(1.0, (4.0 * np.pi * smooth**2) ** (-dim / 2)) if smooth > 0 else 1.0
 
 
 def _entropy(share: np.ndarray) -> float:

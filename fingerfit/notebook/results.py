@@ -101,7 +101,7 @@ class Result:
             data = test.data
             free = "displacement" if data.control == "force" else "force"
             found = {"step": data.step, "force": data.force, "displacement": data.displacement}
-            found[f"model_{free}"] = test.prediction(asked).response
+            found[f"model_{free}"] = data.split(test.prediction(asked).response)[0]
             tables[test.test] = pd.DataFrame(found).set_index("step")
         return pd.concat(tables, names=["test"]) if len(tables) > 1 else next(iter(tables.values()))
 

@@ -48,7 +48,8 @@ def refuse_depth(study: Study, mesh: Mesh, field: str = "steps") -> None:
     sizes = np.ptp(mesh.body, axis=0)
     own = study.body.mesh is not None
     height, what = (float(sizes.max()), "the largest extent of the body") if own else (float(sizes[-1]), HEIGHT)
-    moved = {step.number: step.displacement for step in study.steps if step.displacement is not None}
+    down = -study.direction[-1] if study.direction else 1.0
+    moved = {step.number: down * step.displacement for step in study.steps if step.displacement is not None}
     problems = too_deep(moved, height, what, study.path, field)
     if problems:
         raise Problems(problems)
@@ -127,8 +128,8 @@ def falls(data: Data) -> list[str]:
     A body that relaxes or softens may do that: so it is a remark, not an error. Where a noise is not known, any fall
     is told.
     """
-    response, spread = data.response
-    name = "displacement" if data.control == "force" else "force"
+    name, _ = data.response_name(0)
+    response, spread = (data.split(values)[0] for values in data.response)
     controlled = data.controlled
     steps = np.flatnonzero(np.isfinite(response) & np.isfinite(controlled))
     sure = surely(len(steps) - 1)

@@ -20,9 +20,10 @@ from fingerfit.prepare.pictures import Prepared, outline_of, prepare_pictures
 from fingerfit.prepare.plausible import falls, refuse_depth
 from fingerfit.prepare.points import points_covariance, read_points
 from fingerfit.prepare.regions import with_regions
-from fingerfit.settings.config import MeshSettings
+from fingerfit.settings.parts import MeshSettings
 from fingerfit.study.data import Data
-from fingerfit.study.study import ESTIMATED, Study
+from fingerfit.study.direction import wrong_axes
+from fingerfit.study.study import AXES, ESTIMATED, Study
 
 
 def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) -> Mesh:
@@ -54,6 +55,8 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
     elif body.mesh is not None:
         file = body.refined if finer and body.refined else body.mesh
         mesh = _named(with_types(read_mesh(file), body.types, study.path), study, file)
+        if problems := list(wrong_axes(study, mesh.dim)):
+            raise Problems(problems)
         if mesh.dim == 2 and not body.thickness:
             raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
     else:
@@ -162,8 +165,14 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         return np.array([np.nan if getattr(s, name) is None else getattr(s, name) for s in study.steps])
 
     measured_beside: dict[str, Any] = {name: column(name) for name in ("force", "displacement")}
+    beside = [column(f"force_{axis}") for axis in AXES[: mesh.dim - 1]]
+    if np.isfinite(beside).any():
+        measured_beside["lateral_force"] = np.stack(beside, axis=1)
+    else:
+        measured_beside["lateral_force"] = np.zeros((len(numbers), 0))
     if not pictured:
         measured_beside["displacement" if study.control == "force" else "force"][~chosen] = np.nan
+        measured_beside["lateral_force"][~chosen] = np.nan
     data = Data(
         step=np.array(numbers),
         **measured_beside,
@@ -187,6 +196,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         points_displacement=points[1],
         points_step=points[2],
         force_gain=study.noise.force_gain,
+        direction_of_load=np.array(study.direction),
         history=prepared.history,
         **_sides(prepared.outline),
     )

@@ -24,6 +24,7 @@ from fingerfit.report.fields import Fields, fields
 from fingerfit.solvers.contract import Outcome
 from fingerfit.study.data import Data
 from fingerfit.study.several import TESTS, arrays_of_test, file_ending
+from fingerfit.study.study import AXES
 
 CELLS = {
     (2, 3): "triangle", (2, 6): "triangle6", (2, 4): "quad", (2, 8): "quad8",
@@ -271,6 +272,13 @@ def _forces(compare: dict[str, np.ndarray]) -> list[list[object]]:
         noise = np.broadcast_to(compare[f"{what}_noise"], measured.shape)
         columns += [measured, model, measured - model, noise]
     given = ["step", *(f"{what}_{of}_{unit}" for what, unit in (("force", "N"), ("displacement", "mm")) for of in OF)]
+    if "lateral_force" in compare:
+        for axis, measured, model in zip(
+            AXES, compare["lateral_force"].T, compare["lateral_force_model"].T, strict=False
+        ):
+            noise = np.broadcast_to(compare["force_noise"], measured.shape)
+            columns += [measured, model, measured - model, noise]
+            given += [f"force_{axis}_{of}_N" for of in OF]
     return [given, *map(list, zip(compare["step"], *columns, strict=True))]
 
 

@@ -66,7 +66,8 @@ def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarra
     error, floor = residual.error, comparison.floor
     if not len(data.picture_step):  # of measured points: displacements, mm
         error, floor = (np.array([_typical(one) for one in each[DISPLACEMENT]]) for each in (left, noise))
-    response = comparison.prediction.response
+    response, lateral = data.split(comparison.prediction.response)
+    beside = {"lateral_force": data.lateral_force, "lateral_force_model": lateral} if lateral.size else {}
     moved, force = (response, data.force) if data.control == "force" else (data.displacement, response)
     return {
         "measured": data.measured,
@@ -97,6 +98,7 @@ def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarra
         "displacement_model": moved,
         "force_noise": np.array(data.force_noise),
         "displacement_noise": np.array(data.displacement_noise),
+        **beside,
     }
 
 
@@ -148,7 +150,8 @@ def parts_left(comparison: Comparison, known: np.ndarray) -> dict[str, np.ndarra
     whole[residual.kept] = known
     fields = whole[: residual.value.size].reshape(residual.value.shape)[: shown(comparison)]
     brightness = fields[: len(comparison.data.picture_step), :, -1]
-    return {DISPLACEMENT: fields[..., :-1], BRIGHTNESS: brightness, RESPONSE: whole[residual.value.size :]}
+    along, _ = comparison.data.split(whole[residual.value.size :])
+    return {DISPLACEMENT: fields[..., :-1], BRIGHTNESS: brightness, RESPONSE: along}
 
 
 def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:

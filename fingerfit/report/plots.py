@@ -70,7 +70,8 @@ def figure_forces(data: Data, response: np.ndarray) -> Figure:
     """Force against displacement of the indenter, measured and of the model, whose one is `response`."""
     figure = Figure(figsize=(5.2, 3.8), layout="constrained")
     axes = figure.subplots()
-    moved, force = (response, data.force) if data.control == "force" else (data.displacement, response)
+    along, _ = data.split(response)
+    moved, force = (along, data.force) if data.control == "force" else (data.displacement, along)
     axes.plot([0, *moved], [0, *force], "-", color=COLOURS[4], label="model")
     axes.errorbar(
         data.displacement,

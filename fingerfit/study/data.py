@@ -10,6 +10,7 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import read_npz, write_npz
+from fingerfit.study.study import AXES
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,12 @@ class Data:
         Lower left and upper right corner of the body as it is stated, mm.
     remarks : str
         What looks wrong in the measurements and is no error, one a line.
+    direction_of_load : ndarray, shape (dim,) or (0,)
+        Unit vector along which `force` and `displacement` count; empty for straight down.
+    lateral_force : ndarray, shape (steps, dim - 1) or (steps, 0)
+        Measured forces of the indenter on the body along the other axes, N; their noise is that of the forces.
+    response_scale : float
+        Factor of the standard deviations of the response: above 1 where it is to count less.
     """
 
     step: np.ndarray
@@ -92,6 +99,9 @@ class Data:
     sides: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     stated: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     remarks: str = ""
+    direction_of_load: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    lateral_force: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    response_scale: float = 1.0
 
     def save(self, path: Path) -> None:
         """Write to .npz, whole or not at all; not compressed, because every round reads it and noise stays as large."""
@@ -124,10 +134,33 @@ class Data:
 
     @property
     def response(self) -> tuple[np.ndarray, np.ndarray]:
-        """Measured quantity that the control leaves free, and its standard deviation, shapes (steps,)."""
-        if self.control == "force":
-            return self.displacement, self._by_step(self.displacement_noise)
-        return self.force, self._by_step(self.force_noise)
+        """Measured quantities that the control leaves free, and their standard deviations, shapes (responses,).
+
+        Of all steps the displacement or force along the load, then, axis by axis, the lateral forces.
+        """
+        forces = self._by_step(self.force_noise)
+        along = (self.displacement, self._by_step(self.displacement_noise))
+        measured, noise = along if self.control == "force" else (self.force, forces)
+        lateral = self.lateral_force.T
+        spread = np.concatenate([noise, *(forces for _ in lateral)])
+        return np.concatenate([measured, lateral.ravel()]), self.response_scale * spread
+
+    def split(self, response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Responses along the load, shape (steps,), and lateral forces, shape (steps, axes)."""
+        count = len(self.step)
+        return response[:count], response[count:].reshape(-1, count).T
+
+    @property
+    def response_step(self) -> np.ndarray:
+        """Index of the step of each of these, shape (responses,)."""
+        return np.tile(np.arange(len(self.step)), 1 + self.lateral_force.shape[1])
+
+    def response_name(self, n: int) -> tuple[str, str]:
+        """Name and unit of one of these."""
+        axis = n // len(self.step)
+        if axis:
+            return f"force_{AXES[axis - 1]}", "N"
+        return ("displacement", "mm") if self.control == "force" else ("force", "N")
 
     @property
     def between_steps(self) -> np.ndarray:
@@ -143,7 +176,7 @@ class Data:
 
     @property
     def response_gain(self) -> float:
-        """Standard deviation of a factor common to all values of that quantity."""
+        """Standard deviation of a factor common to all values of these."""
         return 0.0 if self.control == "force" else self.force_gain
 
     def _by_step(self, noise: float | np.ndarray) -> np.ndarray:

@@ -26,6 +26,12 @@ def _box(corners: list[list[float]]) -> list[list[float]]:
     return corners
 
 
+def _downward(direction: list[float]) -> list[float]:
+    if direction[-1] >= 0:
+        raise ValueError
+    return direction
+
+
 def _or_keys(kind: type[Strict]) -> Any:
     """Keys and values as `kind` describes them, or what the type beside this takes."""
     return WrapValidator(lambda value, inner: kind.model_validate(value) if isinstance(value, dict) else inner(value))
@@ -39,6 +45,12 @@ Corner = Annotated[list[float], Field(min_length=2, max_length=3)]
 Box = Annotated[list[Corner], Field(min_length=2, max_length=2), AfterValidator(_box)]
 Pixels = Annotated[list[Annotated[int, Field(ge=2, le=4096)]], Field(min_length=2, max_length=3)]
 Two = Annotated[list[float], Field(min_length=2, max_length=2), wanted("2 numbers")]
+Direction = Annotated[
+    list[float],
+    Field(min_length=2, max_length=3),
+    AfterValidator(_downward),
+    wanted("2 or 3 numbers, the last one below 0"),
+]
 Three = Annotated[list[Positive], Field(min_length=3, max_length=3), wanted("3 numbers above 0")]
 
 
@@ -115,10 +127,15 @@ class BaseKeys(Strict):
 
 
 class IndenterKeys(Strict):
-    """What the indenter does to a body with a mesh of its own."""
+    """What the indenter does to the body, and which way it goes."""
 
-    nodes: Line = Field(description="Its node set, where that is not TOP.")
+    nodes: Line = Field(default="TOP", description="Its node set, where that is not TOP: of a mesh of the study's own.")
     kind: Annotated[str, one_of(("glued", "slides"))] = Field(description="`glued` or `slides`.")
+    direction: Direction | None = Field(
+        default=None,
+        description="Direction of its way, `[x, y]` or `[x, y, z]`, the last one below 0; straight down when left out."
+        " Displacement and force are then those along it.",
+    )
 
 
 class BoundaryKeys(Strict):
@@ -129,7 +146,7 @@ class BoundaryKeys(Strict):
     )
     indenter: Annotated[
         Literal["glued", "slides"] | IndenterKeys, wanted("one of glued, slides"), _or_keys(IndenterKeys)
-    ] = Field(description="`glued` or `slides`; likewise also keys and values.")
+    ] = Field(description="`glued` or `slides`; or keys and values.")
 
 
 class LayerKeys(Strict):
@@ -238,6 +255,11 @@ class StudyKeys(Strict):
     pictures: PictureKeys | None = Field(default=None, description="Pictures and their preparation.")
     noise: NoiseKeys | None = Field(default=None, description="Standard deviations, in the units of the study.")
     boundary: BoundaryKeys = Field(description="What base and indenter do to the body.")
+    template: Line | None = Field(
+        default=None,
+        description="Deck template in place of `model.template` of the config, as one of several tests may need it;"
+        " looked up in the study's folder, then in templates/.",
+    )
 
 
 class BlockStudy(StudyKeys):

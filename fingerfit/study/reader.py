@@ -14,6 +14,7 @@ from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.files import DOCUMENT, read_text
 from fingerfit.core.keys import read_yaml
 from fingerfit.core.units import LENGTHS, UNITS
+from fingerfit.study.direction import oblique_problems, wrong_axes
 from fingerfit.study.keys import (
     KINDS,
     NUMBER,
@@ -26,9 +27,9 @@ from fingerfit.study.keys import (
 )
 from fingerfit.study.regions import read_outline
 from fingerfit.study.several import TESTS, several
-from fingerfit.study.study import UNKNOWN, Body, Chain, Layer, Noise, Region, Step, Study, wrong_name
+from fingerfit.study.study import SIDEWAYS, UNKNOWN, Body, Chain, Layer, Noise, Region, Step, Study, wrong_name
 
-COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points")
+COLUMNS = ("step", "time", "displacement", "force", "force_noise", "picture", "points", *SIDEWAYS)
 
 
 def study_path(path: Path) -> Path:
@@ -86,9 +87,10 @@ def _sizes(given: Any) -> dict[str, float]:
 
 def _study(given: Any, steps: tuple[Step, ...], sizes: Mapping[str, float], file: Path) -> Study:
     pictures, length = given.pictures or PictureKeys(), sizes["length"]
+    pusher = given.boundary.indenter
     (base, base_nodes), (indenter, indenter_nodes) = (
         (side, own) if isinstance(side, str) else (side.kind, side.nodes.upper())
-        for side, own in ((given.boundary.base, "BOTTOM"), (given.boundary.indenter, "TOP"))
+        for side, own in ((given.boundary.base, "BOTTOM"), (pusher, "TOP"))
     )
     return Study(
         path=file,
@@ -105,6 +107,8 @@ def _study(given: Any, steps: tuple[Step, ...], sizes: Mapping[str, float], file
         indenter_nodes=indenter_nodes,
         chain=_chain(pictures, length),
         table=file.parent / given.steps,
+        template=given.template or "",
+        direction=_unit(None if isinstance(pusher, str) else pusher.direction),
     )
 
 
@@ -131,6 +135,13 @@ def _chain(pictures: PictureKeys, length: float) -> Chain:
         0.0 if isinstance(gaussian, str) else gaussian,
         pictures.scale == "range",
     )
+
+
+def _unit(direction: list[float] | None) -> tuple[float, ...]:
+    """A unit vector; nothing for straight down."""
+    if direction is None or not any(direction[:-1]):
+        return ()
+    return _scaled(direction, 1.0 / math.hypot(*direction))
 
 
 def _scaled(numbers: Iterable[float], size: float) -> tuple[float, ...]:
@@ -274,8 +285,9 @@ def _step(
     file: Path, row: int, cells: Mapping[str, str], sizes: Mapping[str, float], problems: list[FingerfitError]
 ) -> Step | None:
     values: dict[str, float | None] = {}
-    kinds = (("time", "time"), ("displacement", "length"), ("force", "force"), ("force_noise", "force"))
-    for column, kind in kinds:
+    of = {"time": "time", "displacement": "length", "force": "force"}
+    for column in ("time", "displacement", "force", "force_noise", *SIDEWAYS):
+        kind = of[column.partition("_")[0]]
         text = cells.get(column, "")
         values[column] = None
         if not text:
@@ -287,7 +299,7 @@ def _step(
         value = given * sizes[kind]
         if not math.isfinite(given):
             problems.append(InputError(file, f"row {row}, {column}", text, "a finite number"))
-        elif column != "time" and value < 0:
+        elif column not in ("time", *SIDEWAYS) and value < 0:
             problems.append(InputError(file, f"row {row}, {column}", text, "0 or more: compression is positive"))
         elif not math.isfinite(value):
             problems.append(InputError(file, f"row {row}, {column}", text, "a number that is finite in N, mm and s"))
@@ -312,6 +324,7 @@ def _step(
         files["picture"],
         files["points"],
         values["force_noise"],
+        **{column: values[column] for column in SIDEWAYS},
     )
 
 
@@ -339,8 +352,11 @@ def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
         if path is not None and not path.exists():
             problems.append(InputError(file, f"body.{key}", path.name, "a file that exists"))
     _check_sets(study, problems)
+    problems += oblique_problems(study)
+    if study.body.mesh is None:
+        problems += wrong_axes(study, 3 if study.body.brick else 2)
     response = "displacement" if study.control == "force" else "force"
-    measured = [step for step in study.steps if getattr(step, response) is not None]
+    measured = any(study.measures(step) for step in study.steps)
     if study.noise.force_gain and study.control == "force":
         problems.append(InputError(file, "noise.force_gain", f"{study.noise.force_gain:g} with control: force",
                                    "no such key: it is for measured forces, not for prescribed ones"))  # fmt: skip

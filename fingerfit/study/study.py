@@ -7,6 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 ESTIMATED = "estimated"
+AXES = "xy"
+"""Axes across the load; the last one of them is there in space only."""
+SIDEWAYS = tuple(f"{what}_{axis}" for what in ("displacement", "force") for axis in AXES)
+"""What a step has along them."""
 UNKNOWN = "unknown"
 """A thickness that is not known."""
 
@@ -27,6 +31,10 @@ class Step:
         Picture at the step; table of measured displacements of points.
     force_noise : float or None
         Standard deviation of this force, N, where it is not that of the study.
+    displacement_x, displacement_y : float or None
+        Sideways displacement of the indenter, which simulations prescribe, mm.
+    force_x, force_y : float or None
+        Force of the indenter on the body along these axes, N.
     """
 
     number: int
@@ -36,6 +44,10 @@ class Step:
     picture: Path | None = None
     points: Path | None = None
     force_noise: float | None = None
+    displacement_x: float | None = None
+    displacement_y: float | None = None
+    force_x: float | None = None
+    force_y: float | None = None
 
 
 @dataclass(frozen=True)
@@ -189,6 +201,10 @@ class Study:
         Size of the study's unit of length, for tables of points.
     table : Path or None
         Table of the steps.
+    template : str
+        Deck template in place of that of the settings; empty for that one.
+    direction : tuple of float
+        Of the indenter's way, a unit vector; empty for straight down, against the last axis.
     test : str
         Name of this test, where the study has several.
     tests : tuple of Study
@@ -209,6 +225,8 @@ class Study:
     indenter_nodes: str = "TOP"
     chain: Chain = Chain()
     table: Path | None = None
+    template: str = ""
+    direction: tuple[float, ...] = ()
     test: str = ""
     tests: tuple[Study, ...] = ()
 
@@ -227,6 +245,21 @@ class Study:
         return next((test for test in self.tests if test.test == name), self)
 
     @property
+    def moved_sideways(self) -> list[str]:
+        """Axes along which the table of the steps moves the indenter sideways, of `AXES`."""
+        return [axis for axis in AXES if any(getattr(s, f"displacement_{axis}") is not None for s in self.steps)]
+
+    @property
+    def oblique(self) -> bool:
+        """Whether the indenter goes another way than straight down."""
+        return bool(self.direction or self.moved_sideways)
+
+    def measures(self, step: Step) -> bool:
+        """Whether a force or displacement that is not prescribed was measured at a step."""
+        response = "displacement" if self.control == "force" else "force"
+        return any(getattr(step, name) is not None for name in (response, *(f"force_{axis}" for axis in AXES)))
+
+    @property
     def layer_names(self) -> list[str]:
         """Names from the indenter down."""
         return [layer.name for layer in self.body.layers]
@@ -235,6 +268,16 @@ class Study:
     def thickness(self) -> float:
         """Out of plane, mm."""
         return self.body.thickness
+
+
+def elsewhere(study: Study) -> Study:
+    """The study with an indenter that goes as far down, but elsewhere aside."""
+    *across, down = study.direction or (0.0,)
+    steps = study.steps
+    for axis in study.moved_sideways:
+        name = f"displacement_{axis}"
+        steps = tuple(replace(step, **{name: 1.0 + (getattr(step, name) or 0.0)}) for step in steps)  # type: ignore[arg-type]
+    return replace(study, direction=(*(-part for part in across), down) if across else (), steps=steps)
 
 
 def with_gain(study: Study, gain: float) -> Study:

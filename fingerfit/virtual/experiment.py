@@ -27,7 +27,7 @@ from fingerfit.model.formulas import evaluate
 from fingerfit.model.observation import Observation
 from fingerfit.prepare.plausible import refuse_depth
 from fingerfit.prepare.prepare import make_mesh
-from fingerfit.settings.config import MeshSettings
+from fingerfit.settings.parts import MeshSettings
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.several import TESTS

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from fingerfit.core.described import HEAD, Line, Positive, Strict, rows
-from fingerfit.settings.config import GRADING, MeshSettings
+from fingerfit.settings.parts import GRADING, MeshSettings
 from fingerfit.virtual.truth import BRIGHTEST, SHAPES
 
 PIXELS = 2**15 - 1

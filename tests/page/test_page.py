@@ -7,6 +7,7 @@ import re
 import shlex
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,9 @@ import pytest
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import keep_json, read_json
 from fingerfit.report.page import ladder_figure, write_page
+from fingerfit.report.page.build import _far_off
 from fingerfit.report.page.figures import force_figure
-from fingerfit.report.page.inputs import read_compare, read_inputs
+from fingerfit.report.page.inputs import Compare, Model, read_compare, read_inputs
 
 _spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
 sample = importlib.util.module_from_spec(_spec)
@@ -367,3 +369,13 @@ def test_models_that_are_not_on_the_ladder_are_not_shown(tmp_path):
 def test_what_ended_at_its_bound_is_told(first):
     assert first.count("<br><small>at its upper bound</small>") == 1
     assert first.count("<br><small>slope at its lower bound</small>") == 1
+
+
+def test_a_force_that_is_far_off_is_said_beside_the_pictures():
+    compare = Compare(
+        step=np.array([1, 3]), response=np.array([0.1, -2.4]), response_noise=np.array([0.0, 0.1]),
+        control=np.array("displacement"),
+    )  # fmt: skip
+    assert _far_off(Model("base", {}, compare, {}, {})) == "The force of step 3 is 24 standard deviations off."
+    near = replace(compare, response=np.array([np.nan, 0.9]))
+    assert _far_off(Model("base", {}, near, {}, {})) == ""

@@ -10,7 +10,8 @@ from fingerfit.core.errors import InputError
 from fingerfit.imaging.outline import measure_outline
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.prepare.prepare import make_mesh, prepare
-from fingerfit.settings.config import MeshSettings, ModelSettings
+from fingerfit.settings.config import ModelSettings
+from fingerfit.settings.parts import MeshSettings
 from fingerfit.study.reader import load_study
 
 LOW, HIGH, PIXEL = np.array([0.95, 0.45]), np.array([12.95, 10.45]), 0.1

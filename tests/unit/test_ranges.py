@@ -17,6 +17,7 @@ def compared(vector, own):
     count = PATCHES * STEPS * 3 + FORCES
     one = SimpleNamespace(
         residual=SimpleNamespace(kept=np.ones(count, dtype=bool), value=np.zeros((STEPS, PATCHES, 3)), vector=vector),
+        data=SimpleNamespace(step=np.arange(FORCES), response_step=np.arange(FORCES)),
         patches=SimpleNamespace(centre=np.stack([x.ravel(), y.ravel()], axis=1)),
         covariance=np.eye(count),
         own=lambda: own,

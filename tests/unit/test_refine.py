@@ -166,6 +166,9 @@ class Body:
         self.mesh_names, self.exact = {SEARCH: SEARCH, REFINED: REFINED}, False
         self.observed, self.priors = np.zeros(1, dtype=bool), Priors.of(PARAMETERS[:1])
 
+    def as_counted(self, prediction):
+        return self
+
     def ask(self, values, role=SEARCH, gain=1.0):
         mesh = REFINED if role == FINAL else SEARCH
         asked = Asked(dict(values), f"{mesh}_{values['mu_top']:.10g}_{gain:g}", mesh, "", role)
@@ -335,6 +338,7 @@ class Bright(Body):
             controlled=one,
             control_noise=0 * one,
             picture_step=np.array([0]),
+            response_step=np.array([0]),
             points_step=np.zeros(0, dtype=int),
             response=(np.zeros(1), np.zeros(1)),
             points=np.zeros((0, 2)),

@@ -15,7 +15,7 @@ from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.imaging.pictures import read_picture
 from fingerfit.mesh.blocks import brick
 from fingerfit.prepare.prepare import make_mesh
-from fingerfit.settings.config import MeshSettings
+from fingerfit.settings.parts import MeshSettings
 from fingerfit.study.reader import load_study
 from fingerfit.virtual.experiment import FULL_SCALE, add_noise, run_experiment, solve, write_study
 from fingerfit.virtual.file import read_truth

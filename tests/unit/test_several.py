@@ -120,6 +120,28 @@ def test_numbers_of_tests_that_are_not_there_are_unknown(tmp_path):
         settings(written(tmp_path), per_test=["force_gain"], effects={"force_gain": {"gain@ball": 0.05}})
 
 
+def test_a_test_may_have_its_own_template(tmp_path):
+    from fingerfit.forward.decks import make_deck
+    from fingerfit.prepare.prepare import make_mesh
+
+    tests = {"plain": {}, "marked": {"template": "marked.inp.j2"}}
+    study = load_study(written(tmp_path, tests=tests))
+    own = settings(tmp_path)
+    field = r"study.yaml: tests.marked.template: found marked.inp.j2; expected a template beside it or in templates/"
+    with pytest.raises(Problems, match=field) as found:
+        check_against_study(own, study)
+    assert len(found.value.problems) == 1
+    (tmp_path / "marked.inp.j2").write_text('{% include "block.inp.j2" %}\n** {{ title }} of its own\n')
+    check_against_study(own, study)
+    mesh = make_mesh(study, own.model.mesh)
+    plain, marked = (make_deck(own, test, mesh, "mesh", own.starts(), own.known_effects()) for test in study.tests)
+    assert marked == f"{plain}** {study.title} of its own\n"
+    # of all tests: one line
+    with pytest.raises(Problems, match=r"study.yaml: template: found none.inp.j2") as found:
+        check_against_study(own, load_study(written(tmp_path, template="none.inp.j2")))
+    assert len(found.value.problems) == 1
+
+
 def test_a_guess_is_one_simulation_of_each_test(tmp_path):
     """A number of one test does not change the deck of the other; equal tests share their simulation."""
     from fingerfit.core.files import write_text

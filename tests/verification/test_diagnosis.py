@@ -96,7 +96,7 @@ def test_common_modes_are_those_of_the_steps(world, rng):
     """Force, displacement and brightness of each of four steps: a force that is wrong shows in them and nowhere else."""
     comparison, _ = world
     score_test, residual = comparison.score_test, comparison.residual
-    modes = common_modes(residual, comparison.data.entry_step, comparison.slope("control"))
+    modes = common_modes(residual, comparison.data, comparison.slope("control"))
     # of each step the response, the slope by the force, two displacements, brightness
     assert modes.shape == (len(residual.vector), 4 * 5)
     # less one: the same share of the force at all steps is the scale of the constants

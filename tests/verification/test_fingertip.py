@@ -41,10 +41,11 @@ def finger():
 LAYERS = ("epidermis", "subcutaneous")
 
 
-def write(folder, mesh, control, loads, template="fingertip.inp.j2", values=MU, layers=LAYERS):
-    steps = tuple(Step(n, **{control: load}) for n, load in enumerate(loads, 1))
+def write(folder, mesh, control, loads, template="fingertip.inp.j2", values=MU, layers=LAYERS, aside=(), direction=()):
+    own = aside or [{}] * len(loads)
+    steps = tuple(Step(n, **{control: load}, **its) for n, (load, its) in enumerate(zip(loads, own, strict=True), 1))
     body = Body(tuple(Layer(name) for name in layers))
-    study = Study(folder, "finger", control, steps, None, Noise(), body, "held", "slides")
+    study = Study(folder, "finger", control, steps, None, Noise(), body, "held", "slides", direction=direction)
     (folder / "mesh.inp").write_text(format_mesh(mesh))
     context = deck_context(study, mesh, "mesh.inp", values, {"alpha": 1.4, "poisson": 0.45}, EFFECTS)
     (folder / "deck.inp").write_text(render_deck(template, context, (TEMPLATES,)))
@@ -116,6 +117,29 @@ def test_friction_holds_the_skin(finger, tmp_path):
     assert aside[0] < 0.9 * aside[1]
     assert rubbed.reaction[0, 2] < pressed.reaction[0, 2]
     assert "*FRICTION" not in write(tmp_path, finger, "displacement", [1.0]).read_text()
+
+
+@pytest.mark.parametrize("template", ["fingertip.inp.j2", "fingertip_meshed.inp.j2"])
+def test_an_indenter_on_a_rail_goes_as_one_that_is_moved_along_it(finger, tmp_path, template):
+    way = np.array([0.3, 0.1, -1.0]) / np.linalg.norm([0.3, 0.1, -1.0])
+    moved = solve(tmp_path, finger, "displacement", [0.6, 1.0], template, direction=tuple(way))
+    assert np.allclose(moved.indenter, np.outer([0.6, 1.0], way))
+    force = moved.reaction @ way
+    assert 0 < force[0] < force[1]
+    driven = solve(tmp_path, finger, "force", force.tolist(), template, direction=tuple(way))
+    # the meshed sphere has a friction of its facets: 0.001 mm
+    assert np.allclose(driven.indenter, moved.indenter, atol=2e-3)
+
+
+def test_a_sphere_moved_aside_takes_friction_along(finger, tmp_path):
+    aside = [{"displacement_x": 0.0}, {"displacement_x": 0.3}]
+    free = solve(tmp_path, finger, "displacement", [0.6, 0.6], aside=aside)
+    rubbed = solve(
+        tmp_path, finger, "displacement", [0.6, 0.6], values={**MU, "friction.coefficient": 0.3}, aside=aside
+    )
+    assert np.allclose(free.indenter[:, 0], [0, 0.3])
+    assert abs(free.reaction[1, 0]) < 0.1 * rubbed.reaction[1, 0]
+    assert rubbed.reaction[1, 0] == pytest.approx(-0.3 * rubbed.reaction[1, 2], rel=0.3)
 
 
 @pytest.mark.parametrize("template", ["fingertip.inp.j2", "fingertip_meshed.inp.j2"])

@@ -17,6 +17,7 @@ from markupsafe import Markup
 from fingerfit import __version__
 from fingerfit.core.files import keep_text
 from fingerfit.core.folders import OURS
+from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.effect import FAMILIES
 from fingerfit.report.drawing import COLOURS
 from fingerfit.report.page.inputs import Inputs, Model, read_inputs
@@ -156,6 +157,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "regions": regions,
         "rows": rows,
         "forces": _forces(model),
+        "far_off": _far_off(model),
         "has_map": panels.has("map", model.name),
         "has_force": panels.has("force", model.name),
         "force": panels.keys.get(f"force|{model.name}"),
@@ -234,6 +236,19 @@ def _steps(model: Model) -> list[dict[str, Any]]:
     return found
 
 
+def _far_off(model: Model) -> str:
+    """A sentence on the response that is most standard deviations off; empty where none is far off."""
+    compare = model.compare
+    if compare is None:
+        return ""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(np.abs(compare.response) / compare.response_noise, posinf=0.0)
+    if ratio.max(initial=0.0) < FAR_OFF:
+        return ""
+    n, (name, _) = int(ratio.argmax()), compare.response_name
+    return f"The {name} of step {int(compare.step[n])} is {ratio[n]:.0f} standard deviations off."
+
+
 def _forces(model: Model) -> list[dict[str, Any]]:
     compare = model.compare
     if compare is None or not len(compare.step):
@@ -245,9 +260,11 @@ def _forces(model: Model) -> list[dict[str, Any]]:
     if len(sizes) > 1:
         return []
     for n, step in enumerate(compare.step):
+        lateral = (values[n] for values in (compare.lateral_force, compare.lateral_force_model) if len(values))
         table.append(
             {"step": int(step), **{name: number(getattr(compare, name)[n]) for name in
-             ("force", "displacement", "force_model", "displacement_model")}}
+             ("force", "displacement", "force_model", "displacement_model")},
+             "lateral": [(number(one), number(other)) for one, other in zip(*lateral, strict=True)]}
         )  # fmt: skip
     return table
 

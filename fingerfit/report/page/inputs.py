@@ -74,6 +74,8 @@ class Compare:
         Residual brightness and its standard error; NaN where unknown.
     response, response_noise : ndarray, shape (steps,)
         Residual of the response, and its standard error, N or mm.
+    lateral_force, lateral_force_model : ndarray, shape (steps, axes)
+        Forces of the indenter across the load, N; NaN where unknown.
     control : ndarray of str, shape ()
         The quantity that is prescribed, ``force`` or ``displacement``.
     step_fitted : ndarray of bool, shape (steps,)
@@ -117,6 +119,8 @@ class Compare:
     brightness_noise: np.ndarray = field(default_factory=lambda: _empty(0, 0))
     response: np.ndarray = field(default_factory=lambda: _empty(0))
     response_noise: np.ndarray = field(default_factory=lambda: _empty(0))
+    lateral_force: np.ndarray = field(default_factory=lambda: _empty(0, 0))
+    lateral_force_model: np.ndarray = field(default_factory=lambda: _empty(0, 0))
     control: np.ndarray = field(default_factory=lambda: np.array("force"))
     step_fitted: np.ndarray = field(default_factory=lambda: _empty(0, kind=bool))
     field_value: np.ndarray = field(default_factory=lambda: _empty(0))

@@ -1,0 +1,81 @@
+"""What the steps of a deck prescribe: along the way of the indenter, beside it, and how far the material swells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fingerfit.core.errors import InputError
+from fingerfit.deck.changed import changed_by
+from fingerfit.deck.questions import temperature
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.effect import Effect
+from fingerfit.model.observation import places
+from fingerfit.study.study import AXES, Step, Study
+
+
+def direction(study: Study, dim: int) -> list[float]:
+    """Unit vector of the indenter's way, shape (dim,)."""
+    return list(study.direction) or [*[0.0] * (dim - 1), -1.0]
+
+
+def rail(study: Study, way: Sequence[float]) -> list[tuple[int, float]]:
+    """Axes from 1 along which an indenter under a given force goes aside, and how far as a share of its way down."""
+    if not study.direction or study.control != "force":
+        return []
+    return [(axis, part / way[-1]) for axis, part in enumerate(way[:-1], 1)]
+
+
+def _aside(study: Study, step: Step | None, moved: float) -> list[tuple[int, float]]:
+    """Axes from 1, and prescribed displacements of the indenter along them, mm; none before the first picture."""
+    if study.direction and study.control == "displacement":
+        return [(axis, moved * part) for axis, part in enumerate(study.direction[:-1], 1)]
+    return [(AXES.index(axis) + 1, getattr(step, f"displacement_{axis}")) for axis in study.moved_sideways if step]
+
+
+def loading_steps(
+    study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float]
+) -> list[dict[str, Any]]:
+    """Prescribed quantities of the deck's steps; what was before the first picture is a step of its own."""
+    control, count = study.control, len(study.steps)
+    largest = max((abs(getattr(step, control) or 0.0) for step in study.steps), default=0.0)
+    before = float(changed_by("before", 0.0, {"largest": largest}, present, values))
+    swelling = _swelling(study, mesh, present, values)
+    warm = [temperature(row) for row in swelling] if swelling.any() else [[]] * (count + 1)
+    found, last = [], 0.0
+    if any("before" in effect.changes for effect in present) or swelling[0].any():
+        found.append({control: before, "period": None, "temperature": warm[0], "aside": _aside(study, None, before)})
+    for k, step in enumerate(study.steps, 1):
+        period = None
+        if step.time is not None:
+            period, last = step.time - last, step.time
+        entry: dict[str, Any] = {"force": step.force, "displacement": step.displacement, "period": period}
+        entry["temperature"] = warm[k]
+        names = {"k": k, "n": count, "time": step.time or 0.0, "largest": largest}
+        if entry[control] is not None:
+            entry[control] = float(changed_by(control, entry[control], names, present, values)) + before
+        entry["aside"] = _aside(study, step, entry["displacement"])
+        found.append(entry)
+    return found
+
+
+def _swelling(study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float]) -> np.ndarray:
+    """Stretches less 1 by which the material swells, shape (steps + 1, nodes): at the first picture and each step."""
+    count = len(study.steps)
+    if not any("swelling" in effect.changes for effect in present):
+        return np.zeros((count + 1, 1))
+    times = [0.0, *(step.time or 0.0 for step in study.steps)]
+    timed = all(step.time is not None for step in study.steps) and times[-1] > 0
+    low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
+    found = np.zeros((count + 1, len(mesh.points)))
+    for k, time in enumerate(times):
+        names = {**places(mesh.points, low, high), "k": k, "n": count, "now": time / times[-1] if timed else k / count}
+        for effect in present:
+            volume = changed_by("swelling", 0.0, names, [effect], values)
+            if np.min(volume) <= -1:
+                expected = "a change of volume above -1"
+                raise InputError(f"effect {effect.name}", "changes.swelling", f"{np.min(volume):g}", expected)
+            found[k] += np.cbrt(1 + volume) - 1
+    return found
