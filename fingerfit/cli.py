@@ -159,15 +159,14 @@ def _add_studies(command: Command) -> None:
 
     sub = command(
         "morph",
-        "bring the mesh of a finger to the shape in a volume (docs/fingertip.md)",
+        "bring the mesh of a finger (docs/fingertip.md) or of any other body (docs/any-body.md) to a subject's volume",
         "fingerfit morph reference.inp before.nii.gz --at 25.49 0 --out subject.inp",
     )
-    sub.add_argument("reference", type=Path, help="mesh of the reference finger")
-    sub.add_argument("volume", type=Path, help="subject before compression; the finger along x, its tip at the end")
+    sub.add_argument("reference", type=Path, help="mesh of the reference")
+    sub.add_argument("volume", type=Path, help="subject before compression; a finger along x, its tip at the end")
     sub.add_argument("--out", type=Path, required=True, help="the subject's mesh (.inp)")
-    sub.add_argument(
-        "--at", type=float, nargs=2, metavar=("X", "Y"), required=True, help="where the indenter comes down, mm"
-    )
+    sub.add_argument("--at", type=float, nargs=2, metavar=("X", "Y"), help="of a finger: where the indenter is, mm")
+    sub.add_argument("--own", type=Path, metavar="VOLUME", help="of another body: the volume of the reference itself")
     sub.add_argument("--labels", metavar="1=EPIDERMIS,...", help="the volume is a segmentation with these labels")
 
 

@@ -364,20 +364,12 @@ def mesh(args: argparse.Namespace) -> None:
 
 
 def morph(args: argparse.Namespace) -> None:
-    """Bring a finger's mesh to a subject."""
-    from fingerfit.anatomy.description import read_finger, tissues_of
-    from fingerfit.anatomy.fixtures import add_fixtures
-    from fingerfit.core.files import write_text
-    from fingerfit.deck.mesh_file import format_mesh
-    from fingerfit.imaging.pictures import read_picture
-    from fingerfit.morph.morph import labelled, morph
+    """Bring a mesh to a subject."""
+    from fingerfit.anatomy.description import tissues_of
+    from fingerfit.morph.file import write_morphed
 
-    subject = read_picture(args.volume)
-    if args.labels:
-        subject = labelled(subject, tissues_of(args.labels))
-    found = morph(read_finger(args.reference), subject)
-    write_text(args.out, format_mesh(add_fixtures(found.mesh, args.at)))
-    print(f"{args.out}: {found}")
+    labels = tissues_of(args.labels) if args.labels else None
+    print(write_morphed(args.reference, args.volume, args.out, args.at, args.own, labels))
 
 
 def docs(args: argparse.Namespace) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError
 from fingerfit.core.units import LENGTHS
-from fingerfit.mesh.elements import ELEMENTS, rule, shape
+from fingerfit.mesh.elements import ELEMENTS
+from fingerfit.mesh.inside import portions
 from fingerfit.mesh.mesh import Mesh
 
 _NAMED = 5
@@ -74,9 +75,7 @@ def _without_volume(mesh: Mesh) -> np.ndarray:
     found, first = [], 0
     for block in mesh.blocks:
         if ELEMENTS[block.element].dim == mesh.dim:
-            gradients = shape(block.element, rule(block.element)[0])[1]
-            jacobian = np.einsum("eni,gnj->egij", mesh.points[block.nodes], gradients)
-            found.append(first + np.flatnonzero(~(np.linalg.det(jacobian) > 0).all(axis=1)))
+            found.append(first + np.flatnonzero(~(portions(mesh.points, block) > 0).all(axis=1)))
         first += len(block.nodes)
     return np.concatenate(found) if found else np.zeros(0, dtype=int)
 

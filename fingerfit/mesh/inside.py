@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.mesh.elements import ELEMENTS
-from fingerfit.mesh.mesh import Mesh
+from fingerfit.mesh.elements import ELEMENTS, rule, shape
+from fingerfit.mesh.mesh import Block, Mesh
 
 
 def points_inside(mesh: Mesh) -> list[np.ndarray]:
@@ -22,19 +22,21 @@ def points_inside(mesh: Mesh) -> list[np.ndarray]:
 
 
 def sizes(mesh: Mesh) -> np.ndarray:
-    """Area or volume of each element by its corners, shape (elements,)."""
-    return np.concatenate([size_of(mesh.points[b.nodes[:, : ELEMENTS[b.element].corners]]) for b in mesh.blocks])
+    """Area or volume of each element, with its curved sides, shape (elements,)."""
+    return np.concatenate([portions(mesh.points, block).sum(axis=1) for block in mesh.blocks])
+
+
+def portions(points: np.ndarray, block: Block) -> np.ndarray:
+    """Area or volume that each integration point of elements stands for, shape (elements, points).
+
+    It is not above 0 where an element is inside out.
+    """
+    xi, weights = rule(block.element)
+    jacobian = np.einsum("eni,gnj->egij", points[block.nodes], shape(block.element, xi)[1])
+    return np.asarray(np.linalg.det(jacobian) * weights)
 
 
 def size_of(corner: np.ndarray) -> np.ndarray:
-    """The same of corners, shape (elements, corners, dim); areas are below 0 where corners lie clockwise."""
-    if corner.shape[2] == 2:
-        x, y = np.moveaxis(corner, 2, 0)
-        return (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1) / 2
-    cut = TETRAHEDRA if corner.shape[1] == 8 else ((0, 1, 2, 3),)
-    edges = [corner[:, list(one[1:])] - corner[:, [one[0]]] for one in cut]
-    return np.abs(sum(np.linalg.det(edge) for edge in edges)) / 6
-
-
-TETRAHEDRA = ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6))
-"""Of a brick, by its corners."""
+    """Areas of polygons with corners of shape (polygons, corners, 2): below 0 where they lie clockwise."""
+    x, y = np.moveaxis(corner, 2, 0)
+    return np.asarray((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1) / 2)

@@ -69,6 +69,12 @@ class Profiles:
         values[~inside] = self._usual
         return values.reshape(len(points), -1)
 
+    def holds(self, points: np.ndarray, normal: np.ndarray, reach: float) -> np.ndarray:
+        """Whether the volume holds lines along normals to both sides of points, shape (points,)."""
+        last = np.array(self.picture.values.shape[::-1]) - 1
+        ends = [self.picture.to_index(points + way * normal) for way in (-reach, reach)]
+        return np.all([((index >= 0) & (index <= last)).all(axis=1) for index in ends], axis=0)
+
     @property
     def blur(self) -> float:
         """Standard deviation by which voxels blur a border, mm."""
@@ -105,8 +111,10 @@ def find_layers(subject: Profiles, points: np.ndarray, inward: np.ndarray, thick
     return Layers(depth, np.where(contrast > CLEAR, share * usual, thickness), contrast)
 
 
-def find_border(subject: Profiles, points: np.ndarray, outward: np.ndarray, near: Any) -> np.ndarray:
-    """How far the border of a body within another tissue is outside of given points, shape (points,), mm.
+def find_border(
+    subject: Profiles, points: np.ndarray, outward: np.ndarray, near: Any, reach: float = 1.0
+) -> tuple[np.ndarray, float]:
+    """How far the border of a body within another tissue is outside of given points, mm, and how clear it is.
 
     Parameters
     ----------
@@ -115,13 +123,50 @@ def find_border(subject: Profiles, points: np.ndarray, outward: np.ndarray, near
         On the supposed border, mm, and unit normals out of the body.
     near : sparse matrix, shape (points, points)
         Weights by which profiles of neighbours are averaged; rows sum to 1.
+    reach : float
+        How far profiles go to both sides, mm; the border is looked for within 0.8 of it.
+
+    Returns
+    -------
+    depth : ndarray, shape (points,)
+    contrast : float
+        Between both sides, in standard deviations of what the profiles differ from each other.
     """
-    way = np.arange(-1.0, 1.0 + STEP / 2, STEP)
-    profiles = near @ subject.along(points, outward, way)
-    inside, outside = (float(np.median(profiles[:, part])) for part in (way < -0.7, way > 0.7))
-    depths = np.arange(-0.8, 0.8001, 0.02)
+    way = np.arange(-reach, reach * (1 + STEP / 2), STEP * reach)
+    values = subject.along(points, outward, way)
+    profiles = near @ values
+    inside, outside = (float(np.median(profiles[:, part])) for part in (way < -0.7 * reach, way > 0.7 * reach))
+    depths = np.arange(-0.8, 0.8001, 0.02) * reach
     curves = np.array([_curve(way, d, 1e3, subject.blur, (inside, outside, outside)) for d in depths])
-    return depths[((curves**2).sum(axis=1)[None] - 2 * profiles @ curves.T).argmin(axis=1)]
+    found = depths[((curves**2).sum(axis=1)[None] - 2 * profiles @ curves.T).argmin(axis=1)]
+    return found, abs(inside - outside) / max(1e-12, _noise(profiles, near, values))
+
+
+def averages(points: np.ndarray, seen: np.ndarray, normals: np.ndarray, length: float) -> Any:
+    """Weights of points for each other, from those that are seen and look the same way; rows sum to 1.
+
+    Parameters
+    ----------
+    points, normals : ndarray, shape (points, 3)
+    seen : ndarray of int
+        Points that count.
+    length : float
+        Over which neighbours decide together, mm.
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(points[seen])
+    pairs = cKDTree(points).sparse_distance_matrix(tree, 2 * length, output_type="coo_matrix")
+    column = seen[pairs.col]
+    alike = np.clip((normals[pairs.row] * normals[column]).sum(axis=1), 0, None)
+    weight = np.exp(-0.5 * (2 * pairs.data / length) ** 2) * alike**2
+    near = csr_matrix((weight, (pairs.row, column)), shape=(len(points), len(points)))
+    # where nothing near is seen, as in the middle of the nail, the nearest one stands for it
+    lonely = np.flatnonzero(np.asarray(near.sum(axis=1)).ravel() < 1e-3)
+    nearest = seen[tree.query(points[lonely])[1]]
+    near = near + csr_matrix((np.ones(len(lonely)), (lonely, nearest)), shape=near.shape)
+    return csr_matrix(near.multiply(1 / np.asarray(near.sum(axis=1))))
 
 
 def _levels(profiles: np.ndarray, way: np.ndarray, thickness: float) -> tuple[float, float, float]:

@@ -14,7 +14,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.mesh.tetrahedra import Quality, corners, faces_on, quality
-from fingerfit.morph.edges import CLEAR, Profiles, find_border, find_layers
+from fingerfit.morph.edges import CLEAR, Profiles, averages, find_border, find_layers
 from fingerfit.morph.register import Deformation, Registration, register
 from fingerfit.morph.render import frame_around, render
 from fingerfit.morph.repair import mend, spread
@@ -181,8 +181,8 @@ def _bone_shift(mesh: Mesh, points: np.ndarray, bone: np.ndarray, profiles: Prof
     """From the bones' surface to its edges in the volume, shape (nodes, 3), mm."""
     faces = _bone_faces(mesh)
     outward = vertex_normals(points, faces)[bone]
-    near = _neighbours(points[bone], np.flatnonzero(~np.isin(bone, mesh.node_sets["END"])), outward)
-    return (near @ find_border(profiles, points[bone], outward, near))[:, None] * outward
+    near = averages(points[bone], np.flatnonzero(~np.isin(bone, mesh.node_sets["END"])), outward, SMOOTH)
+    return (near @ find_border(profiles, points[bone], outward, near)[0])[:, None] * outward
 
 
 def _apart(mesh: Mesh, points: np.ndarray, bone: np.ndarray, skin: np.ndarray) -> np.ndarray:
@@ -203,24 +203,6 @@ def _bone_faces(mesh: Mesh) -> np.ndarray:
     return faces[~np.isin(faces, mesh.node_sets["END"]).all(axis=1)]
 
 
-def _neighbours(points: np.ndarray, seen: np.ndarray, normals: np.ndarray) -> Any:
-    """Weights of points for each other, from those that are seen and look the same way; rows sum to 1."""
-    from scipy.sparse import csr_matrix
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(points[seen])
-    pairs = cKDTree(points).sparse_distance_matrix(tree, 2 * SMOOTH, output_type="coo_matrix")
-    column = seen[pairs.col]
-    alike = np.clip((normals[pairs.row] * normals[column]).sum(axis=1), 0, None)
-    weight = np.exp(-0.5 * (2 * pairs.data / SMOOTH) ** 2) * alike**2
-    near = csr_matrix((weight, (pairs.row, column)), shape=(len(points), len(points)))
-    # where nothing near is seen, as in the middle of the nail, the nearest one stands for it
-    lonely = np.flatnonzero(np.asarray(near.sum(axis=1)).ravel() < 1e-3)
-    nearest = seen[tree.query(points[lonely])[1]]
-    near = near + csr_matrix((np.ones(len(lonely)), (lonely, nearest)), shape=near.shape)
-    return csr_matrix(near.multiply(1 / np.asarray(near.sum(axis=1))))
-
-
 def _look(
     mesh: Mesh, points: np.ndarray, skin: np.ndarray, under: np.ndarray, profiles: Profiles
 ) -> tuple[Any, Any, Any]:
@@ -230,5 +212,5 @@ def _look(
     thickness = np.linalg.norm(points[under] - points[skin], axis=1)
     # neither nail nor the end section shows the skin's profile
     odd = np.isin(skin, np.concatenate([mesh.node_sets["NAIL"], mesh.node_sets["END"]]))
-    near = _neighbours(points[skin], np.flatnonzero(~odd), inward)
+    near = averages(points[skin], np.flatnonzero(~odd), inward, SMOOTH)
     return find_layers(profiles, points[skin], inward, thickness, near), inward, near

@@ -6,6 +6,7 @@ way (Rueckert et al. 1999).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,18 +74,23 @@ class Deformation:
 
 
 def register(
-    reference: Picture, subject: Picture, settings: Registration | None = None, mask: np.ndarray | None = None
+    reference: Picture,
+    subject: Picture,
+    settings: Registration | None = None,
+    mask: np.ndarray | None = None,
+    start: Callable[[Picture], np.ndarray] | None = None,
 ) -> Deformation:
     """Where the points of a reference volume are in a subject's.
 
     Parameters
     ----------
     reference, subject : Picture
-        Volumes of any size and place with the finger along x and its tip at the end, within some 15 degrees: the
-        affine stage begins with the tips one on the other.
+        Volumes of any size and place that lie alike, within some 15 degrees.
     settings : Registration, optional
     mask : ndarray of bool, shape of the reference's values, optional
         Where they are compared; everywhere when left out.
+    start : function of a picture, optional
+        Point of each with which the affine stage begins, one on the other: `tip_of` a finger when left out.
 
     Raises
     ------
@@ -103,15 +109,15 @@ def register(
     region = None
     if mask is not None:
         region = _image(Picture(mask.astype(np.uint8), reference.spacing, reference.origin, reference.direction))
-    here, there = tip_of(reference), tip_of(subject)
-    start = sitk.AffineTransform(3)
-    start.SetCenter(here.tolist())
-    start.SetTranslation((there - here).tolist())
+    here, there = ((start or tip_of)(picture) for picture in (reference, subject))
+    first = sitk.AffineTransform(3)
+    first.SetCenter(here.tolist())
+    first.SetTranslation((there - here).tolist())
     try:
         affine = _method(settings, region, settings.levels)
         affine.SetOptimizerAsRegularStepGradientDescent(1.0, 1e-3, 2 * settings.iterations, 0.6)
         affine.SetOptimizerScalesFromPhysicalShift()
-        affine.SetInitialTransform(start, inPlace=False)
+        affine.SetInitialTransform(first, inPlace=False)
         linear = affine.Execute(fixed, moving)
         splines, similarity = _splines(settings, region, fixed, moving, linear)
     except RuntimeError as error:
@@ -129,15 +135,25 @@ TIP = 15.0
 
 def tip_of(picture: Picture) -> np.ndarray:
     """The farthest point of a bright body along x, in the middle of the sections behind it, shape (3,), mm."""
+    points = _bright(picture)
+    end = points[:, 0].max()
+    behind = points[points[:, 0] > end - TIP]
+    return np.array([end, *((behind[:, 1:].min(axis=0) + behind[:, 1:].max(axis=0)) / 2)])
+
+
+def middle_of(picture: Picture) -> np.ndarray:
+    """The centre of a bright body, shape (3,), mm."""
+    return np.asarray(_bright(picture).mean(axis=0))
+
+
+def _bright(picture: Picture) -> np.ndarray:
+    """Voxels of the largest bright body, shape (voxels, 3), mm."""
     import SimpleITK as sitk
 
     bright = sitk.OtsuThreshold(sitk.Median(_image(picture), (1, 1, 1)), 0, 1)
     largest = sitk.RelabelComponent(sitk.ConnectedComponent(bright)) == 1
     index = np.argwhere(sitk.GetArrayFromImage(largest) > 0)[:, ::-1]
-    points = picture.to_points(index.astype(float))
-    end = points[:, 0].max()
-    behind = points[points[:, 0] > end - TIP]
-    return np.array([end, *((behind[:, 1:].min(axis=0) + behind[:, 1:].max(axis=0)) / 2)])
+    return picture.to_points(index.astype(float))
 
 
 def _splines(settings: Registration, region: Any, fixed: Any, moving: Any, linear: Any) -> tuple[Any, float]:

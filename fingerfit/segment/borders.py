@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -116,7 +118,8 @@ def _smoothed(cells: Cells, start: np.ndarray, sides: np.ndarray, pairs: np.ndar
             mean = np.stack([np.bincount(rows, place[columns, k], count) / number for k in range(dim)], axis=1)
             place = np.where(free & joined, place + step * (mean - place), place)
         for (a, b), nodes in by_pair.items():
-            place[nodes] += np.where(free[nodes], _to_border(cells, a, b, place[nodes]), 0.0)
+            way = to_zero(partial(_difference, cells, a, b), place[nodes], WAY, WAY)
+            place[nodes] += np.where(free[nodes], way, 0.0)
         place = np.clip(place, start - FAR, start + FAR)
     return place
 
@@ -130,16 +133,21 @@ def _kinds(count: int, sides: np.ndarray, pairs: np.ndarray) -> list[set[int]]:
     return kinds
 
 
-def _to_border(cells: Cells, a: int, b: int, place: np.ndarray) -> np.ndarray:
-    """Way to where two labels are equally deep, along the slope of their difference; at most a quarter of a cell."""
+def _difference(cells: Cells, a: int, b: int, at: np.ndarray) -> np.ndarray:
+    return cells.depth(a, at) - cells.depth(b, at)
 
-    def difference(at: np.ndarray) -> np.ndarray:
-        return cells.depth(a, at) - cells.depth(b, at)
 
-    here, dim = difference(place), place.shape[1]
-    steps = WAY * np.eye(dim)
-    slope = np.stack([(difference(place + step) - difference(place - step)) / (2 * WAY) for step in steps], axis=1)
+def to_zero(
+    difference: Callable[[np.ndarray], np.ndarray], place: np.ndarray, step: float, most: float = np.inf
+) -> np.ndarray:
+    """Way to where a difference of two depths is zero, along its slope over a step; `most` long at most.
+
+    >>> to_zero(lambda at: 2 * (at[:, 0] - 1.0), np.array([[0.8, 5.0], [3.0, 5.0]]), 0.5, 0.5)[:, 0].round(9).tolist()
+    [0.2, -0.5]
+    """
+    steps = step * np.eye(place.shape[1])
+    slope = np.stack([(difference(place + one) - difference(place - one)) / (2 * step) for one in steps], axis=1)
     steep = (slope**2).sum(axis=1)
-    way = -(here / np.maximum(steep, LEVEL))[:, None] * slope
+    way = -(difference(place) / np.maximum(steep, LEVEL))[:, None] * slope
     length = np.linalg.norm(way, axis=1, keepdims=True)
-    return way * np.minimum(1.0, WAY / np.maximum(length, 1e-12))
+    return way * np.minimum(1.0, most / np.maximum(length, 1e-12))

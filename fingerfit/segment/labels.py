@@ -125,10 +125,7 @@ def cells_of(picture: Picture, size: float, left_out: tuple[int, ...], where: Pa
     spacing = extent / count
     padded = np.pad(values, 2)
     there = np.unique(values)
-    depths = {
-        int(label): ndimage.gaussian_filter(_depth(padded == label, spacing), BLUR)
-        for label in dict.fromkeys([0, *there])
-    }
+    depths = {int(label): depth_in(padded == label, 1 / spacing) for label in dict.fromkeys([0, *there])}
     cells = Cells(np.zeros(0), low + 2.0, spacing, depths, picture)
     centres = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in count), indexing="ij"), axis=-1)
     known = list(depths)
@@ -149,12 +146,17 @@ def cells_of(picture: Picture, size: float, left_out: tuple[int, ...], where: Pa
     return Cells(labels, low + 2.0 - spacing, spacing, depths, moved)
 
 
-def _depth(inside: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-    """Distance to the border of a label, in cells: above 0 in it, below 0 outside."""
-    return np.asarray(
-        ndimage.distance_transform_edt(inside, sampling=1 / spacing)
-        - ndimage.distance_transform_edt(~inside, sampling=1 / spacing)
-    )
+def depth_in(inside: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """Distance of pixels to the border of what is inside, smooth: above 0 in it, below 0 outside.
+
+    Parameters
+    ----------
+    inside : ndarray of bool, shape (nx, ny[, nz])
+    spacing : ndarray, shape (dim,)
+        Size of a pixel, in the unit of the distance.
+    """
+    ways = [ndimage.distance_transform_edt(part, sampling=spacing) for part in (inside, ~inside)]
+    return np.asarray(ndimage.gaussian_filter(ways[0] - ways[1], BLUR))
 
 
 def unpinched(labels: np.ndarray, cost: np.ndarray) -> np.ndarray:

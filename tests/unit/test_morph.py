@@ -193,7 +193,7 @@ def test_layer_of_known_depth_and_thickness(thickness):
     # a third of a voxel
     assert np.allclose(found.depth, [0.2, -0.2], atol=0.08)
     assert np.allclose(found.thickness, thickness, atol=0.08)
-    border = find_border(
+    border, contrast = find_border(
         Profiles(replace(picture, values=np.where(values > 0.65, 0.9, 0.4))),
         points + np.array([0, 0, thickness]),
         -inward,
@@ -201,3 +201,4 @@ def test_layer_of_known_depth_and_thickness(thickness):
     )
     # half a voxel
     assert np.allclose(border, [-0.2, 0.2], atol=0.125)
+    assert contrast > 100  # there is no noise

@@ -137,6 +137,11 @@ SESSIONS = {
         "cp examples/breast/config.yaml studies/breast/config.yaml",
         "fingerfit check studies/breast --picture mesh.png",
         "fingerfit run studies/breast",
+        "python examples/breast/make_labels.py breast/other.nii.gz other",
+        "fingerfit mesh breast/labels.nii.gz --labels 1=FAT,2=GLAND,3=LUMP --holes 4=TOP --size 8 --out breast/reference.inp",
+        "fingerfit morph breast/reference.inp breast/other.nii.gz --labels 1=FAT,2=GLAND,3=LUMP --out breast/other.inp",
+        "> cp breast/reference.inp studies/breast/pictures/before.nii.gz .; cp before.nii.gz other.nii.gz",
+        "fingerfit morph reference.inp other.nii.gz --own before.nii.gz --out other.inp",
         "> cp breast/labels.nii.gz .",
         "fingerfit mesh labels.nii.gz --labels 1=FAT,2=GLAND,3=LUMP --holes 4=TOP --size 8 --out body.inp",
     ],
@@ -174,7 +179,13 @@ LEFT = {
     "tilt": {"tilt/config.yaml": ["tilt: {slope:"], "results/tilt/base/diagnosis.json": ["verdict"]},
     "new": {"mesh.png": [], "mine/config.yaml": ["# CHECK"]},
     "fingertip": {"subject.inp": ["C3D10H"], "studies/fingertip-coarse/subject.inp": ["C3D4"]},
-    "breast": {"mesh.png": [], "results/breast/base/table.txt": ["mu_lump"], "body.inp": ["C3D10"]},
+    "breast": {
+        "mesh.png": [],
+        "results/breast/base/table.txt": ["mu_lump"],
+        "body.inp": ["C3D10"],
+        "breast/other.inp": ["LUMP"],
+        "other.inp": ["LUMP"],
+    },
     "case": {"studies/hidden/relaxation/study.yaml": ["layers"]},
 }
 """What a session leaves, and texts in it."""
