@@ -70,6 +70,13 @@ def finest(problem: InverseProblem, last: Round) -> Asked:
     return solved[-1] if solved else problem.ask(best_values(last))
 
 
+def on_finer_mesh(problem: InverseProblem, last: Round) -> Asked | None:
+    """The last simulation of a finer mesh that has a solution, though the body may go through itself in it."""
+    asked = [one for one in last.batch if one.role == FINAL and problem.mesh_of(one) == REFINED]
+    solved = [one for one in asked if not diverged(problem, one)]
+    return solved[-1] if solved else None
+
+
 def on_search_mesh(problem: InverseProblem, last: Round) -> Minimum:
     """Minimum of the score on the mesh of the search."""
     return _minimum(problem, last, problem.ask(best_values(last)))
