@@ -6,7 +6,7 @@ Each is simulated, and what it would show is compared.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.joint import diagonal, joined
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.jobs import solve_missing
@@ -104,19 +105,21 @@ def separation(
     -------
     list of (str, float)
         Title and gain, the best first: how much larger the signal of the first effect becomes, in units of the noise
-        and after all that the second one and the model's own constants can imitate is taken away, squared.
+        and after all that the second one and the model's own constants can imitate is taken away, squared. In a study
+        with several tests each title begins with the one that is changed.
     int
         Simulations that were not known before.
     """
-    problem, run = _with_half(comparison.problem), 0
-    base = _Shown(comparison, problem, MEASURED).signal(first, second)
-    found = []
-    for design in designs(problem.study, REFINED in problem.mesh_files):
-        shown = _Shown(comparison, problem, design)
-        run += solve_missing(problem, shown.asked(first, second), threads)
-        signal = shown.signal(first, second)
-        if signal is not None and base:
-            found.append((design.title, signal / base))
+    run, found = 0, list[tuple[str, float]]()
+    measured = [_Shown(test, MEASURED, rows) for test, rows in _tests(comparison)]
+    base = _signal(comparison, measured, first, second)
+    for n, test in enumerate(measured):
+        for design in designs(test.problem.study, REFINED in test.problem.mesh_files):
+            shown = test.changed(design)
+            run += solve_missing(shown.problem, shown.asked(first, second), threads)
+            signal = _signal(comparison, [*measured[:n], shown, *measured[n + 1 :]], first, second)
+            if signal is not None and base:
+                found.append((shown.title, signal / base))
     return sorted(found, key=lambda pair: -pair[1]), run
 
 
@@ -170,29 +173,65 @@ def identification(comparison: Comparison, threads: int = 1) -> tuple[dict[str, 
 
     if not unsure():
         return {}, 0
-    problem, found = _with_half(comparison.problem), dict[str, np.ndarray]()
-    chosen = designs(problem.study, REFINED in problem.mesh_files)
-    if not np.isfinite(comparison.residual.response).any():
-        name = "displacement" if problem.study.control == "force" else "force"
-        chosen = [one for one in chosen if one.forces == 1.0]
-        chosen.append(Design(f"the {name} measured, to {100 * GOOD:g} % of its largest value", response=True))
     # slopes of the fit may be from a few percent beside: two nearly parallel ones would seem to cross
-    for design in (MEASURED, *chosen):
-        shown = _Shown(comparison, problem, replace(design, study=design.study or problem.study))
-        run += solve_missing(problem, shown.asked(), threads)
-        information = shown.information()
-        if design is MEASURED:
-            now = known.T @ known + (0.0 if information is None else information)
-            if information is None or not unsure():
-                return {}, run
-        elif information is not None:
-            found[design.title] = information + (now if design.study else known.T @ known)
+    measured = [_Shown(test, MEASURED, rows).at_estimate() for test, rows in _tests(comparison)]
+    told_now = list[np.ndarray]()
+    for test in measured:
+        run += solve_missing(test.problem, test.asked(), threads)
+        information = test.information()
+        if information is None:
+            return {}, run
+        told_now.append(information)
+    now = known.T @ known + sum(told_now)
+    if not unsure():
+        return {}, run
+    found = dict[str, np.ndarray]()
+    for n, test in enumerate(measured):
+        others = known.T @ known + sum(told_now[:n] + told_now[n + 1 :])
+        for design in _designs_of(test.comparison):
+            shown = test.changed(design).at_estimate()
+            run += solve_missing(shown.problem, shown.asked(), threads)
+            information = shown.information()
+            if information is not None:
+                found[shown.title] = information + (now if design.study else others)
     told = dict[str, list[Further]]()
     for n in unsure():
         ranked = sorted(found, key=lambda title: half(found[title])[n])
         listed = [further(title, found[title], n) for title in ranked]
         told[parameters[n].name] = [further(MEASURED.title, now, n), *listed]
     return told, run
+
+
+def _designs_of(comparison: Comparison) -> list[Design]:
+    """What could be measured next in a test; of a response that was not measured that it is."""
+    study = comparison.problem.study
+    found = designs(study, REFINED in comparison.problem.mesh_files)
+    if not np.isfinite(comparison.residual.response).any():
+        name, _ = comparison.data.response_name(0)
+        found = [one for one in found if one.forces == 1.0]
+        found.append(Design(f"the {name} measured, to {100 * GOOD:g} % of its largest value", response=True))
+    return found
+
+
+def _tests(comparison: Comparison) -> list[tuple[Comparison, slice]]:
+    """The tests of a study, and which values of the residual of all of them are theirs."""
+    ends = np.cumsum([0, *(len(test.residual.vector) for test in comparison.every)]).tolist()
+    return [(test, slice(*ends[n : n + 2])) for n, test in enumerate(comparison.every)]
+
+
+def _signal(comparison: Comparison, shown: Sequence[_Shown], first: Ranked, second: Ranked) -> float | None:
+    """Squared size of the first effect that nothing else can imitate in all tests; None without a solution."""
+    if not all(test.solved(first, second) for test in shown):
+        return None
+    one, other = (joined([test.columns(effect) for test in shown]) for effect in (first, second))
+    if one is None or other is None:
+        return None
+    covariance, own, unknown = zip(*(test.parts() for test in shown), strict=True)
+    free = np.concatenate([np.concatenate(own), other], axis=1)
+    before, rows = comparison.known
+    known = before, np.pad(rows, ((0, 0), (0, free.shape[1] - rows.shape[1])))
+    score_test = ScoreTest(np.zeros(len(free)), diagonal(covariance), free, diagonal(unknown), known=known)
+    return float((score_test.signature(one @ first.finding.size[:, None]) ** 2).sum())
 
 
 def _with_half(problem: InverseProblem) -> InverseProblem:
@@ -214,12 +253,38 @@ def _with_response(comparison: Comparison) -> Comparison:
 
 
 class _Shown:
-    """What a design would show of a model and of effects."""
+    """What a design would show of a model and of effects in a test.
 
-    def __init__(self, comparison: Comparison, problem: InverseProblem, design: Design) -> None:
-        self.comparison = _with_response(comparison) if design.response else comparison
-        self.problem, self.design = problem, design
+    Parameters
+    ----------
+    comparison : Comparison
+        Of the test.
+    design : Design
+    rows : slice
+        Its values among those of all tests.
+    problem : InverseProblem, optional
+        With the mesh of half an indenter; made when left out.
+    """
+
+    def __init__(
+        self, comparison: Comparison, design: Design, rows: slice, problem: InverseProblem | None = None
+    ) -> None:
+        self.comparison, self.design, self._rows = comparison, design, rows
+        self.problem = problem or _with_half(comparison.problem)
         self.values = comparison.base.values
+
+    @property
+    def title(self) -> str:
+        """Of the design, after the name of the test where there are several."""
+        return f"{self.problem.test}: {self.design.title}" if self.problem.test else self.design.title
+
+    def changed(self, design: Design) -> _Shown:
+        """What another design would show in the test."""
+        return _Shown(self.comparison, design, self._rows, self.problem)
+
+    def at_estimate(self) -> _Shown:
+        """The same, by slopes that are taken at the estimate whatever the design."""
+        return self.changed(replace(self.design, study=self.design.study or self.problem.study))
 
     def asked(self, *ranking: Ranked) -> list[Asked]:
         """Simulations that are needed."""
@@ -228,27 +293,23 @@ class _Shown:
         own = [a for pair in self._sides.values() for a in pair]
         return [self._null, *own, *(a for one in ranking for a in self._candidate(one).asked)]
 
-    def signal(self, first: Ranked, second: Ranked) -> float | None:
-        """Squared size of the first effect that nothing else can imitate; None without a solution."""
-        one, other = self._columns(first), self._columns(second)
-        if one is None or other is None or not self._solved(first, second):
-            return None
-        score_test = self._score_test(other)
-        return float((score_test.signature(one @ first.finding.size[:, None]) ** 2).sum())
+    def solved(self, *ranking: Ranked) -> bool:
+        """Whether all of them have a solution."""
+        return all(self.comparison.read(asked) is not None for asked in self.asked(*ranking))
 
     def information(self) -> np.ndarray | None:
         """Fisher's information on the constants, shape (parameters, parameters); None without a solution."""
-        if not self._solved():
+        if not self.solved():
             return None
-        own = self._score_test().own
-        return own.T @ own
+        covariance, own, unknown = self.parts()
+        # priors are added once, to all that is known
+        whitened = ScoreTest(np.zeros(len(covariance)), covariance, own, unknown).own
+        return whitened.T @ whitened
 
-    def _solved(self, *ranking: Ranked) -> bool:
-        return all(self.comparison.read(asked) is not None for asked in self.asked(*ranking))
-
-    def _score_test(self, other: np.ndarray | None = None) -> ScoreTest:
-        """Of nothing but noise; `other` columns are as free as the constants."""
-        comparison, design = self.comparison, self.design
+    def parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Covariance of noise and mesh, slopes of the constants, and signals of unknown size."""
+        design = self.design
+        comparison = _with_response(self.comparison) if design.response else self.comparison
         residual = comparison.residual
         pictures = np.flatnonzero(residual.kept) < residual.value.size
         scale = np.where(pictures, design.pictures, design.forces)
@@ -256,13 +317,7 @@ class _Shown:
         slope = self._slope if design.study else comparison.slope
         own, unknown = comparison.own(slope), comparison.nuisance(slope)
         # columns of the prescribed quantity and of the mesh take turns
-        unknown = unknown * np.tile([design.forces, design.error], unknown.shape[1] // 2)
-        nothing = np.zeros(len(covariance))
-        if other is None:
-            return ScoreTest(nothing, covariance, own, unknown)  # priors are added once, to all that is known
-        before, rows = comparison.known
-        known = before, np.pad(rows, ((0, 0), (0, other.shape[1])))
-        return ScoreTest(nothing, covariance, np.concatenate([own, other], axis=1), unknown, known=known)
+        return covariance, own, unknown * np.tile([design.forces, design.error], unknown.shape[1] // 2)
 
     def _ask(self, values: Mapping[str, float], role: str, gain: float = 1.0) -> Asked:
         study = self.design.study or self.problem.study
@@ -286,9 +341,10 @@ class _Shown:
         roles = {asked.role: asked.values for asked in one.candidate.asked}
         return replace(one.candidate, asked=tuple(self._ask(values, role) for role, values in roles.items()))
 
-    def _columns(self, one: Ranked) -> np.ndarray | None:
+    def columns(self, one: Ranked) -> np.ndarray | None:
+        """Slopes of an effect; None without a solution."""
         if self.design.study is None or not one.candidate.asked:
-            return one.columns
+            return one.columns[self._rows]
         return self.comparison.columns(self._candidate(one), self._null)
 
     def _slope(self, name: str) -> np.ndarray:

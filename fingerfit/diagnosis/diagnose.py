@@ -138,11 +138,10 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
     own = {name: estimate[name] for name in problem.settings.model.parameters}
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
     verdict = traced(verdict, score_test, ranking, refits, base, problem.settings.fit.tolerance, tests)
-    measurements, further = list[tuple[str, float]](), dict[str, list[Further]]()
-    if len(problem.every) == 1:
-        further, more = identification(found.comparison, threads)
-        run += more
-    if verdict.kind == "indistinguishable" and len(problem.every) == 1:
+    measurements = list[tuple[str, float]]()
+    further, more = identification(found.comparison, threads)
+    run += more
+    if verdict.kind == "indistinguishable":
         named = {one.candidate.effect.name: one for one in ranking}
         first, second = (named[name] for name in verdict.effects[:2])
         measurements, more = separation(found.comparison, first, second, threads)

@@ -57,7 +57,7 @@ class JointComparison(Comparison):
 
     def read(self, asked: Asked) -> np.ndarray | None:
         """Displacements and response of the simulations of a guess; None where a test has no solution."""
-        return _joined([test.read(one) for test, one in zip(self._tests, asked.every, strict=True)])
+        return joined([test.read(one) for test, one in zip(self._tests, asked.every, strict=True)])
 
     def own(self, slope: Slope | None = None) -> np.ndarray:
         """Slopes of the model's own constants, shape (kept, parameters)."""
@@ -69,11 +69,11 @@ class JointComparison(Comparison):
 
     def nuisance(self, slope: Slope | None = None) -> np.ndarray:
         """Signals of unknown size with standard deviation 1: those of each test for itself."""
-        return _diagonal([test.nuisance() for test in self._tests])
+        return diagonal([test.nuisance() for test in self._tests])
 
     def common(self) -> np.ndarray:
         """What all values of a step of a test have in common."""
-        return _diagonal([test.common() for test in self._tests])
+        return diagonal([test.common() for test in self._tests])
 
     def step_of(self) -> np.ndarray:
         """Index of the step, in its own test, that each value belongs to."""
@@ -82,7 +82,7 @@ class JointComparison(Comparison):
     @property
     def covariance(self) -> np.ndarray:  # type: ignore[override]
         """Of the noise and of the errors of the meshes, shape (kept, kept)."""
-        return _diagonal([test.covariance for test in self._tests])
+        return diagonal([test.covariance for test in self._tests])
 
     def columns(self, candidate: Candidate, without: Asked | None = None) -> np.ndarray | None:
         """Slopes of a candidate; zero in tests that do not show it, None where a simulation has no solution."""
@@ -90,7 +90,7 @@ class JointComparison(Comparison):
         for n, test in enumerate(self._tests):
             own = replace(candidate, asked=tuple(asked.every[n] for asked in candidate.asked))
             found.append(test.columns(own, without.every[n] if without else None))
-        return _joined(found)
+        return joined(found)
 
     def observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
         """Slope of an effect on the observation by one of its parameters, of all values."""
@@ -104,12 +104,14 @@ def comparison_of(problem: InverseProblem, last: Round, everything: Data | Seque
     return JointComparison(problem, last, everything)
 
 
-def _joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
+def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:
+    """Values of all tests, one after the other; None where those of a test are not there."""
     known = [part for part in parts if part is not None]
     return np.concatenate(known) if len(known) == len(parts) else None
 
 
-def _diagonal(blocks: list[np.ndarray]) -> np.ndarray:
+def diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    """A matrix of blocks along its diagonal, one for each test."""
     from scipy.linalg import block_diag
 
     return np.asarray(block_diag(*blocks))

@@ -185,7 +185,8 @@ class InverseProblem:
         text = format_mesh(mesh)
         path = self.sims.parent / "meshes" / f"{digest(text)}.inp"
         write_text(path, text)
-        return InverseProblem(self.settings, self.data, {**self.mesh_files, name: path}, self.sims, self.asked)
+        files = {**self.mesh_files, name: path}
+        return InverseProblem(self.settings, self.data, files, self.sims, self.asked, self.test)
 
     def with_settings(self, settings: Settings) -> InverseProblem:
         """The fit of another model to the same measurements."""

@@ -25,6 +25,7 @@ from fingerfit.settings.config import load_settings
 from fingerfit.study import reader
 from fingerfit.study.data import Data
 from fingerfit.study.several import file_ending
+from fingerfit.study.study import AXES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,6 +93,8 @@ class Result:
     def steps(self) -> pd.DataFrame:
         """Fitted steps: force (N) and displacement (mm) of the indenter; of the model the one that is free.
 
+        Where forces across the load were measured, these too.
+
         Of a study with several tests, rows are found by test and step.
         """
         import pandas as pd
@@ -101,7 +104,10 @@ class Result:
             data = test.data
             free = "displacement" if data.control == "force" else "force"
             found = {"step": data.step, "force": data.force, "displacement": data.displacement}
-            found[f"model_{free}"] = data.split(test.prediction(asked).response)[0]
+            along, lateral = data.split(test.prediction(asked).response)
+            found[f"model_{free}"] = along
+            for axis, forces, model in zip(AXES, data.lateral_force.T, lateral.T, strict=False):
+                found |= {f"force_{axis}": forces, f"model_force_{axis}": model}
             tables[test.test] = pd.DataFrame(found).set_index("step")
         return pd.concat(tables, names=["test"]) if len(tables) > 1 else next(iter(tables.values()))
 

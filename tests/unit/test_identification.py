@@ -10,7 +10,8 @@ from one_layer import DESCRIPTION, SHARED
 
 from fingerfit.core.files import write_json
 from fingerfit.diagnosis.comparison import anchor_of
-from fingerfit.diagnosis.designs import NORMAL, identification
+from fingerfit.diagnosis.designs import NORMAL, identification, separation
+from fingerfit.diagnosis.diagnose import diagnose
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.simulate import begin, run_fit
@@ -110,3 +111,57 @@ def test_without_any_force_it_is_the_force(tmp_path):
     # the force of one step is proportional to mu: its noise of 1 %
     assert np.log(first.interval[1] / first.interval[0]) / 2 == pytest.approx(NORMAL * 0.01, rel=0.02)
     assert not any(one.identified for one in others)
+
+
+def fitted(folder, tables, truth=TRUTH):
+    """A block of two layers as one study of several tests, or of one: displacements and forces of each."""
+    (folder / "study").mkdir(parents=True)
+    for name, rows in tables.items():
+        lines = [f"{n},{moved},{force:.10g}" for n, (moved, force) in enumerate(rows, 1)]
+        (folder / f"study/{name}.csv").write_text("\n".join(["step,displacement,force", *lines]) + "\n")
+    own = {name: {"steps": f"{name}.csv"} for name in tables}
+    study = {**STUDY, "noise": {"force": 0.05}}
+    study |= {"tests": own} if len(own) > 1 else {"steps": f"{next(iter(own))}.csv"}
+    (folder / "study/study.yaml").write_text(yaml.safe_dump(study))
+    model = {**copy.deepcopy(MODEL), "parameters": {name: {**MU, "start": mu} for name, mu in truth.items()}}
+    fit = {**FIT, "stages": [{"name": "descent", "kind": "least_squares"}]}
+    problem, everything = begin(load_settings({"study": str(folder / "study"), "model": model, "fit": fit}), folder)
+    last, _ = run_fit(problem, 1)
+    solve_missing(problem, [anchor_of(problem, last)], 1)
+    return problem, last, everything
+
+
+def test_two_tests_tell_together_what_one_with_all_steps_does(block, listed, tmp_path):
+    """An elastic body knows no history: forces of two tests are worth those of one, and so is what is measured next."""
+    data = block.problem.data
+    rows = list(zip(data.displacement, data.force, strict=True))
+    found, run = identification(comparison_of(*fitted(tmp_path, {"low": rows[:1], "high": rows[1:]})))
+    together = {one.title: one for one in found["mu_top"]}
+    assert run > 0 and found["mu_top"][0].title == "as measured"
+    assert deviation(together["as measured"]) == pytest.approx(deviation(listed["mu_top"]["as measured"]), rel=0.01)
+    titles = {title for title in listed["mu_top"] if title != "as measured"}
+    assert set(together) == {"as measured"} | {f"{test}: {title}" for test in ("low", "high") for title in titles}
+    # a test to 0.96 mm beside 0.4 and 0.8 mm: slopes of the block with all of these steps
+    both = compared(tmp_path / "all", [0.4, 0.8, 0.96]).score_test.own
+    spread = np.sqrt(np.diag(np.linalg.inv(both.T @ both)))
+    assert deviation(together["high: the same test to 1.2 times the displacement"]) == pytest.approx(
+        spread[0], rel=0.02
+    )
+
+
+def test_of_two_equal_tests_a_better_one_is_worth_half_of_what_both_would_be(tmp_path):
+    """Forces with a fifth of the noise bring 25 times the signal of one test, and 26 instead of 2 in both."""
+    rows = [(0.4, 12.0), (0.8, 27.0), (1.2, 46.0), (1.6, 71.0)]
+    gains = {}
+    for name, tables in (("one", {"a": rows}), ("two", {"a": rows, "b": rows})):
+        problem, last, everything = fitted(tmp_path / name, tables, {"mu": 0.05})
+        found = diagnose(problem, last, everything)
+        ranking = {one.candidate.effect.name: one for one in found.ranking}
+        gains[name], _ = separation(found.comparison, ranking["stiffening"], ranking["compressibility"])
+    one, two = (dict(found) for found in gains.values())
+    title = "forces and displacements measured five times better"
+    assert one[title] == pytest.approx(25.0, rel=1e-6)
+    assert [two[f"{test}: {title}"] for test in "ab"] == pytest.approx([13.0, 13.0], rel=1e-6)
+    assert set(two) == {f"{test}: {title}" for test in "ab" for title in one}
+    farther = "the same test to 1.2 times the displacement"
+    assert two[f"a: {farther}"] > 1.0

@@ -9,6 +9,7 @@ from blocks import FIT, STUDY
 from differences import by_differences
 from scipy.optimize import brentq, minimize_scalar
 from seeds import generator
+from small_body import DESCRIPTION, SMALL, config_of, written
 
 from fingerfit.core.errors import Problems
 from fingerfit.fit.discrepancy import Discrepancy, Kind
@@ -156,3 +157,16 @@ def test_a_model_that_is_right_is_fitted_as_before(tmp_path):
 def test_it_is_one_of_a_likelihood(tmp_path):
     with pytest.raises(Problems, match=r"fit\.discrepancy: found estimate with score ssd; expected score: likelihood"):
         placed(tmp_path, False, discrepancy="estimate", score="ssd")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", [{}, DESCRIPTION["effects"]], ids=["nothing", "a lump"])
+def test_pictures_count_less_where_something_hidden_shows_in_them(tmp_path, hidden):
+    config = config_of(written(tmp_path, study={"control": "displacement"}, effects=hidden), SMALL)
+    config["fit"] |= {"score": "likelihood", "discrepancy": "estimate"}
+    (told,) = (
+        line for line in fit(config, tmp_path / "results").estimate["remarks"] if line.startswith("what the data")
+    )
+    assert "response 100 %" in told
+    share = float(told.partition("pictures ")[2].rstrip(" %"))
+    assert share < 5 if hidden else share == 100
