@@ -14,6 +14,8 @@ from fingerfit.mesh.tetrahedra import corners, faces_on, outer_faces, volumes
 _LEAST = 0.2
 """Smallest Jacobian of a curved element, relative to that of the one with straight edges."""
 _TURNS = 12
+BENT = 0.2
+"""Farthest that the middle of an edge is set beside the straight one, in lengths of the edge: an arc of 87 degrees."""
 
 
 def curved(mesh: Mesh, triangles: np.ndarray, shells: int) -> Mesh:
@@ -71,11 +73,24 @@ def middles(nodes: np.ndarray) -> dict[tuple[int, int], int]:
 
 
 def with_straight_edges(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Points with those in the middle of the edges of C3D10, shape (elements, 10), between their corners."""
+    """Points with those in the middle of the edges of C3D10, shape (elements, 10), between their corners.
+
+    Those of C3D4, shape (elements, 4), stay as they are.
+    """
     straight = points.copy()
-    for number, edge in enumerate(EDGES[3], 4):
+    for number, edge in enumerate(EDGES[3][: nodes.shape[1] - 4], 4):
         straight[nodes[:, number]] = points[nodes[:, list(edge)]].mean(axis=1)
     return straight
+
+
+def clipped(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Points of which those in the middle of edges of C3D10, shape (elements, 10), are not too far beside it."""
+    straight = with_straight_edges(points, nodes)
+    edge = np.full(len(points), np.inf)
+    for number, (a, b) in enumerate(EDGES[3][: nodes.shape[1] - 4], 4):
+        edge[nodes[:, number]] = np.linalg.norm(points[nodes[:, a]] - points[nodes[:, b]], axis=1)
+    far = np.linalg.norm(points - straight, axis=1)
+    return np.asarray(straight + (points - straight) * np.minimum(1, BENT * edge / np.maximum(far, 1e-300))[:, None])
 
 
 def edges_of(triangles: np.ndarray) -> list[tuple[int, int]]:

@@ -8,17 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerfit.anatomy.curved import ease, with_straight_edges
+from fingerfit.anatomy.curved import clipped, ease, with_straight_edges
 from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh.inside import sizes
 from fingerfit.mesh.mesh import Mesh
-from fingerfit.mesh.shapes import EDGES
+from fingerfit.mesh.repair import FLAT, mend, moved
 from fingerfit.mesh.tetrahedra import Quality, corners, quality, radius_ratio
 from fingerfit.morph.interfaces import REST, Intensities, Interface, Labels, Sight, interfaces_of, parts_of
 from fingerfit.morph.register import Registration, middle_of, register
 from fingerfit.morph.render import frame_around, render
-from fingerfit.morph.repair import mend, spread
 
 KNOTS = 8
 """Control points of the registration along the longest side of the body. A choice."""
@@ -26,12 +25,6 @@ COMPARED = 30_000
 """Voxels that the registration compares, about. A choice."""
 SEARCHES = 6
 """Times that borders are set on those of the subject. A choice."""
-FLAT = 0.1
-"""Radius ratio below which no element is brought for the sake of a border; in the reference some are. A choice."""
-BENT = 0.2
-"""Farthest that the middle of an edge lies beside the straight one, in lengths of the edge: an arc of 87 degrees."""
-HALVES = 12
-"""Times that the way of a border is halved where it would. A choice."""
 AROUND = 3
 """How far around the mesh volumes are compared, voxels. A choice."""
 
@@ -196,71 +189,28 @@ def _fitted(
     way = register(reference, subject, settings or _settings(mesh, reference), mask, middle_of)
     interfaces = interfaces_of(mesh)
     corner = np.unique(corners(mesh))
-    middle = _Middles(mesh, way(mesh.points))
-    found, mended = mend(mesh, middle.registered, np.intersect1d(corner, _nodes(interfaces)))
+    nodes, registered = np.concatenate([block.nodes for block in mesh.blocks]), way(mesh.points)
+    beside = registered - with_straight_edges(registered, nodes)
+    found, mended = mend(mesh, registered, np.intersect1d(corner, _nodes(interfaces)))
     least = np.minimum(FLAT, 0.9 * radius_ratio(found, corners(mesh)))
     for _ in range(SEARCHES):
-        seen, shift = _shift(sight, middle.set(found), interfaces)
+        seen, shift = _shift(sight, with_straight_edges(found, nodes) + beside, interfaces)
         known = np.isin(seen, corner)
-        found = _moved(mesh, found, seen[known], shift[known], least)
-    found = middle.set(found)
+        found = moved(mesh, found, seen[known], shift[known], least)
+    found = with_straight_edges(found, nodes) + beside
     for _ in range(SEARCHES):
         seen, shift = _shift(sight, found, interfaces)
         between = ~np.isin(seen, corner)
         found[seen[between]] += shift[between]
-        found = middle.clipped(found)
-    moved, eased = ease(replace(mesh, points=found))
+        found = clipped(found, nodes)
+    bent, eased = ease(replace(mesh, points=found))
     left: dict[str, tuple[float, float, float] | None] = {}
     for one in interfaces:
-        far = np.linalg.norm(sight.ways(moved.points, one, _others(interfaces, one))[1], axis=1)
+        far = np.linalg.norm(sight.ways(bent.points, one, _others(interfaces, one))[1], axis=1)
         left[str(one)] = (float(far.mean()), float(np.percentile(far, 95)), float(far.max())) if len(far) else None
-    volume = sizes(moved)
-    held = {name: (float(volume[members].sum()),) for name, members in parts_of(moved).items()}
-    return Body(moved, quality(moved), len(mended), eased, left, held)
-
-
-class _Middles:
-    """Nodes in the middle of edges, which keep their place beside the middle of the corners."""
-
-    def __init__(self, mesh: Mesh, registered: np.ndarray) -> None:
-        self._nodes, self.registered = np.concatenate([block.nodes for block in mesh.blocks]), registered
-        self._beside = registered - self._straight(registered)
-
-    def _straight(self, points: np.ndarray) -> np.ndarray:
-        return with_straight_edges(points, self._nodes) if self._nodes.shape[1] > 4 else points
-
-    def clipped(self, points: np.ndarray) -> np.ndarray:
-        """Points with those in the middle of edges at most a share of the edge beside its middle, shape (nodes, 3)."""
-        straight = self._straight(points)
-        beside = points - straight
-        length = np.linalg.norm(beside, axis=1)
-        return straight + beside * np.minimum(1.0, BENT * self._edges(points) / np.maximum(length, 1e-12))[:, None]
-
-    def _edges(self, points: np.ndarray) -> np.ndarray:
-        """Length of the edge that each node is in the middle of, shape (nodes,)."""
-        found = np.zeros(len(points))
-        for number, (a, b) in enumerate(EDGES[3][: self._nodes.shape[1] - 4], 4):
-            found[self._nodes[:, number]] = np.linalg.norm(
-                points[self._nodes[:, a]] - points[self._nodes[:, b]], axis=1
-            )
-        return found
-
-    def set(self, points: np.ndarray) -> np.ndarray:
-        """Points with those in the middle of edges where the corners want them, shape (nodes, 3)."""
-        return self._straight(points) + self._beside
-
-
-def _moved(mesh: Mesh, points: np.ndarray, known: np.ndarray, shift: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """Points of which known ones are shifted and the others follow; less far where elements would be too flat."""
-    nodes = corners(mesh)
-    share = np.ones(len(points))
-    for _ in range(HALVES):
-        way = spread(replace(mesh, points=points), known, share[known, None] * shift) if len(known) else 0.0
-        bad = radius_ratio(points + way, nodes) < least
-        if not bad.any():
-            return points + way
-        share[np.unique(nodes[bad])] /= 2
-    return points
+    volume = sizes(bent)
+    held = {name: (float(volume[members].sum()),) for name, members in parts_of(bent).items()}
+    return Body(bent, quality(bent), len(mended), eased, left, held)
 
 
 def _nodes(interfaces: list[Interface]) -> np.ndarray:

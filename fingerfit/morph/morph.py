@@ -13,11 +13,11 @@ from fingerfit.anatomy.surface import vertex_normals
 from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.mesh.repair import mend, spread
 from fingerfit.mesh.tetrahedra import Quality, corners, faces_on, quality
 from fingerfit.morph.edges import CLEAR, Profiles, averages, find_border, find_layers
 from fingerfit.morph.register import Deformation, Registration, register
 from fingerfit.morph.render import frame_around, render
-from fingerfit.morph.repair import mend, spread
 from fingerfit.morph.straight import straightened
 
 INTENSITY = {"EPIDERMIS": 0.45, "SUBCUTANEOUS": 0.9, "DISTAL": 0.65, "MIDDLE": 0.65, "NAIL": 0.15}

@@ -25,6 +25,9 @@ WAY = 0.25
 LEVEL = 1e-3
 """Square of a slope of depths, which is 4 between two labels, below which there is no border to go to."""
 
+ALONG = 0.25
+"""Least share of the square of a slope along which places are free. A choice."""
+
 
 @dataclass(frozen=True)
 class Borders:
@@ -39,15 +42,21 @@ class Borders:
     labels : ndarray of int, shape (sides, 2)
         Label on each side of it; in the plane to the left and to the right, in space behind and before it. Those that
         are left out are below 0.
+    free : ndarray of bool, shape (nodes, dim)
+        Axes along which each node may move: not across a flat end of the body.
+    pairs : dict of (int, int) to list of int
+        Nodes of the border between two labels, the lower one first; none where more than three labels meet.
     """
 
     nodes: np.ndarray
     sides: np.ndarray
     labels: np.ndarray
+    free: np.ndarray
+    pairs: dict[tuple[int, int], list[int]]
 
 
 def borders_of(cells: Cells) -> Borders:
-    """Borders of the body and within it, smooth; sides along the box around the body stay flat."""
+    """Borders of the body and within it, smooth; flat ends of the body stay flat."""
     labels = cells.labels
     dim = labels.ndim
     sides, pairs, flat = [], [], []
@@ -65,7 +74,7 @@ def borders_of(cells: Cells) -> Borders:
     corners, which = np.unique(np.concatenate(sides).reshape(-1, dim), axis=0, return_inverse=True)
     side = which.reshape(-1, 2 ** (dim - 1))
     pair, axis_of = np.concatenate(pairs), np.concatenate(flat)
-    return Borders(_smoothed(cells, corners.astype(float), side, pair, axis_of), side, pair)
+    return _smoothed(cells, corners.astype(float), side, pair, axis_of)
 
 
 def _around(dim: int, axis: int, across: list[int]) -> np.ndarray:
@@ -80,13 +89,13 @@ def _around(dim: int, axis: int, across: list[int]) -> np.ndarray:
     return steps[::-1] if axis == 1 else steps
 
 
-def _smoothed(cells: Cells, start: np.ndarray, sides: np.ndarray, pairs: np.ndarray, axis_of: np.ndarray) -> np.ndarray:
+def _smoothed(cells: Cells, start: np.ndarray, sides: np.ndarray, pairs: np.ndarray, axis_of: np.ndarray) -> Borders:
     count, dim = start.shape
     free = np.ones((count, dim), dtype=bool)
     low, high = np.ones(dim), np.array(cells.labels.shape) - 1.0  # of the box around the body
     for axis in range(dim):
         chosen = sides[axis_of == axis]
-        for end in (low[axis], high[axis]):
+        for end in np.array([low[axis], high[axis]])[cells.flat[axis]]:
             there = chosen[start[chosen[:, 0], axis] == end]
             free[np.unique(there), axis] = False
     edges = np.concatenate(
@@ -118,10 +127,9 @@ def _smoothed(cells: Cells, start: np.ndarray, sides: np.ndarray, pairs: np.ndar
             mean = np.stack([np.bincount(rows, place[columns, k], count) / number for k in range(dim)], axis=1)
             place = np.where(free & joined, place + step * (mean - place), place)
         for (a, b), nodes in by_pair.items():
-            way = to_zero(partial(_difference, cells, a, b), place[nodes], WAY, WAY)
-            place[nodes] += np.where(free[nodes], way, 0.0)
+            place[nodes] += to_zero(partial(_difference, cells, a, b), place[nodes], WAY, WAY, free[nodes])
         place = np.clip(place, start - FAR, start + FAR)
-    return place
+    return Borders(place, sides, pairs, free, by_pair)
 
 
 def _kinds(count: int, sides: np.ndarray, pairs: np.ndarray) -> list[set[int]]:
@@ -138,16 +146,24 @@ def _difference(cells: Cells, a: int, b: int, at: np.ndarray) -> np.ndarray:
 
 
 def to_zero(
-    difference: Callable[[np.ndarray], np.ndarray], place: np.ndarray, step: float, most: float = np.inf
+    difference: Callable[[np.ndarray], np.ndarray],
+    place: np.ndarray,
+    step: float,
+    most: float = np.inf,
+    free: np.ndarray | None = None,
 ) -> np.ndarray:
     """Way to where a difference of two depths is zero, along its slope over a step; `most` long at most.
+
+    Where places are not free to move along an axis they move along the others, but not where the border lies in them.
 
     >>> to_zero(lambda at: 2 * (at[:, 0] - 1.0), np.array([[0.8, 5.0], [3.0, 5.0]]), 0.5, 0.5)[:, 0].round(9).tolist()
     [0.2, -0.5]
     """
     steps = step * np.eye(place.shape[1])
     slope = np.stack([(difference(place + one) - difference(place - one)) / (2 * step) for one in steps], axis=1)
-    steep = (slope**2).sum(axis=1)
-    way = -(difference(place) / np.maximum(steep, LEVEL))[:, None] * slope
+    along = slope if free is None else np.where(free, slope, 0.0)
+    steep = (along**2).sum(axis=1)
+    enough = steep >= np.maximum(LEVEL, ALONG * (slope**2).sum(axis=1))
+    way = -np.where(enough, difference(place) / np.maximum(steep, LEVEL), 0.0)[:, None] * along
     length = np.linalg.norm(way, axis=1, keepdims=True)
-    return way * np.minimum(1.0, most / np.maximum(length, 1e-12))
+    return np.asarray(way * np.minimum(1.0, most / np.maximum(length, 1e-12)))

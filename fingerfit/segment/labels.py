@@ -15,6 +15,10 @@ BLUR = 0.7
 """Standard deviation of the Gaussian that takes the steps of pixels out of depths, pixels. A choice."""
 PASSES = 20
 """Over cells that touch themselves: changing one may make another. A choice."""
+ASIDE = -0.5
+"""Depth from which a pad lies on a cell at the end of the body, cells: it may end within the cell. A choice."""
+FLAT = 0.5
+"""Least share of a section that the end of a flat side has; that of a ball has less. A choice."""
 MOST = 10**7
 """Cells at most: about a gigabyte of depths. A choice."""
 
@@ -74,6 +78,8 @@ class Cells:
     depths : dict of int to ndarray
         Distance of pixels of the picture, x first, to the border of each label, in cells; below 0 outside.
     picture : Picture
+    flat : ndarray of bool, shape (dim, 2)
+        Whether the body is flat at the lower and the upper end of each axis.
     """
 
     labels: np.ndarray
@@ -81,11 +87,21 @@ class Cells:
     spacing: np.ndarray
     depths: dict[int, np.ndarray]
     picture: Picture
+    flat: np.ndarray
 
     def depth(self, label: int, places: np.ndarray) -> np.ndarray:
         """Depth in a label at places in cells from the origin, shape (places, dim)."""
         index = (self.origin + places * self.spacing).T
         return np.asarray(ndimage.map_coordinates(self.depths[label], index, order=1, mode="nearest"))
+
+    def ahead(self, label: int, places: np.ndarray) -> np.ndarray:
+        """How much deeper places are in a label than in any other one, shape (places,): 0 on its surface."""
+        others = [self.depth(other, places) for other in self.depths if other != label]
+        return np.asarray(self.depth(label, places) - np.max(others, axis=0))
+
+    def to_places(self, points: np.ndarray) -> np.ndarray:
+        """Places in cells of points in mm."""
+        return np.asarray((self.picture.to_index(points) - self.origin) / self.spacing)
 
     def to_points(self, places: np.ndarray) -> np.ndarray:
         """Points in mm."""
@@ -124,26 +140,49 @@ def cells_of(picture: Picture, size: float, left_out: tuple[int, ...], where: Pa
         raise InputError(where, "size", f"{size:g} mm, {count.prod()} cells", f"{MOST} cells at most")
     spacing = extent / count
     padded = np.pad(values, 2)
+    flat = _continued(padded, np.pad(body, 2), np.pad(np.isin(values, left_out), 2), np.rint(spacing).astype(int))
     there = np.unique(values)
     depths = {int(label): depth_in(padded == label, 1 / spacing) for label in dict.fromkeys([0, *there])}
-    cells = Cells(np.zeros(0), low + 2.0, spacing, depths, picture)
+    cells = Cells(np.zeros(0), low + 2.0, spacing, depths, picture, flat)
     centres = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in count), indexing="ij"), axis=-1)
     known = list(depths)
     deep = np.array([cells.depth(label, centres.reshape(-1, len(count))) for label in known])
     best = unpinched(deep.argmax(axis=0).reshape(count), -deep.reshape(-1, *count))
-    # around the box nothing of the body lies, but pads may
-    around = np.stack(np.meshgrid(*(np.arange(-1, n + 1) + 0.5 for n in count), indexing="ij"), axis=-1)
+    # around the box nothing of the body lies, but pads may: where the first pixel beyond is in one, or nearly so, since
+    # the cells under it are those whose middle is in the body
+    beyond = [np.clip(np.arange(-1, n + 1) + 0.5, -0.5 / k, n + 0.5 / k) for n, k in zip(count, spacing, strict=True)]
+    around = np.stack(np.meshgrid(*beyond, indexing="ij"), axis=-1).reshape(-1, len(count))
     pads = [0, *left_out]
-    labels = np.array(pads)[
-        np.argmax([cells.depth(label, around.reshape(-1, len(count))) for label in pads], axis=0)
-    ].reshape(count + 2)
+    deep = np.array([np.full(len(around), ASIDE), *(cells.depth(label, around) for label in left_out)])
+    labels = np.array(pads)[deep.argmax(axis=0)].reshape(count + 2)
     labels[(slice(1, -1),) * len(count)] = np.array(known)[best]
     labels[np.isin(labels, left_out)] *= -1  # a border of the body, as what is outside
     # padded pixels lie two before those of the picture, and the first cell is one before the body
     moved = Picture(
         picture.values, picture.spacing, picture.to_points(np.full((1, len(count)), -2.0))[0], picture.direction
     )
-    return Cells(labels, low + 2.0 - spacing, spacing, depths, moved)
+    return Cells(labels, low + 2.0 - spacing, spacing, depths, moved, flat)
+
+
+def _continued(labels: np.ndarray, body: np.ndarray, holes: np.ndarray, deeper: np.ndarray) -> np.ndarray:
+    """Whether the body ends flat, shape (dim, 2); where it does, and no hole is beyond, its labels go on beyond it.
+
+    Depths of what is beside it then have no rounded rim. A side is flat where holes lie on half of it, or it is half as
+    large as the section that is `deeper` by an element.
+    """
+    flat = np.zeros((labels.ndim, 2), dtype=bool)
+    for axis in range(labels.ndim):
+        for upper in (0, 1):
+            held, cut, own = (
+                np.flip(np.moveaxis(one, axis, 0), 0) if upper else np.moveaxis(one, axis, 0)
+                for one in (body, holes, labels)
+            )
+            end = int(np.flatnonzero(held.any(axis=tuple(range(1, labels.ndim))))[0])
+            covered = (cut[end - 1] & held[end]).sum() / held[end].sum()
+            flat[axis, upper] = max(covered, held[end].sum() / held[end + deeper[axis]].sum()) >= FLAT
+            if flat[axis, upper] and not cut[:end].any():
+                own[:end] = own[end]
+    return flat
 
 
 def depth_in(inside: np.ndarray, spacing: np.ndarray) -> np.ndarray:
@@ -155,6 +194,8 @@ def depth_in(inside: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     spacing : ndarray, shape (dim,)
         Size of a pixel, in the unit of the distance.
     """
+    if inside.all() or not inside.any():
+        return np.full(inside.shape, np.linalg.norm(inside.shape * spacing) * (1 if inside.all() else -1))
     ways = [ndimage.distance_transform_edt(part, sampling=spacing) for part in (inside, ~inside)]
     return np.asarray(ndimage.gaussian_filter(ways[0] - ways[1], BLUR))
 

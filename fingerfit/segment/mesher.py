@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ from fingerfit.core.errors import InputError, SolverError
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh.inside import size_of
 from fingerfit.mesh.mesh import Block, Mesh
-from fingerfit.mesh.tetrahedra import oriented, to_quadratic
+from fingerfit.mesh.tetrahedra import oriented
 from fingerfit.segment.borders import Borders, borders_of
 from fingerfit.segment.labels import cells_of
+from fingerfit.segment.settle import curved, settled
 
 ELEMENTS = {2: ("CPE6", "CPE6H", "CPE3", "CPE3H"), 3: ("C3D10", "C3D10H", "C3D4", "C3D4H")}
 """Elements in the plane and in space; the first one where none is wanted."""
@@ -84,8 +86,10 @@ def mesh_labels(
         raise InputError(where, "labels", f"{strange[0]} without a name", f"{strange[0]}=NAME, or it as a hole")
     cells = cells_of(picture, size, tuple(holes), Path(where))
     borders = borders_of(cells)
-    points = cells.to_points(borders.nodes)
-    points, nodes, label = (_plane if dim == 2 else _space)(points, borders, size, grading)
+    border = cells.to_points(borders.nodes)
+    triangles, sides_of = _triangles(border, borders) if dim == 3 else (borders.sides, borders.labels)
+    fill = _plane if dim == 2 else _space
+    points, nodes, label = fill(border, triangles, sides_of, size, grading)
     missing = sorted(set(tissues) - set(label.tolist()))
     if missing:
         expected = f"elements smaller than {size:g} mm, or labels with more pixels"
@@ -99,11 +103,14 @@ def mesh_labels(
     if empty := [name for name, nodes in hole_nodes.items() if not len(nodes)]:
         raise InputError(where, "holes", f"{empty[0]}, which touches no tissue", "a label beside one")
     outside = np.unique(borders.sides[(borders.labels <= 0).any(axis=1)])
-    named = {**_sides(points, outside, sides, size), **hole_nodes}
     linear = "C3D4" if dim == 3 else "CPE3"
+    mesh = Mesh(points, (Block(linear, nodes),), {}, sets)
+    if dim == 3:
+        mesh = settled(cells, borders, mesh, list(holes))
+    mesh = replace(mesh, node_sets={**_sides(mesh.points, outside, sides, size), **hole_nodes})
     if element.removesuffix("H") == linear:
-        return Mesh(points, (Block(element, nodes),), named, sets)
-    found = (to_quadratic if dim == 3 else _six)(Mesh(points, (Block(linear, nodes),), named, sets))
+        return replace(mesh, blocks=(Block(element, nodes),))
+    found = _six(mesh) if dim == 2 else curved(cells, borders, mesh, triangles, sides_of, list(holes))
     return Mesh(found.points, (Block(element, found.blocks[0].nodes),), found.node_sets, sets)
 
 
@@ -122,7 +129,7 @@ def _flat(height: np.ndarray, size: float) -> bool:
 
 
 def _plane(
-    points: np.ndarray, borders: Borders, size: float, grading: float
+    points: np.ndarray, sides: np.ndarray, labels: np.ndarray, size: float, grading: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     load_netgen()
     from netgen import geom2d
@@ -130,25 +137,24 @@ def _plane(
     shape = geom2d.SplineGeometry()
     for point in points:
         shape.AppendPoint(*map(float, point))
-    for (a, b), (left, right) in zip(borders.sides.tolist(), borders.labels.tolist(), strict=True):
+    for (a, b), (left, right) in zip(sides.tolist(), labels.tolist(), strict=True):
         shape.Append(["line", a, b], leftdomain=max(left, 0), rightdomain=max(right, 0), bc=1)
     return _made(lambda: shape.GenerateMesh(maxh=LARGEST * size, grading=grading, quad_dominated=False), 2, points)
 
 
 def _space(
-    points: np.ndarray, borders: Borders, size: float, grading: float
+    points: np.ndarray, triangles: np.ndarray, labels: np.ndarray, size: float, grading: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     meshing = load_netgen().meshing
     mesh = meshing.Mesh(dim=3)
     numbers = [mesh.Add(meshing.MeshPoint(meshing.Pnt(*map(float, point)))) for point in points]
-    pairs, which = np.unique(np.maximum(borders.labels, 0), axis=0, return_inverse=True)
+    pairs, which = np.unique(np.maximum(labels, 0), axis=0, return_inverse=True)
     faces = [
         mesh.Add(meshing.FaceDescriptor(surfnr=n, domin=int(a), domout=int(b), bc=n))
         for n, (a, b) in enumerate(pairs, 1)
     ]
-    for side, pair in zip(borders.sides, which.ravel(), strict=True):
-        for triangle in _halves(points, side):
-            mesh.Add(meshing.Element2D(faces[pair], [numbers[n] for n in triangle]))
+    for triangle, pair in zip(triangles.tolist(), which.ravel(), strict=True):
+        mesh.Add(meshing.Element2D(faces[pair], [numbers[n] for n in triangle]))
     for label in sorted(set(pairs.ravel().tolist()) - {0}):
         mesh.SetMaterial(label, str(label))
     return _made(
@@ -158,8 +164,14 @@ def _space(
     )
 
 
+def _triangles(points: np.ndarray, borders: Borders) -> tuple[np.ndarray, np.ndarray]:
+    """Sides with four corners as two triangles each, cut along the shorter diagonal, and their labels."""
+    return np.array([half for side in borders.sides for half in _halves(points, side)]), borders.labels.repeat(
+        2, axis=0
+    )
+
+
 def _halves(points: np.ndarray, side: np.ndarray) -> list[list[int]]:
-    """A side with four corners as two triangles, cut along the shorter diagonal."""
     a, b, c, d = side.tolist()
     if np.linalg.norm(points[a] - points[c]) <= np.linalg.norm(points[b] - points[d]):
         return [[a, b, c], [a, c, d]]

@@ -12,13 +12,13 @@ from fingerfit.core.errors import InputError, SolverError
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh.blocks import brick
+from fingerfit.mesh.repair import mend, spread
 from fingerfit.mesh.tetrahedra import corners, faces_on, radius_ratio, to_quadratic, volumes
 from fingerfit.morph.distance import surface_distance
 from fingerfit.morph.edges import Profiles, find_border, find_layers
 from fingerfit.morph.morph import INTENSITY, labelled, morph
 from fingerfit.morph.register import Registration, register, tip_of
 from fingerfit.morph.render import frame_around, render
-from fingerfit.morph.repair import mend, spread
 from fingerfit.morph.straight import straightened
 
 VOXEL = 0.3
@@ -152,7 +152,7 @@ def test_inverted_elements_are_mended(cube):
 
 
 def test_hopeless_elements_are_told(cube, monkeypatch):
-    monkeypatch.setattr("fingerfit.morph.repair.ROUNDS", 2)
+    monkeypatch.setattr("fingerfit.mesh.repair.ROUNDS", 2)
     with pytest.raises(SolverError, match="elements stay inverted or flat"):
         mend(cube, cube.points * [1.0, 1.0, -1.0], np.zeros(0, dtype=int))
 

@@ -100,7 +100,7 @@ def test_a_mesh_takes_the_shape_of_another_subject_by_its_segmentation(reference
         assert f"{name}: {sizes(found)[found.element_sets[name]].sum():.5g} mm^3; by labels" in said
     # the map has a determinant of its own, and the gland is whole
     gland = 4 / 3 * np.pi * RADII["GLAND"].prod() * STRETCH.prod()
-    assert sizes(found)[found.element_sets["GLAND"]].sum() == pytest.approx(gland, rel=0.035)
+    assert sizes(found)[found.element_sets["GLAND"]].sum() == pytest.approx(gland, rel=0.02)
     # the flat side stays where it is, but for its rim
     low = found.points[found.node_sets["BOTTOM"], 2]
     assert np.median(low) == pytest.approx(there(np.array([[0.0, 0.0, FOOT]]))[0, 2], abs=VOXEL / 2)
@@ -118,7 +118,7 @@ def test_a_volume_of_each_subject_is_enough(reference):
     found = morph_body(reference, own, noisy)
     far = np.linalg.norm(found.mesh.points - there(reference.points), axis=1)
     # nodes within the body are those of the same tissue, as its texture tells
-    assert far.mean() < 2 / 3 * VOXEL
+    assert far.mean() < VOXEL / 2
     for name in RADII:
         assert distances(found.mesh, name, back).mean() < VOXEL / 4
     assert (sizes(found.mesh) > 0).all()

@@ -7,9 +7,10 @@ import pytest
 import SimpleITK as sitk
 
 from fingerfit.cli import main
-from fingerfit.core.errors import InputError
+from fingerfit.core.errors import InputError, SolverError
 from fingerfit.deck.mesh_file import read_mesh
 from fingerfit.imaging.pictures import Picture, write_picture
+from fingerfit.mesh.faces import faces_of
 from fingerfit.mesh.inside import sizes
 from fingerfit.mesh.tetrahedra import quality
 from fingerfit.segment.labels import read_names
@@ -84,11 +85,48 @@ def test_a_body_in_space_is_meshed_from_its_file(ball, tmp_path, capsys):
     assert mesh.blocks[0].element == "C3D10"
     assert found.inverted == 0
     assert f"GLAND: {len(mesh.element_sets['GLAND'])} elements" in said
-    # triangles of 5 mm instead of a ball with a radius of 8 mm lose some 15 %
-    assert found.volume["GLAND"] == pytest.approx(4 / 3 * np.pi * 8**3, rel=0.25)
+    # elements of 5 mm in a ball with a radius of 8 mm: three across; the body is a ball without its cap
+    volume = sizes(mesh)
+    assert volume[mesh.element_sets["GLAND"]].sum() == pytest.approx(4 / 3 * np.pi * 8**3, rel=0.12)
+    assert volume.sum() == pytest.approx(4 / 3 * np.pi * 16**3 - np.pi * 6**2 * (3 * 16 - 6) / 3, rel=0.01)
     # the flat side is where the voxels end, and it is flat
     assert np.ptp(mesh.points[mesh.node_sets["BOTTOM"], 2]) < 1e-9
     assert mesh.points[mesh.node_sets["BOTTOM"], 2].mean() == pytest.approx(17.5 - 10)
+
+
+@pytest.mark.parametrize("size", [4.0, 6.0])
+def test_flat_ends_keep_their_rims(size):
+    """A drum with a pad on a part of its upper end."""
+    z, y, x = np.meshgrid(np.arange(30) - 4.0, np.arange(44) - 21.6, np.arange(44) - 21.4, indexing="ij")
+    values = np.where((np.hypot(x, y) < 18) & (z > 0) & (z < 20), 1.0, 0.0)
+    values[(np.hypot(x, y) < 10) & (z >= 20)] = 2
+    picture = Picture(values, np.ones(3), np.zeros(3), np.eye(3))
+    mesh = mesh_labels(picture, size, {1: "FAT"}, {2: "TOP"}, sides={"BOTTOM": "z-"})
+    # before rims had a place of their own, the base was 6 to 11 % too small, and the pad 10 to 20 %
+    assert area(mesh, "BOTTOM") == pytest.approx(np.pi * 18**2, rel=0.02)
+    assert area(mesh, "TOP") == pytest.approx(np.pi * 10**2, rel=0.03)
+    assert sizes(mesh).sum() == pytest.approx(np.pi * 18**2 * 19, rel=0.02)
+    for name in ("BOTTOM", "TOP"):
+        assert np.ptp(mesh.points[mesh.node_sets[name], 2]) < 1e-9
+
+
+def area(mesh, name):
+    """Of the sides of the body between nodes of a set, each as four triangles."""
+    sides = mesh.blocks[0].nodes[:, np.array(faces_of("C3D10"))].reshape(-1, 6)
+    places = mesh.points[sides[np.isin(sides, mesh.node_sets[name]).all(axis=1)]]
+    pieces = places[:, [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)]].reshape(-1, 3, 3)
+    return np.linalg.norm(np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0]), axis=1).sum() / 2
+
+
+def test_what_netgen_cannot_fill_is_one_line(monkeypatch):
+    from netgen import geom2d
+
+    def fails(*_, **__):
+        raise RuntimeError("Meshing failed")
+
+    monkeypatch.setattr(geom2d.SplineGeometry, "GenerateMesh", fails)
+    with pytest.raises(SolverError, match="netgen could not fill the body: Meshing failed; try another size"):
+        mesh_labels(disk(), 2.0, {1: "FAT", 2: "BONE"})
 
 
 def test_names_of_segments_of_slicer_are_read_and_layers_refused(tmp_path):

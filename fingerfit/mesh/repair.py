@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,10 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.mesh.shapes import EDGES
 from fingerfit.mesh.tetrahedra import corners, radius_ratio
 
+FLAT = 0.1
+"""Radius ratio below which no element is brought for the sake of a border; some are worse before. A choice."""
+HALVES = 12
+"""Times that the way of a border is halved where it would. A choice."""
 WORST = 0.02
 """Radius ratio below which an element is mended."""
 ROUNDS = 80
@@ -57,6 +62,35 @@ def spread(mesh: Mesh, known: np.ndarray, values: np.ndarray) -> np.ndarray:
     if len(free):
         field[free] = splu(laplace[free][:, free].tocsc()).solve(-laplace[free][:, known] @ values)
     return field
+
+
+def moved(mesh: Mesh, points: np.ndarray, known: np.ndarray, shift: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """Points of which known ones are shifted and the others follow; less far where elements would be too flat.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Of tetrahedra.
+    points : ndarray, shape (nodes, 3)
+        Where its nodes are, mm.
+    known : ndarray of int, shape (known,)
+        Corner nodes.
+    shift : ndarray, shape (known, 3)
+        mm.
+    least : ndarray, shape (elements,)
+        Radius ratio that each element keeps.
+    """
+    if not len(known):
+        return points
+    nodes = corners(mesh)
+    share = np.ones(len(points))
+    for _ in range(HALVES):
+        way = spread(replace(mesh, points=points), known, share[known, None] * shift)
+        bad = radius_ratio(points + way, nodes) < least
+        if not bad.any():
+            return np.asarray(points + way)
+        share[np.unique(nodes[bad])] /= 2
+    return points
 
 
 def mend(mesh: Mesh, points: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
