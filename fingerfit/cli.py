@@ -142,11 +142,11 @@ def _add_studies(command: Command) -> None:
 
     sub = command(
         "mesh",
-        "mesh a segmentation of any body (docs/any-body.md)",
+        "mesh a segmentation of any body (docs/any-body.md), or outlines in the plane (docs/regions.md)",
         "fingerfit mesh labels.nii.gz --labels 1=FAT,2=GLAND,3=LUMP --holes 4=TOP --size 8 --out body.inp",
     )
     sub.add_argument(
-        "segmentation", type=Path, help="picture of labels in the plane or in space (NIfTI, .seg.nrrd, ...)"
+        "segmentation", type=Path, help="picture of labels (NIfTI, .seg.nrrd, ...); or outlines or a study (.yaml)"
     )
     sub.add_argument("--out", type=Path, required=True, help="the mesh (.inp)")
     sub.add_argument("--size", type=float, required=True, help="of elements at borders, mm")

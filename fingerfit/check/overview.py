@@ -85,7 +85,11 @@ def _plane(study: Study, mesh: Mesh, data: Data, finer: Mesh | None) -> Figure:
 
 
 def _draw_regions(axes: Any, mesh: Mesh, study: Study) -> None:
-    """Elements of each region, and its outline."""
+    """Elements of each region, and its outline; the legend names it once, and not as a part of the mesh."""
+    names = {region.name.lower() for region in study.body.regions}
+    for part in axes.collections:
+        if part.get_label() in names:
+            part.set_label("_nolegend_")
     corners = [mesh.points[row[: ELEMENTS[block.element].corners]] for block in mesh.blocks for row in block.nodes]
     for number, region in enumerate(study.body.regions):
         colour, members = _SETS[-1 - number % len(_SETS)], mesh.element_sets[region.name.upper()]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from fingerfit.core.errors import InputError
-from fingerfit.imaging.pictures import read_picture
+from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.inside import points_inside, sizes
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.segment.labels import read_labels
@@ -27,6 +29,7 @@ def with_regions(study: Study, mesh: Mesh) -> Mesh:
     """
     if not study.body.regions:
         return mesh
+    read, look = cache(read_labels), cache(read_picture)  # several regions may be in one picture
     samples = points_inside(mesh)
     owner = np.repeat(np.arange(len(samples)), [len(one) for one in samples])
     points = np.concatenate(samples)
@@ -36,7 +39,10 @@ def with_regions(study: Study, mesh: Mesh) -> Mesh:
         if region.elements:
             members = _own_set(mesh, region, study, field)
         else:
-            held = labelled(study, region, points, field) if region.labels else _outlined(study, region, points, field)
+            if region.labels:
+                held = _labelled(study, region, points, field, read, look)
+            else:
+                held = _outlined(study, region, points, field)
             members = np.flatnonzero(np.bincount(owner, held) >= np.bincount(owner) / 2)
             if not len(members):
                 part = f"less than half of every element, {held.sum()} of {len(held)} sample points"
@@ -79,14 +85,21 @@ def _outlined(study: Study, region: Region, points: np.ndarray, field: str) -> n
     return inside(region.outline, points)
 
 
-def labelled(study: Study, region: Region, points: np.ndarray, field: str) -> np.ndarray:
-    """Which points have the label of a region, those of the nearest pixel."""
+def _labelled(
+    study: Study,
+    region: Region,
+    points: np.ndarray,
+    field: str,
+    read: Callable[[Path], Picture],
+    look: Callable[[Path], Picture],
+) -> np.ndarray:
+    """Which points have the label of a region, those of the nearest pixel; by readers of labels and of pictures."""
     assert region.labels is not None
-    labels = read_labels(region.labels)
+    labels = read(region.labels)
     if labels.dim != points.shape[1]:
         expected = f"{points.shape[1]}, as of the body"
         raise InputError(region.labels, "dimensions", labels.dim, expected)
-    if study.before is not None and (other := labels.difference(read_picture(study.before))):
+    if study.before is not None and (other := labels.difference(look(study.before))):
         raise InputError(region.labels, "labels", other, f"the pixels of {study.before.name}")
     there = np.unique(labels.values).astype(int)
     if region.label not in there:

@@ -76,9 +76,7 @@ def mesh_labels(
     element = element or ELEMENTS[dim][0]
     if element not in ELEMENTS[dim]:
         raise InputError(where, "element", element, "one of " + ", ".join(ELEMENTS[dim]))
-    for side in sides.values():
-        if side not in SIDES[: 2 * dim]:
-            raise InputError(where, "side", side, "one of " + ", ".join(SIDES[: 2 * dim]))
+    check_sides(sides, dim, where)
     there = set(np.unique(np.rint(picture.values)).astype(int).tolist()) - {0}
     for none in sorted({*tissues, *holes} - there):
         raise InputError(where, "labels", f"{none}, which no pixel has", "one of " + ", ".join(map(str, sorted(there))))
@@ -87,9 +85,9 @@ def mesh_labels(
     cells = cells_of(picture, size, tuple(holes), Path(where))
     borders = borders_of(cells)
     border = cells.to_points(borders.nodes)
-    triangles, sides_of = _triangles(border, borders) if dim == 3 else (borders.sides, borders.labels)
-    fill = _plane if dim == 2 else _space
-    points, nodes, label = fill(border, triangles, sides_of, size, grading)
+    triangles, beside = _triangles(border, borders) if dim == 3 else (borders.sides, borders.labels)
+    fill = filled if dim == 2 else _space
+    points, nodes, label = fill(border, triangles, beside, size, grading)
     missing = sorted(set(tissues) - set(label.tolist()))
     if missing:
         expected = f"elements smaller than {size:g} mm, or labels with more pixels"
@@ -107,14 +105,22 @@ def mesh_labels(
     mesh = Mesh(points, (Block(linear, nodes),), {}, sets)
     if dim == 3:
         mesh = settled(cells, borders, mesh, list(holes))
-    mesh = replace(mesh, node_sets={**_sides(mesh.points, outside, sides, size), **hole_nodes})
+    mesh = replace(mesh, node_sets={**sides_of(mesh.points, outside, sides, size), **hole_nodes})
     if element.removesuffix("H") == linear:
         return replace(mesh, blocks=(Block(element, nodes),))
-    found = _six(mesh) if dim == 2 else curved(cells, borders, mesh, triangles, sides_of, list(holes))
+    found = six(mesh) if dim == 2 else curved(cells, borders, mesh, triangles, beside, list(holes))
     return Mesh(found.points, (Block(element, found.blocks[0].nodes),), found.node_sets, sets)
 
 
-def _sides(points: np.ndarray, outside: np.ndarray, sides: Mapping[str, str], size: float) -> dict[str, np.ndarray]:
+def check_sides(sides: Mapping[str, str], dim: int, where: Path | str) -> None:
+    """Refuse what is no side of a body in so many dimensions."""
+    for side in sides.values():
+        if side not in SIDES[: 2 * dim]:
+            raise InputError(where, "side", side, "one of " + ", ".join(SIDES[: 2 * dim]))
+
+
+def sides_of(points: np.ndarray, outside: np.ndarray, sides: Mapping[str, str], size: float) -> dict[str, np.ndarray]:
+    """Nodes at sides of the body, of those that are outside: all of a flat one, or half an element of a round one."""
     found = {}
     for name, side in sides.items():
         axis, sign = "xyz".index(side[0]), 1.0 if side[1] == "+" else -1.0
@@ -128,9 +134,30 @@ def _flat(height: np.ndarray, size: float) -> bool:
     return bool((height > height.max() - ROUNDING * size).sum() >= 3)
 
 
-def _plane(
+def filled(
     points: np.ndarray, sides: np.ndarray, labels: np.ndarray, size: float, grading: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles between sides in the plane.
+
+    Parameters
+    ----------
+    points : ndarray, shape (points, 2)
+        mm.
+    sides, labels : ndarray of int, shape (sides, 2)
+        Points of each side, and the label to its left and to its right; 0 and below are outside.
+    size, grading : float
+        As for `mesh_labels`.
+
+    Returns
+    -------
+    points, triangles, label : ndarray
+        Those given come first; corners of each triangle, and what it lies in.
+
+    Raises
+    ------
+    SolverError
+        When netgen is not installed or cannot fill what lies between the sides.
+    """
     load_netgen()
     from netgen import geom2d
 
@@ -203,7 +230,7 @@ def _made(work: Callable[[], Any], dim: int, points: np.ndarray) -> tuple[np.nda
     return found, nodes, label
 
 
-def _six(mesh: Mesh) -> Mesh:
+def six(mesh: Mesh) -> Mesh:
     """Triangles with nodes in the middle of sides, which are in a node set where both ends of an outer side are."""
     corner = mesh.blocks[0].nodes
     ends = np.sort(np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)

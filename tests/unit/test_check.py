@@ -252,6 +252,13 @@ def test_forces_alone_are_drawn_with_mesh_and_sets(place):
     assert len(figure.axes) == 1
 
 
+def test_a_region_is_in_the_legend_once(place):
+    region = {"name": "scar", "outline": [[2, 1], [6, 1], [6, 5], [2, 5]]}
+    named = words(figure_study(*study_of({**STUDY["body"], "regions": [region]})))
+    assert "region scar" in named and "scar" not in named
+    assert named >= {"top", "bottom"}
+
+
 def test_points_are_drawn_with_arrows(place):
     figure = figure_study(*study_of(STUDY["body"], [(3, 2, 0.1, -0.1), (6, 4, 0.0, -0.4)]))
     arrows = next(one for one in figure.axes[1].collections if isinstance(one, Quiver))

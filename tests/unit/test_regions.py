@@ -10,6 +10,7 @@ from fingerfit.deck.context import deck_context
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.regions import region_effects
+from fingerfit.prepare import regions
 from fingerfit.prepare.regions import region_lines, with_regions
 from fingerfit.study.study import Body, Layer, Noise, Region, Step, Study
 
@@ -56,6 +57,20 @@ def test_labels_are_found_at_their_place_whichever_way_the_picture_lies(turn, tm
     write_picture(tmp_path / "labels.mha", replace(place, values=np.where(held, 3, 0)))
     painted = with_regions(study(Region("scar", labels=tmp_path / "labels.mha", label=3)), MESH)
     assert painted.element_sets["SCAR"].tolist() == with_regions(study(ACROSS), MESH).element_sets["SCAR"].tolist()
+
+
+def test_a_picture_of_several_regions_is_read_once_for_a_mesh(tmp_path, monkeypatch):
+    values = np.zeros((60, 60))
+    values[10:30, 10:30], values[40:50, 10:30] = 1, 2
+    for name in ("labels.mha", "before.mha"):
+        write_picture(tmp_path / name, Picture(values, np.full(2, 0.25), np.full(2, -1.0), np.eye(2)))
+    read = []
+    for name in ("read_labels", "read_picture"):
+        own = getattr(regions, name)
+        monkeypatch.setattr(regions, name, lambda path, own=own: read.append(path.name) or own(path))
+    parts = [Region(name, labels=tmp_path / "labels.mha", label=n) for n, name in ((1, "scar"), (2, "core"))]
+    assert with_regions(study(*parts, before=tmp_path / "before.mha"), MESH).element_sets.keys() >= {"SCAR", "CORE"}
+    assert read == ["labels.mha", "before.mha"]
 
 
 def test_a_region_without_constants_is_as_its_layers():

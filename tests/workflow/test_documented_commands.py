@@ -214,6 +214,10 @@ ELSEWHERE = {
     "make benchmark": ("benchmarks/phantom.md", ("Made by `benchmarks/phantom.py` (`make benchmark`)",)),
     "make benchmark-solver": ("benchmarks/solver.md", ("Made by `make benchmark-solver`",)),
     "make benchmark-indentation": ("benchmarks/indentation.md", ("Made by `make benchmark-indentation`",)),
+    **dict.fromkeys(
+        ("fingerfit mesh study.yaml --size 1 --out body.inp", "fingerfit mesh outlines.yaml --size 1 --out body.inp"),
+        ("tests/unit/test_outlines.py", ('main(["mesh", str(tmp_path / f"{name}.yaml"), "--size"', '("outlines", {', '("study", {')),
+    ),
     "pip install ./examples/solver-package": (
         "tests/conformance/test_example_package.py", ('"-m", "pip", "install"', 'PACKAGE = ROOT / "examples/solver-package"')
     ),
