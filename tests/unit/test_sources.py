@@ -116,7 +116,7 @@ def test_a_command_changes_its_own_stage_alone(project):
     text = path.read_text(encoding="utf-8")
     for old, affected in (
         ('"""Figures of a finished fit."""', {"plot"}),
-        ('"""Bring a finger\'s mesh to a subject."""', set()),
+        ('"""Bring a mesh to a subject."""', set()),
         ("    files = [", {"propose", "estimate", "plot", "diagnose"}),  # of a function that they call
     ):
         assert text.count(old) == 1
