@@ -7,15 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from fingerfit.anatomy.surface import vertex_normals
+from fingerfit.mesh.bent import ease, middles
 from fingerfit.mesh.mesh import Block, Mesh
-from fingerfit.mesh.shapes import EDGES, simplex
-from fingerfit.mesh.tetrahedra import corners, faces_on, outer_faces, volumes
-
-_LEAST = 0.2
-"""Smallest Jacobian of a curved element, relative to that of the one with straight edges."""
-_TURNS = 12
-BENT = 0.2
-"""Farthest that the middle of an edge is set beside the straight one, in lengths of the edge: an arc of 87 degrees."""
+from fingerfit.mesh.tetrahedra import corners, faces_on, outer_faces
 
 
 def curved(mesh: Mesh, triangles: np.ndarray, shells: int) -> Mesh:
@@ -63,68 +57,10 @@ def _bend(ends: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return np.asarray((rise[:, 1] - rise[:, 0]) / 8)
 
 
-def middles(nodes: np.ndarray) -> dict[tuple[int, int], int]:
-    """Node in the middle of each edge of C3D10, shape (elements, 10), by the corners it lies between, sorted."""
-    return {
-        (a, b): node
-        for number, edge in enumerate(EDGES[3], 4)
-        for (a, b), node in zip(np.sort(nodes[:, list(edge)], axis=1).tolist(), nodes[:, number].tolist(), strict=True)
-    }
-
-
-def with_straight_edges(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Points with those in the middle of the edges of C3D10, shape (elements, 10), between their corners.
-
-    Those of C3D4, shape (elements, 4), stay as they are.
-    """
-    straight = points.copy()
-    for number, edge in enumerate(EDGES[3][: nodes.shape[1] - 4], 4):
-        straight[nodes[:, number]] = points[nodes[:, list(edge)]].mean(axis=1)
-    return straight
-
-
-def clipped(points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Points of which those in the middle of edges of C3D10, shape (elements, 10), are not too far beside it."""
-    straight = with_straight_edges(points, nodes)
-    edge = np.full(len(points), np.inf)
-    for number, (a, b) in enumerate(EDGES[3][: nodes.shape[1] - 4], 4):
-        edge[nodes[:, number]] = np.linalg.norm(points[nodes[:, a]] - points[nodes[:, b]], axis=1)
-    far = np.linalg.norm(points - straight, axis=1)
-    return np.asarray(straight + (points - straight) * np.minimum(1, BENT * edge / np.maximum(far, 1e-300))[:, None])
-
-
 def edges_of(triangles: np.ndarray) -> list[tuple[int, int]]:
     """Edges of triangles by their sorted corners, each once."""
     found = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     return [(int(a), int(b)) for a, b in found]
-
-
-def ease(mesh: Mesh) -> tuple[Mesh, int]:
-    """Curved edges made straighter where an element would be turned inside out at one of its nodes.
-
-    Returns
-    -------
-    mesh : Mesh
-        Its straight-sided elements must not be inverted; now none is anywhere.
-    count : int
-        Nodes in the middle of edges that were moved.
-    """
-    nodes = np.concatenate([block.nodes for block in mesh.blocks])
-    if nodes.shape[1] == 4:
-        return mesh, 0
-    straight = with_straight_edges(mesh.points, nodes)
-    corner = np.vstack([np.zeros(3), np.eye(3)])
-    _, slopes = simplex(np.vstack([corner, corner[np.array(EDGES[3])].mean(axis=1)]), True)
-    whole = volumes(mesh.points, nodes[:, :4])
-    share = np.ones(len(mesh.points))
-    for turn in range(_TURNS + 1):
-        points = straight + share[:, None] * (mesh.points - straight)
-        sides = np.einsum("qnd,enk->eqkd", slopes, points[nodes])
-        bad = (np.linalg.det(sides) < _LEAST * 6 * whole[:, None]).any(axis=1)
-        if not bad.any():
-            break
-        share[nodes[bad, 4:]] *= 0.6 if turn < _TURNS - 1 else 0.0
-    return replace(mesh, points=points), int((share < 1).sum())
 
 
 def bone_nodes(mesh: Mesh, between: list[int]) -> np.ndarray:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerfit.anatomy.curved import clipped, ease, with_straight_edges
 from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture
+from fingerfit.mesh.bent import clipped, ease, with_straight_edges
 from fingerfit.mesh.inside import sizes
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.mesh.repair import FLAT, mend, moved

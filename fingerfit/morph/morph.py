@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.anatomy.curved import bone_faces, ease
+from fingerfit.anatomy.curved import bone_faces
 from fingerfit.anatomy.surface import vertex_normals
 from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture
+from fingerfit.mesh.bent import ease
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.mesh.repair import mend, spread
 from fingerfit.mesh.tetrahedra import Quality, corners, faces_on, quality

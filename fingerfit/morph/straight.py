@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.anatomy.curved import bone_faces, bone_nodes, edges_of, middles, with_straight_edges
+from fingerfit.anatomy.curved import bone_faces, bone_nodes, edges_of
+from fingerfit.mesh.bent import middles, with_straight_edges
 from fingerfit.mesh.mesh import Block, Mesh
 from fingerfit.mesh.tetrahedra import corners, faces_on, oriented, outer_faces, radius_ratio
 

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from fingerfit.anatomy.curved import clipped, ease, middles
+from fingerfit.mesh.bent import clipped, ease, middles
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.mesh.repair import FLAT, moved
 from fingerfit.mesh.tetrahedra import corners, radius_ratio, to_quadratic

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerfit.anatomy.curved import bone_faces, ease, middles
+from fingerfit.anatomy.curved import bone_faces
 from fingerfit.anatomy.description import read_finger, tissues_of
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import CLEARANCE, add_fixtures
@@ -14,6 +14,7 @@ from fingerfit.cli import main
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import write_text
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.mesh.bent import ease, middles
 from fingerfit.mesh.blocks import brick
 from fingerfit.mesh.tetrahedra import corners, faces_on, outer_faces, quality, radius_ratio, volumes
 from fingerfit.morph.distance import surface_distance
