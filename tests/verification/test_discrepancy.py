@@ -145,6 +145,24 @@ def test_points_that_the_model_explains_badly_do_not_drown_two_readings(tmp_path
     assert allowed.constants.standard_error["mu"] > plain.constants.standard_error["mu"]
 
 
+def test_each_test_counts_for_itself(tmp_path):
+    """Of two tests of one block only the one with wrong points has an error of the model."""
+    settings, folder = placed(tmp_path, True, discrepancy="estimate"), tmp_path / "study"
+    placed(tmp_path / "right", False)
+    (tmp_path / "right/study").rename(folder / "right")
+    study = yaml.safe_load((folder / "study.yaml").read_text())
+    rows = (folder / "right/steps.csv").read_text().splitlines()
+    (folder / "right.csv").write_text(
+        "\n".join([rows[0], *(row.replace(row[-5:], f"right/{row[-5:]}") for row in rows[1:])])
+    )
+    study["tests"] = {"wrong": {}, "right": {"steps": "right.csv"}}
+    (folder / "study.yaml").write_text(yaml.safe_dump(study))
+    result = fit(settings, tmp_path / "results")
+    told = dict(line.split(": what the data count") for line in result.estimate["remarks"] if "what the data" in line)
+    assert "points 100 %" in told["right"] and "points 100 %" not in told["wrong"]
+    assert result.constants.value["mu"] == pytest.approx(MU, rel=0.005)
+
+
 def test_a_model_that_is_right_is_fitted_as_before(tmp_path):
     plain, allowed = results(tmp_path, False)
     assert allowed.constants.value["mu"] == pytest.approx(plain.constants.value["mu"], rel=1e-4)
