@@ -12,9 +12,13 @@ from small_body import DESCRIPTION, SMALL, config_of, written
 
 from fingerfit.core.errors import Problems
 from fingerfit.fit.discrepancy import Discrepancy, Kind
+from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.forward.score import Prediction, chi_square
 from fingerfit.notebook import fit
+from fingerfit.provenance.stages import write_settings
+from fingerfit.settings.choices import read_checked
 from fingerfit.settings.config import load_settings
 from fingerfit.study.data import Data
 
@@ -168,6 +172,15 @@ def test_a_model_that_is_right_is_fitted_as_before(tmp_path):
     assert allowed.constants.value["mu"] == pytest.approx(plain.constants.value["mu"], rel=1e-4)
     assert allowed.constants.standard_error["mu"] == pytest.approx(plain.constants.standard_error["mu"], rel=1e-3)
     assert plain.constants.value["mu"] == pytest.approx(MU, rel=0.01)
+
+
+def test_a_job_of_the_workflow_finds_the_same(tmp_path):
+    """Its settings are read without the checks, and are no models of pydantic."""
+    settings = placed(tmp_path, True, discrepancy="estimate")
+    write_settings(settings, tmp_path / "settings.json", with_study=True)
+    problem = begin(settings, tmp_path / "job")[0].with_settings(read_checked(tmp_path / "settings.json"))
+    found = estimate_of(problem, run_fit(problem, 1)[0])["parameters"]["mu"]["value"]
+    assert found == fit(settings, tmp_path / "results").constants.value["mu"]
 
 
 def test_it_is_one_of_a_likelihood(tmp_path):
