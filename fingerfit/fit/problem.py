@@ -62,6 +62,8 @@ class InverseProblem:
         Names of the simulations that were asked for inside this process.
     test : str
         Which test of the study it is of, where there are several (`fingerfit.fit.joint`).
+    counted : bool
+        Whether the noise of the data is the one that they count with beside an error of the model.
     """
 
     settings: Settings
@@ -70,6 +72,7 @@ class InverseProblem:
     sims: Path
     asked: set[str] = field(default_factory=set, repr=False, compare=False)
     test: str = ""
+    counted: bool = False
     _predictions: dict[str, Prediction] = field(default_factory=dict, repr=False, compare=False)
     _folded: dict[str, bool] = field(default_factory=dict, repr=False, compare=False)
 
@@ -262,7 +265,7 @@ class InverseProblem:
     @cached_property
     def discrepancy(self) -> Discrepancy | None:
         """What the model is wrong by, where the score allows for it."""
-        if self.settings.fit.discrepancy == "none":
+        if self.counted or self.settings.fit.discrepancy == "none":
             return None
         return Discrepancy.of(self.data, self.meshes[SEARCH].body)
 
@@ -270,9 +273,7 @@ class InverseProblem:
         """The fit with the noise that the data count with there: its likelihood has the slopes of the score."""
         if self.discrepancy is None:
             return self
-        how = self.settings.fit.model_copy(update={"discrepancy": "none"})
-        settings = self.settings.model_copy(update={"fit": how})
-        return replace(self, settings=settings, data=self.discrepancy.weighed(prediction, self.data))
+        return replace(self, data=self.discrepancy.weighed(prediction, self.data), counted=True)
 
     def fit_to_data(self, prediction: Prediction) -> float:
         """Score of a prediction by the data alone."""

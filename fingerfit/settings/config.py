@@ -108,6 +108,11 @@ class FitSettings(Keys):
         description="Share by which a constant may change without mattering: an effect that is beyond chance, but moves"
         " no constant by more, is a trace, and the model adequate without it.",
     )
+    discrepancy: Literal["none", "estimate"] = Field(
+        default="none",
+        description="estimate: with likelihood, what the model is wrong by is an unknown variance of each kind of data"
+        " (pictures, points, response), which counts less the larger it is (docs/uncertainty.md); none: noise alone.",
+    )
     stages: list[StageSettings] = Field(min_length=1, description="Stages of the search, in order.")
 
 

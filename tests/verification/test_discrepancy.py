@@ -13,9 +13,13 @@ from small_body import DESCRIPTION, SMALL, config_of, written
 
 from fingerfit.core.errors import Problems
 from fingerfit.fit.discrepancy import Discrepancy, Kind
+from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.forward.score import Prediction, chi_square
 from fingerfit.notebook import fit
+from fingerfit.provenance.stages import write_settings
+from fingerfit.settings.choices import read_checked
 from fingerfit.settings.config import load_settings
 from fingerfit.study.data import Data
 
@@ -147,11 +151,38 @@ def test_points_that_the_model_explains_badly_do_not_drown_two_readings(tmp_path
     assert allowed.constants.standard_error["mu"] > plain.constants.standard_error["mu"]
 
 
+def test_each_test_counts_for_itself(tmp_path):
+    """Of two tests of one block only the one with wrong points has an error of the model."""
+    settings, folder = placed(tmp_path, True, discrepancy="estimate"), tmp_path / "study"
+    placed(tmp_path / "right", False)
+    (tmp_path / "right/study").rename(folder / "right")
+    study = yaml.safe_load((folder / "study.yaml").read_text())
+    rows = (folder / "right/steps.csv").read_text().splitlines()
+    (folder / "right.csv").write_text(
+        "\n".join([rows[0], *(row.replace(row[-5:], f"right/{row[-5:]}") for row in rows[1:])])
+    )
+    study["tests"] = {"wrong": {}, "right": {"steps": "right.csv"}}
+    (folder / "study.yaml").write_text(yaml.safe_dump(study))
+    result = fit(settings, tmp_path / "results")
+    told = dict(line.split(": what the data count") for line in result.estimate["remarks"] if "what the data" in line)
+    assert "points 100 %" in told["right"] and "points 100 %" not in told["wrong"]
+    assert result.constants.value["mu"] == pytest.approx(MU, rel=0.005)
+
+
 def test_a_model_that_is_right_is_fitted_as_before(tmp_path):
     plain, allowed = results(tmp_path, False)
     assert allowed.constants.value["mu"] == pytest.approx(plain.constants.value["mu"], rel=1e-4)
     assert allowed.constants.standard_error["mu"] == pytest.approx(plain.constants.standard_error["mu"], rel=1e-3)
     assert plain.constants.value["mu"] == pytest.approx(MU, rel=0.01)
+
+
+def test_a_job_of_the_workflow_finds_the_same(tmp_path):
+    """Its settings are read without the checks, and are no models of pydantic."""
+    settings = placed(tmp_path, True, discrepancy="estimate")
+    write_settings(settings, tmp_path / "settings.json", with_study=True)
+    problem = begin(settings, tmp_path / "job")[0].with_settings(read_checked(tmp_path / "settings.json"))
+    found = estimate_of(problem, run_fit(problem, 1)[0])["parameters"]["mu"]["value"]
+    assert found == fit(settings, tmp_path / "results").constants.value["mu"]
 
 
 def test_it_is_one_of_a_likelihood(tmp_path):
