@@ -96,11 +96,6 @@ class FitSettings(Keys):
         default=60, ge=20, description="Repetitions of the measurement with new noise, for the standard errors."
     )
     seed: int = Field(default=1, ge=0, description="Of that noise.")
-    discrepancy: Literal["none", "estimate"] = Field(
-        default="none",
-        description="estimate: with likelihood, what the model is wrong by is an unknown variance of each kind of data"
-        " (pictures, points, response), which counts less the larger it is (docs/uncertainty.md); none: noise alone.",
-    )
     tolerance: float = Field(
         default=0.02,
         ge=0,
