@@ -70,7 +70,7 @@ def refuse(settings: Settings, where: Path | str = CONFIG) -> None:
         other = folder.resolve()
         if place == other or place in other.parents or other in place.parents:
             relation = "is" if place == other else "holds" if place in other.parents else "lies in"
-            expected = "a folder of its own, as results"
+            expected = f"a folder of its own, as {os.path.relpath(study.resolve().parent / 'results')}"
             raise InputError(where, "results", f"{results}, which {relation} the folder of {name}", expected)
     if results.exists() and not results.is_dir():
         raise InputError(where, "results", f"{results}, which is a file", "a folder")

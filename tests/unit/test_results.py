@@ -117,6 +117,12 @@ def test_names_of_files_and_of_models_with_effects_are_no_names_of_models(name):
         settings(name=name)
 
 
+def test_a_folder_beside_the_study_is_proposed(place, monkeypatch):
+    monkeypatch.chdir(place / "subject1/test")
+    with pytest.raises(InputError, match=r"results: found results, which lies in .*; expected .* as \.\./results$"):
+        refuse(settings("."))
+
+
 def test_a_study_that_is_a_file_is_refused(place):
     write_text(place / "study.yaml", "")
     with pytest.raises(InputError, match=r"study: found study\.yaml; expected the folder of a study"):
