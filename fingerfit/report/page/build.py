@@ -249,6 +249,11 @@ def _far_off(model: Model) -> str:
     return f"The {name} of step {int(compare.step[n])} is {ratio[n]:.0f} standard deviations off."
 
 
+def _clean(values: np.ndarray) -> np.ndarray:
+    """Without what rounding leaves of zeros beside the largest of them."""
+    return np.where(np.abs(values) < 1e-9 * np.nan_to_num(np.abs(values)).max(initial=0.0), 0.0, values)
+
+
 def _forces(model: Model) -> list[dict[str, Any]]:
     compare = model.compare
     if compare is None or not len(compare.step):
@@ -260,7 +265,7 @@ def _forces(model: Model) -> list[dict[str, Any]]:
     if len(sizes) > 1:
         return []
     for n, step in enumerate(compare.step):
-        lateral = (values[n] for values in (compare.lateral_force, compare.lateral_force_model) if len(values))
+        lateral = (_clean(values)[n] for values in (compare.lateral_force, compare.lateral_force_model) if len(values))
         table.append(
             {"step": int(step), **{name: number(getattr(compare, name)[n]) for name in
              ("force", "displacement", "force_model", "displacement_model")},
