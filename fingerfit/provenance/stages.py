@@ -13,6 +13,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.core.files import digest, kept_json, read_record, write_text
 from fingerfit.core.folders import PACKAGE
 from fingerfit.fit.check import check_against_study, check_effects
+from fingerfit.model.catalogue import with_numbers
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.provenance.inputs import page_files, study_files, template_files
 from fingerfit.provenance.results import model_folder, refuse, study_folder
@@ -137,7 +138,8 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     parent = settings.model_copy(
         update={"model": settings.model.model_copy(update={"effects": {name: effects[name] for name in before}})}
     )
-    path, effect = model_folder(parent) / "estimate.json", effects_of(Path(settings.study))[last]
+    path = model_folder(parent) / "estimate.json"
+    effect = with_numbers(effects_of(Path(settings.study))[last], effects[last])
     if path.exists():
         values = {name: entry["value"] for name, entry in read_record(path, "parameters")["parameters"].items()}
         values |= _refit_constants(path.with_name("diagnosis.json"), last, effects[last])

@@ -225,6 +225,16 @@ def test_the_search_starts_at_the_parents_estimate(config, tmp_path):
     assert str(stages.model_folder(load_settings(config))) == "results/study/base+tilt+inclusion"
 
 
+@pytest.mark.parametrize(("given", "count"), [("{}", 8), ("{modes: 12}", 12), ("{modes: 3, m2: 0.1}", 3)])
+def test_a_field_that_is_added_by_hand_has_the_modes_that_were_said(config, tmp_path, given, count):
+    write_text(config, with_effects(effects=f"  effects:\n    stiffness_field: {given}\n"))
+    parameters = {name: {"value": value} for name, value in {"mu_top": 0.031, "mu_bottom": 0.062}.items()}
+    keep_json(tmp_path / "results/study/base/estimate.json", {"parameters": parameters})
+    found = stages.warm(load_settings(config)).starts()
+    size = {f"stiffness_field.m{n}": 0.1 if "m2" in given and n == 2 else 0.0 for n in range(1, count + 1)}
+    assert found == pytest.approx({"mu_top": 0.031, "mu_bottom": 0.062} | size)
+
+
 # --- what is told
 
 
