@@ -70,8 +70,8 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
                 asked.append(problem.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
             if asked and all(one.sim == without for one in asked):
                 continue  # no part of this study's deck: friction where nothing is in contact, a layer beyond the last
-            one = Candidate(effect, place, tuple(asked))
-            if any(map(one.is_that_of, found)):
+            candidate = Candidate(effect, place, tuple(asked))
+            if any(map(candidate.is_that_of, found)):
                 continue  # one layer that stiffens, where there is one: an effect without a place comes first
             if asked and not any(one.effect.name == effect.name for one in found):
                 # its first place only: the others have the same keywords
@@ -79,7 +79,7 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
                 if refused is not None:
                     lacking[effect.title] = refused
                     break
-            found.append(one)
+            found.append(candidate)
     return found, lacking
 
 

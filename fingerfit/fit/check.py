@@ -293,7 +293,7 @@ def _missing_data(settings: Settings, study: Study, where: Path | str) -> list[F
     chosen = [step for step in study.steps if fit.steps is None or step.number in fit.steps]
     beside = study.steps if pictured else chosen  # as `prepare` leaves forces out
     pictured = fit.steps if pictured and fit.steps is not None else pictured
-    response = "displacement" if study.control == "force" else "force"
+    response = study.response
     measured = [step for step in beside if study.measures(step)]
     if fit.score != "likelihood" and not pictured:
         return [InputError(where, "fit.score", fit.score, "likelihood, since no pictures are compared")]

@@ -1,9 +1,9 @@
 """What a model is wrong by, as one unknown variance of each kind of data, in the score of a fit.
 
-Thousands of pixels that a model explains badly are no thousands of witnesses: its errors are alike from pixel to pixel
-and from step to step. With an error of unknown variance (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63) that has n
-independent values, what a kind of data leaves beyond its noise, e, costs n / 2 log(1 + e / n) and not e / 2: the
-likelihood at its maximum by that variance (Seber and Wild 1989, Nonlinear regression).
+Thousands of pixels that a model explains badly are not thousands of independent values: its errors are alike from
+pixel to pixel and from step to step. With an error of unknown variance (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B
+63) that has n independent values, what a kind of data leaves beyond its noise, e, costs n / 2 log(1 + e / n) and not
+e / 2: the likelihood at its maximum by that variance (Seber and Wild 1989, Nonlinear regression).
 """
 
 from __future__ import annotations

@@ -10,8 +10,9 @@ import numpy as np
 from scipy import ndimage
 
 from fingerfit.anatomy.surface import vertex_normals
+from fingerfit.fem.facets import cut_faces
 from fingerfit.imaging.pictures import Picture
-from fingerfit.mesh.faces import faces_of
+from fingerfit.mesh.faces import Faces, faces_of
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.morph.distance import surface_distance
 from fingerfit.morph.edges import CLEAR, Profiles, averages, find_border
@@ -77,21 +78,17 @@ def interfaces_of(mesh: Mesh) -> list[Interface]:
     found = []
     for pair in np.unique(np.stack([owner, other], axis=1)[owner > other], axis=0).tolist():
         chosen = np.flatnonzero((owner == pair[0]) & (other == pair[1]))
-        corner = _outward(mesh.points, sides[chosen], nodes[chosen // len(faces), :4])
-        found.append(Interface(names[pair[0]], names[pair[1]], corner[:, FOUR].reshape(-1, 3) if quadratic else corner))
+        outward = _outward(mesh.points, sides[chosen], nodes[chosen // len(faces), :4])
+        triangles = cut_faces((Faces(sides[chosen], outward, np.zeros(len(chosen))),), 3)
+        found.append(Interface(names[pair[0]], names[pair[1]], triangles))
     return sorted(found, key=lambda one: one.outer == OUTSIDE)
 
 
-FOUR = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
-"""Triangles of a side with nodes in the middle of its edges."""
-
-
 def _outward(points: np.ndarray, sides: np.ndarray, element: np.ndarray) -> np.ndarray:
-    """Sides turned so that they are anticlockwise as seen from outside of their elements."""
+    """1 for sides that are anticlockwise as seen from outside of their elements, else -1."""
     a, b, c = (points[sides[:, n]] for n in range(3))
     inward = (np.cross(b - a, c - a) * (a - points[element].mean(axis=1))).sum(axis=1) < 0
-    turned = sides[:, [0, 2, 1, 5, 4, 3]] if sides.shape[1] == 6 else sides[:, [0, 2, 1]]
-    return np.where(inward[:, None], turned, sides)
+    return np.where(inward, -1.0, 1.0)
 
 
 class Sight(Protocol):

@@ -102,7 +102,7 @@ class Result:
         shown, tables = finest(self.problem, self.last), dict[str, Any]()
         for test, asked in zip(self.problem.every, shown.every, strict=True):
             data = test.data
-            free = "displacement" if data.control == "force" else "force"
+            free, _ = data.response_name(0)
             found = {"step": data.step, "force": data.force, "displacement": data.displacement}
             along, lateral = data.split(test.prediction(asked).response)
             found[f"model_{free}"] = along

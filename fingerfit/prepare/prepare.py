@@ -171,7 +171,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
     else:
         measured_beside["lateral_force"] = np.zeros((len(numbers), 0))
     if not pictured:
-        measured_beside["displacement" if study.control == "force" else "force"][~chosen] = np.nan
+        measured_beside[study.response][~chosen] = np.nan
         measured_beside["lateral_force"][~chosen] = np.nan
     data = Data(
         step=np.array(numbers),

@@ -230,11 +230,16 @@ def _made(work: Callable[[], Any], dim: int, points: np.ndarray) -> tuple[np.nda
     return found, nodes, label
 
 
+def edges_of(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edges of triangles, shape (edges, 2), which one each side is, and how many triangles have each."""
+    ends = np.sort(np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    return np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+
+
 def six(mesh: Mesh) -> Mesh:
     """Triangles with nodes in the middle of sides, which are in a node set where both ends of an outer side are."""
     corner = mesh.blocks[0].nodes
-    ends = np.sort(np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    edges, which, times = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    edges, which, times = edges_of(corner)
     first = len(mesh.points)
     nodes = np.concatenate([corner, first + which.reshape(-1, 3)], axis=1)
     alone = times == 1

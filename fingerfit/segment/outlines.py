@@ -17,7 +17,7 @@ from fingerfit.core.errors import InputError, Problems
 from fingerfit.core.keys import read_yaml
 from fingerfit.core.units import UNITS
 from fingerfit.mesh.mesh import Block, Mesh
-from fingerfit.segment.mesher import ELEMENTS, check_sides, filled, sides_of, six
+from fingerfit.segment.mesher import ELEMENTS, check_sides, edges_of, filled, sides_of, six
 from fingerfit.study.regions import Outline, inside, read_outline
 from fingerfit.study.study import Study
 
@@ -172,8 +172,8 @@ def mesh_shapes(
     found, nodes, label = filled(points, lines, labels, size, grading)
     sets = _sets(shapes, kinds[label], where)
     mesh = Mesh(found, (Block("CPE3", nodes),), {}, sets)
-    outside = _outer(nodes)
-    on = np.unique(outside)
+    edges, _, times = edges_of(nodes)
+    on = np.unique(edges[times == 1])
     holes: dict[str, np.ndarray] = {}
     for one in shapes:
         if one.kind == "hole":
@@ -268,13 +268,6 @@ def _divided(
         kinds += [label] * count
     used, which = np.unique(np.array(rows), return_inverse=True)
     return np.array(found)[used], which.reshape(-1, 2), np.array(kinds)
-
-
-def _outer(nodes: np.ndarray) -> np.ndarray:
-    """Sides that belong to one triangle only, shape (sides, 2)."""
-    ends = np.sort(np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    edges, times = np.unique(ends, axis=0, return_counts=True)
-    return edges[times == 1]
 
 
 def _distance(outline: Outline, places: np.ndarray) -> np.ndarray:

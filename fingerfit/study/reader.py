@@ -355,14 +355,13 @@ def _cross_check(study: Study, problems: list[FingerfitError]) -> None:
     problems += oblique_problems(study)
     if study.body.mesh is None:
         problems += wrong_axes(study, 3 if study.body.brick else 2)
-    response = "displacement" if study.control == "force" else "force"
     measured = any(study.measures(step) for step in study.steps)
     if study.noise.force_gain and study.control == "force":
         problems.append(InputError(file, "noise.force_gain", f"{study.noise.force_gain:g} with control: force",
                                    "no such key: it is for measured forces, not for prescribed ones"))  # fmt: skip
     if not pictures and not measured and not any(step.points for step in study.steps):
         problems.append(InputError(file, "steps", "nothing measured beside the control",
-                                   f"pictures, points or {response}"))  # fmt: skip
+                                   f"pictures, points or {study.response}"))  # fmt: skip
 
 
 def _check_sets(study: Study, problems: list[FingerfitError]) -> None:

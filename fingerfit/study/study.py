@@ -254,10 +254,14 @@ class Study:
         """Whether the indenter goes another way than straight down."""
         return bool(self.direction or self.moved_sideways)
 
+    @property
+    def response(self) -> str:
+        """Which of ``force`` and ``displacement`` is not prescribed."""
+        return "displacement" if self.control == "force" else "force"
+
     def measures(self, step: Step) -> bool:
         """Whether a force or displacement that is not prescribed was measured at a step."""
-        response = "displacement" if self.control == "force" else "force"
-        return any(getattr(step, name) is not None for name in (response, *(f"force_{axis}" for axis in AXES)))
+        return any(getattr(step, name) is not None for name in (self.response, *(f"force_{axis}" for axis in AXES)))
 
     @property
     def layer_names(self) -> list[str]:
