@@ -11,6 +11,7 @@ import argparse
 import fnmatch
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -32,7 +33,7 @@ def run(study: Path, work: Path, goal: str, cores: int, limit: float) -> dict[st
     if not config.exists() or goal != "discover":
         config.write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
     command = [sys.executable, "-m", "snakemake", goal, "--cores", str(cores), "--configfile", str(config.resolve())]
-    began = time.perf_counter()
+    began, used = time.perf_counter(), processor_seconds()
     with (work / "log.txt").open("w", encoding="utf-8") as log:
         called = subprocess.Popen(
             command, cwd=ROOT, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, start_new_session=True
@@ -43,7 +44,10 @@ def run(study: Path, work: Path, goal: str, cores: int, limit: float) -> dict[st
             os.killpg(called.pid, signal.SIGTERM)
             called.wait()
             code = None
-    row = {"name": study.name, "goal": goal, "seconds": round(time.perf_counter() - began, 1), "code": code}
+    row = {
+        "name": study.name, "goal": goal, "seconds": round(time.perf_counter() - began, 1),
+        "processor_seconds": round(processor_seconds() - used, 1), "code": code,
+    }  # fmt: skip
     row["rungs"] = rungs(work / "results")
     if code != 0:
         lines = (work / "log.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
@@ -51,6 +55,12 @@ def run(study: Path, work: Path, goal: str, cores: int, limit: float) -> dict[st
             (line for line in reversed(lines) if "error" in line.lower()), lines[-1] if lines else ""
         )  # fmt: skip
     return row
+
+
+def processor_seconds() -> float:
+    """What all programs called so far, and those called by them, have used; other programs beside do not change it."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return children.ru_utime + children.ru_stime
 
 
 def rungs(results: Path) -> list[dict[str, Any]]:
