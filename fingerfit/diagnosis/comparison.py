@@ -11,11 +11,11 @@ import numpy as np
 from fingerfit.core.errors import StateError
 from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
-from fingerfit.diagnosis.finer import continued, first_fold
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.residual import Residual, common_modes, residual_of
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.fit.minimum import best_values, finest, left_over, on_finer_mesh
+from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
+from fingerfit.fit.minimum import best_values, finest, left_over
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR
 from fingerfit.fit.rounds import Asked, Round
@@ -157,23 +157,19 @@ class Comparison:
     @cached_property
     def mesh_signal(self) -> np.ndarray:
         """Expected error of the mesh: what the finer one changed, continued with its order of convergence."""
+        nothing = np.zeros(len(self.residual.kept))
         if self.mesh == REFINED:
-            return self._by_finer_mesh(self.base) * left_over(self.problem)
+            coarse, fine = self.read(self.anchor), self.read(self.base)
+            return nothing if coarse is None or fine is None else (fine - coarse) * left_over(self.problem)
         asked = on_finer_mesh(self.problem, self.last)
-        if asked is None or not (changed := self._by_finer_mesh(asked)).any():
-            return np.zeros(len(self.residual.kept))
-        # its body goes through itself; the coarse mesh is compared, and all that a finer one changes is its error
-        shape, count = self.residual.value.shape, self.residual.value.size
-        wrong = first_fold(self.problem, asked, self.data)
-        changed = flat(*continued(changed[:count].reshape(shape), changed[count:], self.data, wrong))
-        return changed * (1.0 + left_over(self.problem))
-
-    def _by_finer_mesh(self, asked: Asked) -> np.ndarray:
-        """What the finer mesh changes at a guess, shape (all,)."""
-        coarse, fine = self.read(self.problem.ask(asked.values, ANCHOR)), self.read(asked)
-        if coarse is None or fine is None:
-            return np.zeros(len(self.residual.kept))
-        return fine - coarse
+        changed = as_on_finer_mesh(self.problem, asked, self.data) if asked else None
+        if asked is None or changed is None:
+            return nothing
+        # the coarse mesh is compared, and all that a finer one changes is its error
+        coarse = self.read(self.problem.ask(asked.values, ANCHOR))
+        if coarse is None:
+            return nothing
+        return (self._readers[SEARCH].read(changed) - coarse) * (1.0 + left_over(self.problem))
 
     def mesh_covariance(self) -> np.ndarray:
         """Error of the mesh as a random field, shape (kept, kept).

@@ -9,7 +9,7 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.fit.intervals import FAR_OFF, as_json, bound_of, repeat, seen_directions, summarise
-from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_search_mesh
+from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_search_mesh, partly_on_finer_mesh
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import told, weigh
 from fingerfit.fit.problem import REFINED, InverseProblem
@@ -48,7 +48,8 @@ def estimate_of(
     best, priors = minimum(problem, last), problem.priors
     mesh = problem.mesh_of(best.base)
     searched = on_search_mesh(problem, last) if mesh == REFINED else best
-    values, left_by_mesh = best.values, mesh_error(problem, best, searched)
+    partly = partly_on_finer_mesh(problem, last) if mesh != REFINED and REFINED in problem.mesh_files else None
+    values, left_by_mesh = best.values, mesh_error(problem, best, searched, partly)
     shifts, hessian = repeat(
         _repetitions(problem, best, threads), len(parameters), settings.fit.replicates, problem.sure
     )
@@ -79,7 +80,7 @@ def estimate_of(
             *(told(priors, priors.left(values), np.hypot(found.relative, found.mesh)) if priors else []),
             *_extrapolated(problem, best, values),
             *_bound_remarks(problem, values),
-            *_mesh_remarks(problem, mesh),
+            *_mesh_remarks(problem, mesh, partly),
             *_thickness_remarks(problem),
             *(f"{_of(test)}measurements: {line}" for test in problem.every for line in test.data.remarks.splitlines()),
             *_far_off(problem, best),
@@ -189,11 +190,12 @@ def _bound_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list
     return found
 
 
-def _mesh_remarks(problem: InverseProblem, mesh: str) -> list[str]:
-    if REFINED in problem.mesh_files and mesh != REFINED:
-        lacks = "the finer mesh has no solution at the best guess, or one in which the body goes through itself"
-        return [f"{lacks}: the estimate is that of the search mesh"]
-    return []
+def _mesh_remarks(problem: InverseProblem, mesh: str, partly: Minimum | None) -> list[str]:
+    if REFINED not in problem.mesh_files or mesh == REFINED:
+        return []
+    lacks = "the finer mesh has no solution at the best guess, or one in which the body goes through itself"
+    error = "follows from the steps before that" if partly else "is not known"
+    return [f"{lacks}: the estimate is that of the search mesh, whose mesh error {error}"]
 
 
 def _thickness_remarks(problem: InverseProblem) -> list[str]:
@@ -213,7 +215,7 @@ def table_of(found: dict[str, Any]) -> str:
     for name, entry in found["parameters"].items():
         low, high = entry["interval95"]
         unit = entry["unit"] if entry["unit"] != "1" else "-"
-        mesh = f"{entry['mesh_error']:.2g}" if found["search_mesh"] else "-"
+        mesh = f"{entry['mesh_error']:.2g}" if entry["mesh_error"] or found["search_mesh"] else "-"
         interval = f"{low:.4g} to {high:.4g}"
         bound = f"  at its {entry['at_bound']} bound" if entry["at_bound"] else ""
         lines.append(

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
+from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
 from fingerfit.fit.intervals import SHORTEST, minimise
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
-from fingerfit.forward.score import Prediction, deviations
+from fingerfit.forward.score import JointPrediction, Prediction, deviations
 from fingerfit.settings.choices import CONFIG
 from fingerfit.solvers.contract import CONVERGED, Outcome
 
@@ -70,38 +72,58 @@ def finest(problem: InverseProblem, last: Round) -> Asked:
     return solved[-1] if solved else problem.ask(best_values(last))
 
 
-def on_finer_mesh(problem: InverseProblem, last: Round) -> Asked | None:
-    """The last simulation of a finer mesh that has a solution, though the body may go through itself in it."""
-    asked = [one for one in last.batch if one.role == FINAL and problem.mesh_of(one) == REFINED]
-    solved = [one for one in asked if not diverged(problem, one)]
-    return solved[-1] if solved else None
-
-
 def on_search_mesh(problem: InverseProblem, last: Round) -> Minimum:
     """Minimum of the score on the mesh of the search."""
     return _minimum(problem, last, problem.ask(best_values(last)))
 
 
-def mesh_error(problem: InverseProblem, found: Minimum, searched: Minimum) -> np.ndarray | None:
-    """Error of the finest mesh that is left, by constant, shape (parameters,) in search coordinates.
+def partly_on_finer_mesh(problem: InverseProblem, last: Round) -> Minimum | None:
+    """Minimum of the score where the finer mesh has a usable solution up to some step only, as that is continued.
+
+    None where there is none at any step of one of the tests.
+    """
+    asked = on_finer_mesh(problem, last)
+    if asked is None:
+        return None
+    made: list[Any] = []
+    for test, one in zip(problem.every, asked.every, strict=True):
+        outcome = as_on_finer_mesh(test, one, test.data)
+        found = test.predictor(SEARCH).predict(outcome, test.seen(one.values)) if outcome else None
+        if found is None:
+            return None
+        made.append(found.prediction)
+    model = _linear_model(problem, last, problem.ask(asked.values))
+    base: Any = JointPrediction(tuple(made)) if asked.tests else made[0]
+    return _at_minimum(problem, asked, replace(model, base=base))
+
+
+def mesh_error(
+    problem: InverseProblem, found: Minimum, searched: Minimum, partly: Minimum | None = None
+) -> np.ndarray | None:
+    """Error of the mesh that is left, by constant, shape (parameters,) in search coordinates.
 
     What the finer mesh changed, continued with the order of convergence of a glued corner (Richardson; Roache
-    1994 gives the way of reporting it). None without a finer mesh. Constants on a logarithmic scale have their root
-    mean square: with the same mesh, one that changed little did so by chance, its changes having cancelled.
+    1994 gives the way of reporting it). Of an estimate on the mesh of the search it is the change as well. None without
+    a finer mesh. Constants on a logarithmic scale have their root mean square: with the same mesh, one that changed
+    little did so by chance, its changes having cancelled.
 
     Parameters
     ----------
     problem : InverseProblem
     found, searched : Minimum
-        On the finest mesh and on that of the search.
+        On the finest mesh that has a solution, and on that of the search.
+    partly : Minimum, optional
+        As of `partly_on_finer_mesh`, where that is the mesh of the search.
     """
-    if problem.mesh_of(found.base) != REFINED:
+    on_finer = problem.mesh_of(found.base) == REFINED
+    finer = found if on_finer else partly
+    if finer is None:
         return None
     parameters = problem.settings.parameters()
-    change = coordinates(parameters, found.values) - coordinates(parameters, searched.values)
+    change = coordinates(parameters, finer.values) - coordinates(parameters, searched.values)
     alike = np.array([p.log for p in parameters], dtype=bool)
     change[alike] = np.sqrt(np.mean(change[alike] ** 2)) if alike.any() else 0.0
-    return np.abs(change) * left_over(problem)
+    return np.abs(change) * (left_over(problem) + (0.0 if on_finer else 1.0))
 
 
 def left_over(problem: InverseProblem) -> float:
@@ -114,12 +136,15 @@ def left_over(problem: InverseProblem) -> float:
 
 
 def _minimum(problem: InverseProblem, last: Round, base: Asked, trust: float = TRUST) -> Minimum:
-    parameters = problem.settings.parameters()
-    model = _linear_model(problem, last, base)
+    return _at_minimum(problem, base, _linear_model(problem, last, base), trust)
+
+
+def _at_minimum(problem: InverseProblem, base: Asked, model: LinearModel, trust: float = TRUST) -> Minimum:
     delta = _move(problem, model, trust)
     objective = problem.objective(model)
     fall = objective(np.zeros(len(delta))) - objective(delta)
-    return Minimum(moved(parameters, base.values, delta), base, model, float(np.abs(delta).max(initial=0.0)), fall)
+    values = moved(problem.settings.parameters(), base.values, delta)
+    return Minimum(values, base, model, float(np.abs(delta).max(initial=0.0)), fall)
 
 
 def by_data(problem: InverseProblem, found: Minimum) -> np.ndarray:

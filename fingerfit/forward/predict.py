@@ -100,13 +100,14 @@ class Predictor:
 
     def maps(self, outcome: Outcome, seen: Observation | None = None) -> list[BackwardMap]:
         """Backward maps of the pictures' steps."""
-        found, mesh = [], in_first_picture(self.mesh, outcome)
-        for step in self.data.picture_step:
-            shown = outcome.displacement[step]
-            if seen is not None:  # a displaced picture shows the body as if it had moved so
-                shown = shown + seen.shift(int(step) + 1, mesh.points + shown)
-            found.append(backward_map(mesh, shown, self._frame, MARGIN))
-        return found
+        return [self.map_at(outcome, int(step), seen) for step in self.data.picture_step]
+
+    def map_at(self, outcome: Outcome, step: int, seen: Observation | None = None) -> BackwardMap:
+        """Backward map of a step, by its index."""
+        mesh, shown = in_first_picture(self.mesh, outcome), outcome.displacement[step]
+        if seen is not None:  # a displaced picture shows the body as if it had moved so
+            shown = shown + seen.shift(step + 1, mesh.points + shown)
+        return backward_map(mesh, shown, self._frame, MARGIN)
 
 
 def response_of(outcome: Outcome, data: Data) -> np.ndarray:

@@ -90,6 +90,14 @@ def test_nearly_the_same_mesh_does_not_make_the_error_endless():
     assert left[0] == pytest.approx(10 * np.log(1.1))
 
 
+def test_an_estimate_of_the_search_mesh_has_the_change_and_what_is_left_after_it():
+    """Richardson's formula for the coarser of two meshes, where the finer one is known up to some step only."""
+    problem = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
+    found = at(COARSE, SEARCH)
+    left = mesh_error(problem, found, found, at(FINE, SEARCH))
+    assert left == pytest.approx(np.array([np.log(1.1), 0.01 / 0.2]) * 2**1.2 / (2**1.2 - 1), rel=1e-12)
+
+
 def test_without_a_finer_solution_nothing_is_known():
     problem = fit_on(layered_block(12.0, LAYERS, 4, 2), layered_block(12.0, LAYERS, 8, 4))
     assert mesh_error(problem, at(COARSE, SEARCH), at(COARSE, SEARCH)) is None
