@@ -49,6 +49,7 @@ FAMILY = {
     "prestretch": "state",
     "relaxation": "loading",
     "second_term": "material",
+    "sideways": "indenter",
     "skin": "structure",
     "soft_bed": "base",
     "soft_frame": "loading",

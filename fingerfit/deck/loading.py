@@ -23,16 +23,16 @@ def direction(study: Study, dim: int) -> list[float]:
 
 def rail(study: Study, way: Sequence[float]) -> list[tuple[int, float]]:
     """Axes from 1 along which an indenter under a given force goes aside, and how far as a share of its way down."""
-    if not study.direction or study.control != "force":
+    if not study.on_a_rail:
         return []
     return [(axis, part / way[-1]) for axis, part in enumerate(way[:-1], 1)]
 
 
-def _aside(study: Study, step: Step | None, moved: float) -> list[tuple[int, float]]:
-    """Axes from 1, and prescribed displacements of the indenter along them, mm; none before the first picture."""
+def _aside(study: Study, step: Step | None, moved: float) -> dict[int, float]:
+    """Prescribed displacements of the indenter by their axes from 1, mm; none before the first picture."""
     if study.direction and study.control == "displacement":
-        return [(axis, moved * part) for axis, part in enumerate(study.direction[:-1], 1)]
-    return [(AXES.index(axis) + 1, getattr(step, f"displacement_{axis}")) for axis in study.moved_sideways if step]
+        return {axis: moved * part for axis, part in enumerate(study.direction[:-1], 1)}
+    return {AXES.index(axis) + 1: getattr(step, f"displacement_{axis}") for axis in study.moved_sideways if step}
 
 
 def loading_steps(
@@ -46,7 +46,14 @@ def loading_steps(
     warm = [temperature(row) for row in swelling] if swelling.any() else [[]] * (count + 1)
     found, last = [], 0.0
     if any("before" in effect.changes for effect in present) or swelling[0].any():
-        found.append({control: before, "period": None, "temperature": warm[0], "aside": _aside(study, None, before)})
+        found.append(
+            {
+                control: before,
+                "period": None,
+                "temperature": warm[0],
+                "aside": sorted(_aside(study, None, before).items()),
+            }
+        )
     for k, step in enumerate(study.steps, 1):
         period = None
         if step.time is not None:
@@ -56,7 +63,11 @@ def loading_steps(
         names = {"k": k, "n": count, "time": step.time or 0.0, "largest": largest}
         if entry[control] is not None:
             entry[control] = float(changed_by(control, entry[control], names, present, values)) + before
-        entry["aside"] = _aside(study, step, entry["displacement"])
+        aside = _aside(study, step, entry["displacement"])
+        if any("displacement_x" in effect.changes for effect in present):
+            names["share"] = abs(getattr(step, control) or 0.0) / (largest or 1.0)
+            aside[1] = float(changed_by("displacement_x", aside.get(1, 0.0), names, present, values))
+        entry["aside"] = sorted(aside.items())
         found.append(entry)
     return found
 

@@ -48,8 +48,8 @@ def unmet(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
     found = [IN_WORDS[need] for need in effect.needs if need not in there]
     if effect.control and effect.control != study.control:
         found.append(f"a prescribed {effect.control}")
-    if "indenter" in effect.replaces and study.oblique:
-        found.append("an indenter that goes straight down")
+    if "indenter" in effect.replaces and study.on_a_rail:
+        found.append("an indenter that is not on a rail")
     return found or [f"{formula} of the study" for formula in dict.fromkeys(effect.shares_of.values())]
 
 

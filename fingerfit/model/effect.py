@@ -98,9 +98,10 @@ class Effect:
         Bounds of those scanned numbers that a fit then changes, too; the others stay.
     changes : mapping
         Formulas for what goes into the deck: ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a factor on
-        mu at a place), ``force``, ``displacement`` (prescribed), ``before`` (prescribed before the first picture),
-        ``increment`` (of the solver, as a share of a step), ``follow`` (share of the indenter's way that a node under
-        it goes), ``beside_x``, ``beside_y`` (where the indenter comes down, mm from where it was said to),
+        mu at a place), ``force``, ``displacement`` (prescribed), ``displacement_x`` (of the indenter sideways, mm),
+        ``before`` (prescribed before the first picture), ``increment`` (of the solver, as a share of a step),
+        ``follow`` (share of the indenter's way that a node under it goes), ``beside_x``, ``beside_y`` (where the
+        indenter comes down, mm from where it was said to),
         ``swelling`` (change of volume at a place and step, as a share).
     observes : mapping
         Formulas for what is measured: ``displacement``, ``force`` (the one that is not prescribed), ``intensity``,

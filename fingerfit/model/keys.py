@@ -33,6 +33,7 @@ CHANGES = (
     "field",
     "force",
     "displacement",
+    "displacement_x",
     "before",
     "increment",
     "follow",

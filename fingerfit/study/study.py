@@ -255,6 +255,11 @@ class Study:
         return bool(self.direction or self.moved_sideways)
 
     @property
+    def on_a_rail(self) -> bool:
+        """Whether the indenter is pushed along a direction that is not straight down."""
+        return bool(self.direction) and self.control == "force"
+
+    @property
     def response(self) -> str:
         """Which of ``force`` and ``displacement`` is not prescribed."""
         return "displacement" if self.control == "force" else "force"

@@ -1,6 +1,7 @@
 """Studies whose indenter goes aside: what is read of them, what is refused, what their decks have and tables tell."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,12 +10,15 @@ from blocks import FIT, MODEL, STUDY
 
 from fingerfit.check.check import check_study
 from fingerfit.core.errors import Problems
+from fingerfit.core.files import write_text
+from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import catalogue
 from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.settings.config import load_settings
+from fingerfit.solvers.registry import get_solver
 from fingerfit.study.reader import load_study
 
 SHEAR = "step,displacement,displacement_x,force,force_x\n1,400,0,10,\n2,400,-300,10,-2\n"
@@ -138,11 +142,59 @@ def test_forces_across_the_load_need_a_noise(tmp_path):
         check_against_study(settings, settings.read_study())
 
 
-def test_effects_in_place_of_a_glued_indenter_need_one_that_goes_straight_down(tmp_path):
-    slip, study = catalogue()["indenter_slip"], load_study(written(tmp_path))
-    needed = "an indenter that goes straight down"
-    assert needed in unmet(slip, study, 2, False)
-    assert needed not in unmet(slip, load_study(written(tmp_path, "step,displacement,force\n1,400,10\n")), 2, False)
+def test_effects_in_place_of_a_glued_indenter_need_one_that_is_not_on_a_rail(tmp_path):
+    slip, steps = catalogue()["indenter_slip"], "step,displacement,force\n1,400,10\n"
+    needed = "an indenter that is not on a rail"
+    studies = {
+        "aside": load_study(written(tmp_path)),
+        "down": load_study(written(tmp_path, steps)),
+        "oblique": load_study(written(tmp_path, steps, boundary=OBLIQUE)),
+    }
+    assert not any(needed in unmet(slip, study, 2, False) for study in studies.values())
+    assert needed in unmet(slip, replace(studies["oblique"], control="force"), 2, False)
+
+
+def moved_aside(folder, **effects):
+    """Displacements of the last step and the indenter's force along x, of a study whose indenter goes aside."""
+    settings = load_settings(written(folder) / "config.yaml")
+    study = settings.read_study()
+    mesh = make_mesh(study, settings.model.mesh)
+    work = folder / "sims" / "one"
+    write_text(folder / "meshes" / "mesh.inp", format_mesh(mesh))
+    deck = make_deck(settings, study, mesh, "mesh", {**settings.starts(), **effects}, settings.known_effects())
+    write_text(work / "deck.inp", deck)
+    outcome = get_solver("builtin").solve(work / "deck.inp", work)
+    return outcome.displacement[-1], outcome.reaction[-1, 0], mesh.node_sets["TOP"]
+
+
+@pytest.mark.parametrize(
+    ("firm", "loose"),
+    [
+        ({"indenter_slip.compliance": 0.01}, {"indenter_slip.compliance": 1e9}),
+        ({"indenter_probe.left": 1e-5, "indenter_probe.right": 1e-5}, {"indenter_probe.left": 0.99, "indenter_probe.right": 0.99}),
+    ],
+    ids=["slip", "probe"],
+)  # fmt: skip
+def test_a_slipping_indenter_takes_the_body_along_as_far_as_it_holds_it(tmp_path, firm, loose):
+    glued, _, top = moved_aside(tmp_path)
+    assert glued[top, 0] == pytest.approx(np.full(len(top), -0.3))
+    held, _, _ = moved_aside(tmp_path, **firm)
+    assert held == pytest.approx(glued, abs=1e-3)  # tractions of 0.02 MPa and, at the singular edge, a few times that
+    left, _, _ = moved_aside(tmp_path, **loose)
+    assert np.abs(left[top, 0].mean()) < 0.1
+
+
+@pytest.mark.parametrize("probe", [False, True], ids=["member", "probe"])
+def test_an_indenter_that_moves_sideways_is_one_that_was_said_to(tmp_path, probe):
+    """Of two equal steps the first has the whole displacement: the share is 1 at both."""
+    name = "indenter_probe" if probe else "sideways"
+    _, force, _ = moved_aside(tmp_path)
+    more, pushed, top = moved_aside(tmp_path, **{f"{name}.moved": 0.1})
+    assert more[top, 0] == pytest.approx(np.full(len(top), -0.2))
+    assert abs(pushed) < abs(force)
+    back, none, _ = moved_aside(tmp_path, **{f"{name}.moved": 0.3})
+    assert back[top, 0] == pytest.approx(np.zeros(len(top)), abs=1e-12)
+    assert none == pytest.approx(0.0, abs=1e-6 * abs(force))
 
 
 def test_check_tells_them(tmp_path):

@@ -26,6 +26,7 @@ LENGTHS = {
     **{f"{name}.{axis}": LARGER for name in ("misregistration", "wandering_pictures") for axis in "xy"},
     **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
     **{f"loading_probe.{name}": LARGER for name in ("reading", "growing")},
+    **{name: LARGER for name in ("sideways.moved", "indenter_probe.moved", "indenter_probe.midway")},
     **{f"geometry_probe.{name}": LARGER for name in ("upper", "lower", "incline", "bend")},
 }  # fmt: skip
 SIZES = {
@@ -109,7 +110,7 @@ def large(source):
 def factor(keyword, row, column):
     """By how much a number of a deck of the larger body is larger."""
     return {
-        ("CLOAD", 2): FORCE, ("SOLID SECTION", 0): LARGER, ("VISCOELASTIC", 2): SLOWER,
+        ("CLOAD", 2): FORCE, ("BOUNDARY", 3): LARGER, ("SOLID SECTION", 0): LARGER, ("VISCOELASTIC", 2): SLOWER,
         ("SPRING", 0): LARGER if row == 1 else 1.0,  # area over compliance; the line above is the direction
         **{("VISCO", n): SLOWER for n in range(4)},
         ("SURFACE BEHAVIOR", 0): 1 / LARGER, **{(kind, n): LARGER for kind in ("NODE", "SURFACE") for n in (1, 2)},
