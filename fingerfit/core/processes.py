@@ -16,6 +16,9 @@ from typing import Any, TypeVar
 from fingerfit.core.errors import FingerfitError
 from fingerfit.core.files import address_space
 
+_TOKENS, _BYTES = 8192, 4
+"""Numbers of items that wait in a pipe, which holds 64 kB, and the bytes of each."""
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -23,13 +26,15 @@ Result = TypeVar("Result")
 def side_by_side(function: Callable[[Item], Result], items: Sequence[Item], processes: int) -> list[Result]:
     """Results of a function for all items, in order.
 
+    Each process begins with one item, and takes the next one that nobody has taken when it is done.
+
     Parameters
     ----------
     function : callable
         Forked children see all that was read before; what they change stays with them, results are pickled.
     items : sequence
     processes : int
-        This one included; it does its own share.
+        This one included.
 
     Raises
     ------
@@ -39,12 +44,34 @@ def side_by_side(function: Callable[[Item], Result], items: Sequence[Item], proc
         When a child was ended from outside.
     """
     count = max(1, min(processes, len(items)))
-    pipes = [_fork(function, items[n::count]) for n in range(1, count)]
+    if count == 1:
+        return [function(item) for item in items]
+    waiting, behind = os.pipe()
+    # runs of items, so that their numbers fit into a pipe
+    run = 1 + len(items) // _TOKENS
+    os.write(behind, b"".join(n.to_bytes(_BYTES) for n in range(count, len(items), run)))
+    os.close(behind)
+
+    def share(first: int) -> list[tuple[int, Result]]:
+        found, numbers = list[tuple[int, Result]](), range(first, first + 1)
+        try:
+            while numbers:
+                found += [(n, function(items[n])) for n in numbers]
+                token = os.read(waiting, _BYTES)
+                begin = int.from_bytes(token)
+                numbers = range(begin, min(begin + run, len(items))) if token else range(0)
+        except BaseException:
+            os.read(waiting, _BYTES * _TOKENS)  # nothing that was not begun is of use
+            raise
+        return found
+
+    pipes = [_fork(share, [n]) for n in range(1, count)]
     answers: list[Any] = []
     endings: list[int] = []
     try:
-        shares = [[function(item) for item in items[::count]]]
+        shares = [[share(0)]]
     finally:
+        os.close(waiting)
         # children are waited for in any case: none is left behind
         for child, pipe in pipes:
             with os.fdopen(pipe, "rb") as stream:
@@ -59,10 +86,8 @@ def side_by_side(function: Callable[[Item], Result], items: Sequence[Item], proc
         if failed:
             raise found
         shares.append(found)
-    results: list[Any] = [None] * len(items)
-    for n, share in enumerate(shares):
-        results[n::count] = share
-    return results
+    by_number = dict(pair for (found,) in shares for pair in found)
+    return [by_number[n] for n in range(len(items))]
 
 
 def apart(function: Callable[[], Result], seconds: int, memory: int) -> Result:

@@ -74,8 +74,10 @@ class Comparison:
             raise StateError(f"{problem.sims / self.base.sim}: no solution for all steps at the estimate")
         self.prediction = made.prediction
         self.residual: Residual = residual_of(everything, made.prediction, made.maps, self.patches)
-        places = self.residual.places, self.residual.place_patch
-        self._readers = {name: Reader(everything, mesh, self.patches, places) for name, mesh in problem.meshes.items()}
+        self.places = self.residual.places, self.residual.place_patch
+        self._readers = {
+            name: Reader(everything, mesh, self.patches, self.places) for name, mesh in problem.meshes.items()
+        }
         self._read: dict[str, np.ndarray | None] = {}
 
     def read(self, asked: Asked) -> np.ndarray | None:

@@ -9,15 +9,17 @@ from functools import cached_property
 import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
+from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.candidates import candidates, untestable
 from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import Further, identification, separation
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.families import ENOUGH
-from fingerfit.diagnosis.first_pass import refit_all, widened
+from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
+from fingerfit.diagnosis.mesh_errors import by_halved_mesh
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
 from fingerfit.diagnosis.refits import Everything, ended_of, refit_of, with_outline
 from fingerfit.diagnosis.reservations import (
@@ -27,12 +29,14 @@ from fingerfit.diagnosis.reservations import (
     far_off,
     largest_part,
     of_family,
+    too_coarse,
     traced,
     untried,
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.sides import begun, sides_of
+from fingerfit.diagnosis.trials import refit_all
 from fingerfit.diagnosis.verdict import (
     SEEN,
     Refit,
@@ -42,6 +46,7 @@ from fingerfit.diagnosis.verdict import (
     explained_share,
     explains,
     generalising,
+    good,
     half_explained,
     nearest,
     threshold,
@@ -52,6 +57,7 @@ from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import moved
+from fingerfit.model.effect import MESH_ERROR
 
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
@@ -119,8 +125,14 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
     fitted, held_out = errors(found.comparison)
     outline = sides_of(found.comparison)
     verdict = decide(score_test, ranking, {}, tests, held_out=held_out)
-    # of a body of another shape refits say nothing
-    for _ in range(0 if outline.off and not explains(score_test) else BATCHES):
+    unexplained = not explains(score_test)
+    by_mesh, more = (
+        by_halved_mesh(found.comparison, score_test, threads) if unexplained and not outline.off else (0.0, 0)
+    )
+    run += more
+    coarse = by_mesh > 0.0 and score_test.misfit - by_mesh <= good(score_test.freedom) * score_test.freedom
+    # of a body of another shape, and of one that is not solved well, refits say nothing
+    for _ in range(0 if coarse or (outline.off and unexplained) else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits)
         ended = nearest(ended_well(score_test, refits, fitted))
@@ -148,6 +160,9 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
         run += more
     stiffness = stiffness_map(found.comparison, found.everywhere)
     verdict = by_settings(of_family(verdict, score_test, ranking), score_test, ranking, tests)
+    mesh = next((effect for effect in problem.effects.values() if effect.signal == MESH_ERROR), None)
+    if coarse and mesh:
+        verdict = too_coarse(verdict, score_test, by_mesh, mesh)
     if outline.off and verdict.kind != "adequate":
         states, more = _states(problem, last, everything, found, threads)
         ranking = [next((own for own, _ in states if own.candidate is one.candidate), one) for one in ranking]
@@ -224,19 +239,40 @@ def _refits(
     """
     explained = -np.inf
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
-    for ranked in to_refit(found.score_test, found.ranking, found.tests, known):
+    # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
+    flat = all(test.meshes[SEARCH].dim == 2 for test in problem.every)
+    beside, each = 1, threads
+
+    def worth_it(ranked: Ranked) -> bool:
         share = 1.0 if ranked.candidate.effect.probe else ENOUGH
-        if ranked.refitted and ranked.odds(spread) < share * explained:
-            continue
+        return not ranked.refitted or ranked.odds(spread) >= share * explained
+
+    def refitted(ranked: Ranked) -> tuple[tuple[Refit, int] | None, set[str]]:
+        known = set(problem.asked)
         try:
-            refit, run = refit_of(problem, last, ranked, everything, found.weighed, found.score_test.misfit, threads)
+            made = refit_of(problem, last, ranked, everything, found.weighed, found.score_test.misfit, each)
         except StateError:
-            continue  # bodies without a solution explain nothing
-        if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
-            explained = max(explained, ranked.odds(spread))
-        effect, share = ranked.candidate.effect, min(1.0, max(0.0, explained_share(found.score_test, refit)))
-        tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
-        yield ranked, refit, run
+            made = None  # bodies without a solution explain nothing
+        return made, problem.asked - known
+
+    left = to_refit(found.score_test, found.ranking, found.tests, known)
+    while left := [ranked for ranked in left if worth_it(ranked)]:
+        now, left = left[:beside], left[beside:]
+        # what an earlier one of them has made needless is thrown away, so that one process finds the same
+        for ranked, (made, asked) in zip(now, side_by_side(refitted, now, beside), strict=True):
+            if not worth_it(ranked):
+                continue
+            problem.asked.update(asked)
+            if made is None:
+                continue
+            refit, run = made
+            if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
+                explained = max(explained, ranked.odds(spread))
+            effect, share = ranked.candidate.effect, min(1.0, max(0.0, explained_share(found.score_test, refit)))
+            tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
+            yield ranked, refit, run
+        # the first one often makes all others needless, which would hold it up
+        beside, each = (threads, 1) if flat else (1, threads)
 
 
 def _states(

@@ -10,15 +10,13 @@ patches that are farther off than registration reaches.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.ranking import LIKELY, Ranked, Refitted, spread_of
+from fingerfit.diagnosis.ranking import LIKELY, Ranked, Refitted
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.intervals import bound_of
 from fingerfit.fit.jobs import solve_missing
@@ -26,7 +24,7 @@ from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
 from fingerfit.imaging.registration import FARTHEST
-from fingerfit.model.effect import NUMERICS, OBSERVATION, Effect
+from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.settings.extend import extended
 
@@ -34,11 +32,8 @@ MOVE = 0.7
 """Longest first move, in a logarithm or as a share of a scale: a modulus doubles."""
 FALL = 2e-3
 """Share of the misfit by which a move must lower it for another one to follow."""
-MOVES, FIRST_MOVES, FEWEST = 12, 4, 6
-"""A refit that has not ended after as many moves has not converged. After the first few of them only a third of the
-candidates goes on, but so many at least (successive halving: Jamieson and Talwalkar 2016)."""
-NEARER = (1.0, 0.25, -0.25)
-"""Shares of the first step at which a candidate starts, the next one where the body has no solution."""
+MOVES = 12
+"""A refit that has not ended after as many moves has not converged."""
 GRID = 5
 """Decimals of a distance: sums in another order must not ask for other simulations."""
 
@@ -156,89 +151,6 @@ def _information(
     left = left * likely[own]
     far = [(values[p.name] - absent[p.name]) / p.scale / LIKELY for p in parameters if p.name in absent]
     return left.T @ left, float(np.square(far).sum())
-
-
-def refit_all(
-    comparison: Comparison, ranking: Sequence[Ranked], threads: int = 1, sloped: bool = False
-) -> tuple[list[Ranked], int]:
-    """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
-
-    Not seen are what mesh and load steps do, which no fit can cure, and what changes the brightness alone.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    ranking : sequence of Ranked
-        By slopes.
-    threads : int
-    sloped : bool
-        Whether what slopes predict holds, as it does near the truth: then only those are refitted that they speak for.
-
-    Returns
-    -------
-    list of Ranked
-        The best first, by their odds against the model without them, its constants refitted as well.
-    int
-        Simulations that were not known before.
-    """
-    first, problem = FirstPass(comparison, threads), comparison.problem
-    base = first.refit(problem, comparison.base.values, near=True)
-    excess = max(base.misfit - first.count + len(base.values), 1.0)
-    found, run = [], base.simulations
-
-    def tried(one: Ranked, wider: InverseProblem) -> Ranked | None:
-        nonlocal run
-        effect = one.candidate.effect
-        try:
-            if one.refitted is None:
-                there = first.refit(wider, wider.settings.starts(), effect, FIRST_MOVES, near=True)
-            else:
-                there = first.refit(wider, one.refitted.values, effect, MOVES - FIRST_MOVES)
-        except StateError:
-            return None
-        finally:
-            problem.asked.update(wider.asked)
-        run += there.simulations
-        there = replace(there, simulations=there.simulations + (one.refitted.simulations if one.refitted else 0))
-        fall = max(0.0, base.misfit - there.misfit)
-        tell(f"tried {effect.name}: explains {min(100, 100 * fall / excess):.0f} %; {there.simulations} simulations")
-        size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
-        finding = replace(one.finding, fall=fall, size=size)
-        return replace(one, finding=finding, refitted=replace(there, share=fall / excess))
-
-    wider = dict[str, InverseProblem]()
-    for one in ranking:
-        effect = one.candidate.effect
-        spoken_for = not sloped or one.odds(1.0) > 0.0
-        if effect.acts == NUMERICS or set(effect.observes) == {"intensity"} or not spoken_for:
-            found.append(one)
-            continue
-        for share in NEARER:
-            its = wider[effect.name] = widened(problem, base.values, _just_present(one, share))
-            if there := tried(one, its):
-                found.append(there)
-                break
-
-    def by_odds() -> list[Ranked]:
-        spread = spread_of(base.misfit, found, first.count)
-        return sorted(found, key=lambda one: -one.odds(spread))
-
-    found = by_odds()
-    going_on = [n for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(wider) // 3)]
-    for n in going_on:
-        one = found[n]
-        if one.refitted and not one.refitted.converged:
-            found[n] = tried(one, wider[one.candidate.effect.name]) or one
-    return by_odds(), run
-
-
-def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
-    """A candidate a share of its first step off its absent value, to the side that its slopes point to."""
-    sizes = zip(one.candidate.effect.parameters, one.finding.size, strict=True)
-    steps = [
-        np.clip(share * np.copysign(p.step, size or p.step), p.lower - p.null, p.upper - p.null) for p, size in sizes
-    ]
-    return replace(one, finding=replace(one.finding, size=np.array(steps)))
 
 
 def widened(problem: InverseProblem, values: Mapping[str, float], one: Ranked, share: float = 1.0) -> InverseProblem:

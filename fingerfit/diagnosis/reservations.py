@@ -15,7 +15,7 @@ from fingerfit.diagnosis.sides import Sides
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import cure_of
-from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE
+from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE, Effect
 
 LARGEST = 0.5
 """Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
@@ -84,6 +84,24 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
             share = f"that explains {100 * min(fall / excess, 1.0):.0f} % of the misfit beyond the noise"
             return replace(verdict, sentence=f"{wrong}: {share}; take {cure}")
     return verdict
+
+
+def too_coarse(verdict: Verdict, score_test: ScoreTest, fall: float, effect: Effect) -> Verdict:
+    """The verdict of a model whose mesh leaves all that there is beyond the noise.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    score_test : ScoreTest
+    fall : float
+        Of the misfit, by the error of the mesh.
+    effect : Effect
+        The one that stands for it.
+    """
+    wrong, cure = cure_of(effect)
+    share = min(1.0, fall / max(score_test.misfit - score_test.freedom, 1.0))
+    text = f"{wrong}: half the element size explains {100 * share:.0f} % of the misfit beyond the noise; take {cure}"
+    return Verdict("unexplained", (), text, verdict.threshold, NUMERICS)
 
 
 def traced(

@@ -26,8 +26,8 @@ from fingerfit.study.direction import wrong_axes
 from fingerfit.study.study import AXES, ESTIMATED, Study
 
 
-def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) -> Mesh:
-    """The mesh of a study; of a study that brings its meshes, the finer one if wanted.
+def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False, times: int = 1) -> Mesh:
+    """The mesh of a study; of a study that brings its meshes, the finer one if wanted, else with `times` as many rows.
 
     Raises
     ------
@@ -44,8 +44,8 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) 
         mesh = layered_block(
             body.width,
             layers,
-            settings.across,
-            settings.per_layer,
+            times * settings.across,
+            times * settings.per_layer,
             settings.element,
             settings.grading,
             body.origin,

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 import pytest
 
@@ -15,6 +16,22 @@ def test_results_come_in_order_from_as_many_processes(processes):
     assert [square for square, _ in found] == [0, 1, 4, 9, 16]
     assert len({process for _, process in found}) == min(processes, 5)
     assert found[0][1] == os.getpid()
+
+
+def test_a_long_call_holds_no_other_up(tmp_path):
+    """The first call ends when all others have; it would wait for ever for one that its own process keeps."""
+
+    def call(n):
+        while n == 0 and len(list(tmp_path.iterdir())) < 4:
+            time.sleep(0.01)
+        (tmp_path / str(n)).touch()
+        return n
+
+    assert side_by_side(call, range(5), 2) == [0, 1, 2, 3, 4]
+
+
+def test_more_calls_than_a_pipe_can_number():
+    assert side_by_side(lambda n: 2 * n, range(20000), 2) == list(range(0, 40000, 2))
 
 
 def test_nothing_to_do():

@@ -1,15 +1,18 @@
 """The first pass on a body that is far from the fitted model: slopes there say little, refits what is hidden."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_body import compared, fitted, written
 
 from fingerfit.core.errors import StateError
-from fingerfit.diagnosis import first_pass
+from fingerfit.diagnosis import trials
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import rank_candidates
-from fingerfit.diagnosis.first_pass import FirstPass, refit_all, widened
+from fingerfit.diagnosis.first_pass import FALL, FirstPass, widened
 from fingerfit.diagnosis.ranking import best_places
+from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.minimum import finest
 from fingerfit.settings.extend import extended
 
@@ -49,7 +52,7 @@ def test_the_refit_ends_at_the_minimum_of_what_it_fits(world):
     start = {**ranking[0].refitted.values, "stiffening.shift": 1.5 * ranking[0].refitted.values["stiffening.shift"]}
     again = first.refit(wider, start)
     assert again.converged
-    assert again.misfit == pytest.approx(ranking[0].refitted.misfit, rel=2 * first_pass.FALL)
+    assert again.misfit == pytest.approx(ranking[0].refitted.misfit, rel=2 * FALL)
 
 
 def test_where_the_first_step_has_no_solution_a_shorter_one_is_taken(world, monkeypatch):
@@ -62,7 +65,7 @@ def test_where_the_first_step_has_no_solution_a_shorter_one_is_taken(world, monk
         return None if abs(asked.values.get("tilt.slope", 0.0)) > 0.9 * slope.step else solved(asked)
 
     monkeypatch.setattr(comparison, "read", read)
-    wider = widened(comparison.problem, comparison.base.values, first_pass._just_present(tilt))
+    wider = widened(comparison.problem, comparison.base.values, trials._just_present(tilt))
     with pytest.raises(StateError, match="no solution"):
         known.refit(wider, wider.settings.starts())
     ((found,), _) = refit_all(comparison, [tilt])
@@ -72,7 +75,7 @@ def test_where_the_first_step_has_no_solution_a_shorter_one_is_taken(world, monk
 def test_one_that_does_not_end_says_so(world):
     comparison, ranking, _ = world
     stiffening = next(one for one in ranking if one.candidate.effect.name == "stiffening")
-    wider = widened(comparison.problem, comparison.base.values, first_pass._just_present(stiffening))
+    wider = widened(comparison.problem, comparison.base.values, trials._just_present(stiffening))
     assert not FirstPass(comparison).refit(wider, wider.settings.starts(), moves=2).converged
 
 
@@ -83,6 +86,16 @@ def test_near_the_truth_only_those_are_refitted_that_slopes_speak_for(world):
     spoken_for = {one.candidate.effect.name for one in ranking if one.odds(1.0) > 0}
     assert {one.candidate.effect.name for one in sloped if one.refitted} == spoken_for
     assert 0 < len(spoken_for) < len(NAMES) == len([one for one in refitted if one.refitted])
+
+
+def test_two_processes_find_what_one_does(world):
+    comparison, ranking, one = world
+    two, _ = refit_all(comparison, ranking, threads=2)
+    assert [found.candidate.effect.name for found in two] == [found.candidate.effect.name for found in one]
+    assert [found.refitted and found.refitted.values for found in two] == [
+        found.refitted and found.refitted.values for found in one
+    ]
+    assert all(found.columns is own.columns for found, own in zip(two, one, strict=True))
 
 
 def test_few_digits_of_a_place_stay_within_its_bounds(world):
@@ -100,7 +113,7 @@ def test_a_number_at_its_bound_is_said_so(world):
     wider = widened(comparison.problem, comparison.base.values, ranking[0])
     for parameter in (parameters := list(wider.settings.parameters())):
         if parameter.name == "stiffening.shift":
-            near = first_pass.replace(parameter, lower=0.0, upper=0.5, start=0.3, unity=parameter.scale)
+            near = replace(parameter, lower=0.0, upper=0.5, start=0.3, unity=parameter.scale)
             parameters[parameters.index(parameter)] = near
             break
     object.__setattr__(wider.settings, "parameters", lambda: tuple(parameters))

@@ -7,9 +7,9 @@ from small_body import compared, fitted, written
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.families import families
-from fingerfit.diagnosis.first_pass import refit_all
 from fingerfit.diagnosis.ranking import LIKELY, best_places
 from fingerfit.diagnosis.series import cut
+from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.minimum import finest
 
 RIVALS = {"inclusion", "tilt", "compressibility", "base_slip", "wandering_pictures"}

@@ -8,7 +8,7 @@ from small_body import DESCRIPTION, compared, config_of, written
 from fingerfit.core.files import write_json
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import rank_candidates
-from fingerfit.diagnosis.first_pass import refit_all
+from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.simulate import begin, run_fit

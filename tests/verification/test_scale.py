@@ -26,7 +26,7 @@ LENGTHS = {
     **{f"{name}.{axis}": LARGER for name in ("misregistration", "wandering_pictures") for axis in "xy"},
     **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
     **{f"loading_probe.{name}": LARGER for name in ("reading", "growing")},
-    **{name: LARGER for name in ("sideways.moved", "indenter_probe.moved", "indenter_probe.midway")},
+    **dict.fromkeys(("sideways.moved", "indenter_probe.moved", "indenter_probe.midway"), LARGER),
     **{f"geometry_probe.{name}": LARGER for name in ("upper", "lower", "incline", "bend")},
 }  # fmt: skip
 SIZES = {

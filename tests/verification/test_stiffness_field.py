@@ -9,8 +9,9 @@ from fingerfit.core.errors import InputError
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.field import field_of
-from fingerfit.diagnosis.first_pass import refit_all, widened
+from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.series import cut, evidences
+from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.mesh.elements import ELEMENTS

@@ -1,0 +1,137 @@
+"""The first pass of all candidates, beside each other: a few moves of each, and all of those that come nearest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fingerfit.core.errors import StateError
+from fingerfit.core.processes import side_by_side
+from fingerfit.core.progress import tell
+from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
+from fingerfit.diagnosis.ranking import Ranked, Refitted, spread_of
+from fingerfit.model.effect import NUMERICS
+
+FIRST_MOVES, FEWEST = 4, 6
+"""After the first few moves only a third of the candidates goes on, but so many at least (successive halving: Jamieson
+and Talwalkar 2016)."""
+NEARER = (1.0, 0.25, -0.25)
+"""Shares of the first step at which a candidate starts, the next one where the body has no solution."""
+
+
+def refit_all(
+    comparison: Comparison, ranking: Sequence[Ranked], threads: int = 1, sloped: bool = False
+) -> tuple[list[Ranked], int]:
+    """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
+
+    Not seen are what mesh and load steps do, which no fit can cure, and what changes the brightness alone.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    ranking : sequence of Ranked
+        By slopes.
+    threads : int
+    sloped : bool
+        Whether what slopes predict holds, as it does near the truth: then only those are refitted that they speak for.
+
+    Returns
+    -------
+    list of Ranked
+        The best first, by their odds against the model without them, its constants refitted as well.
+    int
+        Simulations that were not known before.
+    """
+    problem = comparison.problem
+    base = FirstPass(comparison, threads).refit(problem, comparison.base.values, near=True)
+    trial = _Trial(FirstPass(comparison), base)
+    seen, found, run = list[Ranked](), list[Ranked](), base.simulations
+    for one in ranking:
+        effect = one.candidate.effect
+        blind = effect.acts == NUMERICS or set(effect.observes) == {"intensity"}
+        spoken_for = not sloped or one.odds(1.0) > 0.0
+        (seen if spoken_for and not blind else found).append(one)
+
+    def by_odds() -> list[Ranked]:
+        spread = spread_of(base.misfit, found, trial.first.count)
+        return sorted(found, key=lambda one: -one.odds(spread))
+
+    shares = dict[str, float]()
+    for one, tried in zip(seen, side_by_side(trial.begun, seen, threads), strict=True):
+        problem.asked.update(tried.asked)
+        run += tried.run
+        if tried.ranked:
+            found.append(replace(tried.ranked, columns=one.columns))
+            shares[one.candidate.effect.name] = tried.share
+    found = by_odds()
+    going_on = [n for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
+    left = [(n, one) for n, one in enumerate(found) if n in going_on and one.refitted and not one.refitted.converged]
+    pairs = [(one, shares[one.candidate.effect.name]) for _, one in left]
+    for (n, one), tried in zip(left, side_by_side(trial.gone_on, pairs, threads), strict=True):
+        problem.asked.update(tried.asked)
+        run += tried.run
+        found[n] = replace(tried.ranked, columns=one.columns) if tried.ranked else one
+    return by_odds(), run
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """What came of a refit in a process of its own: without columns, which take long to hand over."""
+
+    ranked: Ranked | None
+    asked: frozenset[str]
+    run: int
+    share: float
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Refits of candidates, each in one process."""
+
+    first: FirstPass
+    base: Refitted
+
+    def begun(self, one: Ranked) -> _Tried:
+        """The first moves, from the nearest start that has a solution."""
+        asked, run = set[str](), 0
+        for share in NEARER:
+            there = self._refit(one, share)
+            asked, run = asked | there.asked, run + there.run
+            if there.ranked:
+                break
+        return replace(there, asked=frozenset(asked), run=run)
+
+    def gone_on(self, pair: tuple[Ranked, float]) -> _Tried:
+        """The other moves of one that has not converged, and the share of the step at which it began."""
+        return self._refit(*pair)
+
+    def _refit(self, one: Ranked, share: float) -> _Tried:
+        problem, effect, before = self.first.comparison.problem, one.candidate.effect, one.refitted
+        wider = widened(problem, self.base.values, _just_present(replace(one, refitted=None), share))
+        try:
+            if before is None:
+                there = self.first.refit(wider, wider.settings.starts(), effect, FIRST_MOVES, near=True)
+            else:
+                there = self.first.refit(wider, before.values, effect, MOVES - FIRST_MOVES)
+        except StateError:
+            return _Tried(None, frozenset(wider.asked), 0, share)
+        run, excess = there.simulations, max(self.base.misfit - self.first.count + len(self.base.values), 1.0)
+        there = replace(there, simulations=run + (before.simulations if before else 0))
+        fall = max(0.0, self.base.misfit - there.misfit)
+        tell(f"tried {effect.name}: explains {min(100, 100 * fall / excess):.0f} %; {there.simulations} simulations")
+        size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
+        finding, there = replace(one.finding, fall=fall, size=size), replace(there, share=fall / excess)
+        found = replace(one, finding=finding, refitted=there, columns=np.zeros((0, 0)))
+        return _Tried(found, frozenset(wider.asked), run, share)
+
+
+def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
+    """A candidate a share of its first step off its absent value, to the side that its slopes point to."""
+    sizes = zip(one.candidate.effect.parameters, one.finding.size, strict=True)
+    steps = [
+        np.clip(share * np.copysign(p.step, size or p.step), p.lower - p.null, p.upper - p.null) for p, size in sizes
+    ]
+    return replace(one, finding=replace(one.finding, size=np.array(steps)))
