@@ -23,6 +23,7 @@ from fingerfit.diagnosis.mesh_errors import by_halved_mesh
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
 from fingerfit.diagnosis.refits import Everything, ended_of, refit_of, with_outline
 from fingerfit.diagnosis.reservations import (
+    LARGEST,
     by_settings,
     doubted,
     elsewhere,
@@ -46,7 +47,6 @@ from fingerfit.diagnosis.verdict import (
     explained_share,
     explains,
     generalising,
-    good,
     half_explained,
     nearest,
     threshold,
@@ -130,7 +130,7 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
         by_halved_mesh(found.comparison, score_test, threads) if unexplained and not outline.off else (0.0, 0)
     )
     run += more
-    coarse = by_mesh > 0.0 and score_test.misfit - by_mesh <= good(score_test.freedom) * score_test.freedom
+    coarse = by_mesh > 0.0 and by_mesh > LARGEST * (score_test.misfit - score_test.freedom)
     # of a body of another shape, and of one that is not solved well, refits say nothing
     for _ in range(0 if coarse or (outline.off and unexplained) else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
