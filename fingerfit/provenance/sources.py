@@ -116,7 +116,7 @@ def _imported(node: ast.AST, module: str, names: set[str] | None, inside: bool =
     With `names`, only imports that bind one of them; `inside` functions and classes, or beside them only.
     """
     known = _modules()
-    for child in ast.iter_child_nodes(node) if not isinstance(node, ast.Import | ast.ImportFrom) else [node]:
+    for child in _statements(node) if not isinstance(node, ast.Import | ast.ImportFrom) else [node]:
         if isinstance(child, ast.If) and "TYPE_CHECKING" in _names(child.test):
             for other in child.orelse:
                 yield from _imported(other, module, names, inside)
@@ -131,6 +131,12 @@ def _imported(node: ast.AST, module: str, names: set[str] | None, inside: bool =
                 yield from (name for name in prefixes if name in known)
         elif inside or not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             yield from _imported(child, module, names, inside)
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """What is in the blocks of a statement. Imports are never in expressions, which are most of a tree."""
+    for block in ("body", "orelse", "handlers", "finalbody", "cases"):
+        yield from getattr(node, block, ())
 
 
 def _source(node: ast.ImportFrom, module: str) -> str:
