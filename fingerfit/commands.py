@@ -119,7 +119,7 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseP
     from fingerfit.study.data import Data
 
     if settings is None and args.settings.suffix == ".json":
-        settings = read_checked(args.settings)  # as the workflow wrote them
+        settings = read_checked(args.settings, getattr(args, "time_limit", None))  # as the workflow wrote them
     elif settings is None:
         settings = _checked(args.settings)
     tests, given = len(settings.read_study().every), (args.data, args.mesh, args.refined or args.mesh)
