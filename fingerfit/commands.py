@@ -161,7 +161,7 @@ def plot(args: argparse.Namespace) -> None:
     from fingerfit.fit.rounds import Round
     from fingerfit.report.plots import plot_fit
 
-    plot_fit(_fit(args), Round.load(args.last), args.out, args.figure)
+    plot_fit(_fit(args), Round.load(args.last), args.out)
 
 
 def diagnose(args: argparse.Namespace) -> None:

@@ -1,8 +1,9 @@
-"""A run that is told to end (SIGTERM) ends, whatever Snakemake's scheduler is doing."""
+"""A run that is told to end (SIGTERM) ends, whatever Snakemake's scheduler is doing; one that is done ends at once."""
 
 from __future__ import annotations
 
 import _thread
+import threading
 from functools import wraps
 from importlib import import_module
 from typing import Any
@@ -29,3 +30,13 @@ def end_when_told() -> None:
         _thread.start_new_thread(ended, (self, *arguments))
 
     scheduler.exit_gracefully = beside
+
+
+def end_at_once() -> None:
+    """Cancel the timers of Snakemake's scheduler, when no job is left.
+
+    After each choice of jobs one is set that looks for more of them a second later. Python waits for it before it exits.
+    """
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.cancel()

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fingerfit.core.errors import FingerfitError
+from fingerfit.fit.jobs import SHORT
 from fingerfit.imaging.pictures import shape_of
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import Settings
@@ -62,6 +63,11 @@ class Size:
     def simulation(self) -> float:
         """Expected seconds of one simulation."""
         return expected_seconds(self.solver, self.dim, self.nodes)
+
+    @property
+    def short(self) -> bool:
+        """Whether simulations are worth no jobs of their own, on the larger mesh either."""
+        return self.solver == BUILTIN and self.simulation <= SHORT
 
     @property
     def comparison(self) -> float:
