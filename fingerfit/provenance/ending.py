@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import gc
 import threading
 from functools import wraps
 from importlib import import_module
@@ -33,10 +34,12 @@ def end_when_told() -> None:
 
 
 def end_at_once() -> None:
-    """Cancel the timers of Snakemake's scheduler, when no job is left.
+    """When no job is left: cancel the timers of Snakemake's scheduler, and leave its objects as they are.
 
-    After each choice of jobs one is set that looks for more of them a second later. Python waits for it before it exits.
+    After each choice of jobs a timer is set that looks for more of them a second later; Python would wait for it. It
+    would look through all objects for those that nobody needs, which takes another third of a second.
     """
     for thread in threading.enumerate():
         if isinstance(thread, threading.Timer):
             thread.cancel()
+    gc.freeze()

@@ -26,8 +26,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 CONFIG = Path((workflow.configfiles or ["config.yaml"])[-1])
 # targets are not known before the rules are
 DISCOVERS = "discover" in sys.argv
+# a job that fits a study as a whole asks about no other one, nor does the workflow in it
+TARGETS = workflow.dag_settings.target_jobs or [] if workflow.dag_settings else []
+WHOLE = [job.wildcards_dict["study"] for job in TARGETS if job.rulename == "study"]
+ONLY = os.getenv("FINGERFIT_STUDY") or next(iter(WHOLE), None)
 try:
-    RUNS = runs.planned(config, CONFIG, os.getenv("FINGERFIT_STUDY"))
+    SEVERAL = len(runs.studies(config, CONFIG)) > 1
+    RUNS = runs.planned(config, CONFIG, ONLY, workflow.is_main_process)
     DAMAGED = runs.damaged(RUNS) if workflow.is_main_process and workflow.output_settings.dryrun else []
 except FingerfitError as error:
     raise WorkflowError(str(error))
@@ -115,7 +120,8 @@ def memory(simulations=1, pictures=True):
     """A resource: MB of a job, more with each attempt; see `fingerfit.provenance.size.Size.memory`."""
 
     def needed(wildcards, attempt):
-        return attempt * max(run.size.memory(simulations, pictures) for run in runs_of(wildcards.study))
+        count = simulations(wildcards) if callable(simulations) else simulations
+        return attempt * max(run.size.memory(count, pictures) for run in runs_of(wildcards.study))
 
     return needed
 
@@ -139,6 +145,11 @@ def beside_figures(wildcards):
     """Processors of an estimate: two, but of a short study one is left to the figures on this machine."""
     here = workflow.local_exec and is_short(wildcards.study)
     return max(1, min(2, workflow.cores - 1)) if here else 2
+
+
+def side_by_side(wildcards):
+    """Processors of a job that fits a whole study: two, but one of a short study among others, which run beside it."""
+    return 1 if SEVERAL and is_short(wildcards.study) else 2
 
 
 def sent(study):
