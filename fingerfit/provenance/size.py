@@ -17,6 +17,8 @@ from fingerfit.study.reader import load_study
 
 BASE = 600
 """MB of a Python with all libraries that a job loads, and as much again. Measured: 150 to 300."""
+WORKFLOW = 300
+"""MB of the Snakemakes of a job that fits a whole study: two start it, the third is the study's. Measured: 300."""
 PER_NODE = 0.1
 """MB for each node of the mesh that a simulation takes: 0.06 in benchmarks/indentation.md, with room to spare."""
 PER_PIXEL = 8e-6
@@ -82,6 +84,10 @@ class Size:
         """
         held = self.pixels * (2 * self.pictures + MAP) * max(simulations, 1) if pictures else 0
         return round(BASE * max(simulations, 1) + PER_NODE * self.nodes * max(simulations, 1) + PER_PIXEL * held)
+
+    def memory_of_study(self, processors: int) -> int:
+        """MB of a job that fits a whole study and simulates on so many processors."""
+        return WORKFLOW + self.memory(processors)
 
     def minutes(self, stage: str) -> int:
         """Minutes after which a cluster may end the job of a stage.

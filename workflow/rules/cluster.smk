@@ -8,7 +8,7 @@ rule study:
         "../envs/fingerfit.yaml"
     threads: side_by_side
     resources:
-        mem_mb=memory(side_by_side),
+        mem_mb=memory_of_study,
         runtime=minutes("study"),
     params:
         config=CONFIG,

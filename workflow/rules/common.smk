@@ -120,8 +120,7 @@ def memory(simulations=1, pictures=True):
     """A resource: MB of a job, more with each attempt; see `fingerfit.provenance.size.Size.memory`."""
 
     def needed(wildcards, attempt):
-        count = simulations(wildcards) if callable(simulations) else simulations
-        return attempt * max(run.size.memory(count, pictures) for run in runs_of(wildcards.study))
+        return attempt * max(run.size.memory(simulations, pictures) for run in runs_of(wildcards.study))
 
     return needed
 
@@ -150,6 +149,12 @@ def beside_figures(wildcards):
 def side_by_side(wildcards):
     """Processors of a job that fits a whole study: two, but one of a short study among others, which run beside it."""
     return 1 if SEVERAL and is_short(wildcards.study) else 2
+
+
+def memory_of_study(wildcards, attempt):
+    """A resource: MB of a job that fits a whole study, more with each attempt."""
+    processors = side_by_side(wildcards)
+    return attempt * max(run.size.memory_of_study(processors) for run in runs_of(wildcards.study))
 
 
 def sent(study):
