@@ -140,6 +140,12 @@ def is_short(study):
     return all(run.size.short for run in runs_of(study))
 
 
+def share_of_machine(wildcards):
+    """Processors of a round: two, but of a short study among others no more than its share of this machine."""
+    here = workflow.local_exec and is_short(wildcards.study)
+    return max(1, min(2, workflow.cores // len(STUDIES))) if here else 2
+
+
 def beside_figures(wildcards):
     """Processors of an estimate: two, but of a short study one is left to the figures on this machine."""
     here = workflow.local_exec and is_short(wildcards.study)

@@ -15,7 +15,7 @@ checkpoint propose:
         "{study}/{model}/logs/propose/{round}.log",
     conda:
         "../envs/fingerfit.yaml"
-    threads: 2
+    threads: share_of_machine
     resources:
         mem_mb=memory(2),
         runtime=minutes("propose"),
