@@ -275,9 +275,8 @@ def _add_workflow(command: Command) -> None:
             sub.add_argument("--table", type=Path, required=True)
         if name == "diagnose":
             sub.add_argument("--estimate", type=Path, required=True)
+        if name in ("propose", "diagnose"):
             sub.add_argument("--time-limit", type=int, default=0, help="seconds; 0: the solver's own")
-        if name == "plot":
-            sub.add_argument("--figure", default="", help="name of the only one to draw")
         if name in ("propose", "estimate", "diagnose"):
             sub.add_argument("--threads", type=_count, default=1)
 

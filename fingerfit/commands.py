@@ -119,7 +119,7 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseP
     from fingerfit.study.data import Data
 
     if settings is None and args.settings.suffix == ".json":
-        settings = read_checked(args.settings)  # as the workflow wrote them
+        settings = read_checked(args.settings, getattr(args, "time_limit", None))  # as the workflow wrote them
     elif settings is None:
         settings = _checked(args.settings)
     tests, given = len(settings.read_study().every), (args.data, args.mesh, args.refined or args.mesh)
@@ -161,7 +161,7 @@ def plot(args: argparse.Namespace) -> None:
     from fingerfit.fit.rounds import Round
     from fingerfit.report.plots import plot_fit
 
-    plot_fit(_fit(args), Round.load(args.last), args.out, args.figure)
+    plot_fit(_fit(args), Round.load(args.last), args.out)
 
 
 def diagnose(args: argparse.Namespace) -> None:

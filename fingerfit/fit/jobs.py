@@ -41,8 +41,8 @@ def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: b
     """The next round, and where simulations are short as many iterations of its stage as one job makes.
 
     A simulation of a tenth of a second would take three times as long as a job of its own: start of Python, imports.
-    So those that a round asks for are solved here, and the next round is made at once, until the stage changes: what
-    the first round of a stage asks for, and what follows a search, is left to jobs of their own.
+    So those that a round asks for are solved here, and the next round is made at once, until the stage changes. What
+    the last of these rounds asks for is solved here, too, and scored by the next job.
 
     Parameters
     ----------
@@ -55,19 +55,31 @@ def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: b
         Whether anything is solved here at all.
     """
     current = next_round(problem, last, threads)
-    if not solve or last is None or not is_short(problem):
+    if not solve or not is_short(problem):
         return current
     number, solved = current.number, list[Asked]()
     for _ in range(ITERATIONS - 1):
-        if current.stage != last.stage or current.reason or current.stop:
+        if last is None or current.stage != last.stage or current.reason or current.stop:
             break
         solve_missing(problem, current.batch, threads)
         solved += current.batch
         current = replace(next_round(problem, current, threads), number=number, solved=list(solved))
+    solve_missing(problem, [asked for asked in current.batch if is_short(problem, asked)], threads)
     return current
 
 
-def is_short(problem: InverseProblem) -> bool:
-    """Whether simulations take about as long as the start of a job: of small meshes, by the built-in solver."""
-    solver, meshes = problem.settings.solver, [test.meshes[SEARCH] for test in problem.every]
+def is_short(problem: InverseProblem, asked: Asked | None = None) -> bool:
+    """Whether simulations take about as long as the start of a job: of small meshes, by the built-in solver.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+    asked : Asked, optional
+        A guess, which may be on the finer mesh; without one all those of the search.
+    """
+    solver, every = problem.settings.solver, problem.every
+    names = [SEARCH] * len(every)
+    if asked is not None:
+        names = [test.mesh_of(one) for test, one in zip(every, asked.every, strict=True)]
+    meshes = [test.meshes[name] for test, name in zip(every, names, strict=True)]
     return solver == BUILTIN and all(expected_seconds(solver, m.dim, len(m.points)) <= SHORT for m in meshes)

@@ -119,7 +119,14 @@ class Run:
         results.in_order(self.settings)
 
 
-def planned(config: Mapping[str, Any], where: Path | str = CONFIG, study: str | None = None) -> list[Run]:
+def studies(config: Mapping[str, Any], where: Path | str = CONFIG) -> list[str]:
+    """The folders of results of all studies of a config.yaml; see `planned` for errors."""
+    return list(dict.fromkeys(str(results.study_folder(settings)) for settings in load_runs(config, where)))
+
+
+def planned(
+    config: Mapping[str, Any], where: Path | str = CONFIG, study: str | None = None, whole: bool = True
+) -> list[Run]:
     """All models of a config.yaml, checked; nothing is written.
 
     Parameters
@@ -130,6 +137,9 @@ def planned(config: Mapping[str, Any], where: Path | str = CONFIG, study: str | 
         Named in errors.
     study : str or None
         The folder of results of the only study whose models are wanted.
+    whole : bool
+        Whether to find out now what all stages depend on, and what is wrong with that: not for a job of the workflow,
+        whose call has done so.
 
     Raises
     ------
@@ -153,7 +163,7 @@ def planned(config: Mapping[str, Any], where: Path | str = CONFIG, study: str | 
         )
     for run in runs:
         run.waits = run.below in {other.folder for other in runs}
-        for which in ("settings", "code", "made_from"):
+        for which in ("settings", "code", "made_from") if whole else ():
             run.part("prepare", which)
     return runs
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fingerfit.core.errors import FingerfitError
+from fingerfit.fit.jobs import SHORT
 from fingerfit.imaging.pictures import shape_of
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import Settings
@@ -16,6 +17,8 @@ from fingerfit.study.reader import load_study
 
 BASE = 600
 """MB of a Python with all libraries that a job loads, and as much again. Measured: 150 to 300."""
+WORKFLOW = 300
+"""MB of the Snakemakes of a job that fits a whole study: two start it, the third is the study's. Measured: 300."""
 PER_NODE = 0.1
 """MB for each node of the mesh that a simulation takes: 0.06 in benchmarks/indentation.md, with room to spare."""
 PER_PIXEL = 8e-6
@@ -64,6 +67,11 @@ class Size:
         return expected_seconds(self.solver, self.dim, self.nodes)
 
     @property
+    def short(self) -> bool:
+        """Whether simulations are worth no jobs of their own, on the larger mesh either."""
+        return self.solver == BUILTIN and self.simulation <= SHORT
+
+    @property
     def comparison(self) -> float:
         """Expected seconds for the pictures of one guess."""
         return WARP * self.pixels * self.pictures
@@ -76,6 +84,10 @@ class Size:
         """
         held = self.pixels * (2 * self.pictures + MAP) * max(simulations, 1) if pictures else 0
         return round(BASE * max(simulations, 1) + PER_NODE * self.nodes * max(simulations, 1) + PER_PIXEL * held)
+
+    def memory_of_study(self, processors: int) -> int:
+        """MB of a job that fits a whole study and simulates on so many processors."""
+        return WORKFLOW + self.memory(processors)
 
     def minutes(self, stage: str) -> int:
         """Minutes after which a cluster may end the job of a stage.

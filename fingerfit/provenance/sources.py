@@ -64,6 +64,10 @@ def _modules() -> dict[str, Path]:
 
 @cache
 def _tree(path: Path) -> ast.Module:
+    return _parsed(path)
+
+
+def _parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
@@ -107,7 +111,8 @@ def _names(node: ast.AST) -> set[str]:
 @cache
 def _imports_of(module: str) -> set[str]:
     path = _modules()[module]
-    return set(_imported(_tree(path), module if path.name != "__init__.py" else f"{module}.", None))
+    # not kept: Python would look through the trees of all modules, half a million objects, when it ends
+    return set(_imported(_parsed(path), module if path.name != "__init__.py" else f"{module}.", None))
 
 
 def _imported(node: ast.AST, module: str, names: set[str] | None, inside: bool = True) -> Iterator[str]:
@@ -116,7 +121,7 @@ def _imported(node: ast.AST, module: str, names: set[str] | None, inside: bool =
     With `names`, only imports that bind one of them; `inside` functions and classes, or beside them only.
     """
     known = _modules()
-    for child in ast.iter_child_nodes(node) if not isinstance(node, ast.Import | ast.ImportFrom) else [node]:
+    for child in _statements(node) if not isinstance(node, ast.Import | ast.ImportFrom) else [node]:
         if isinstance(child, ast.If) and "TYPE_CHECKING" in _names(child.test):
             for other in child.orelse:
                 yield from _imported(other, module, names, inside)
@@ -131,6 +136,12 @@ def _imported(node: ast.AST, module: str, names: set[str] | None, inside: bool =
                 yield from (name for name in prefixes if name in known)
         elif inside or not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             yield from _imported(child, module, names, inside)
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """What is in the blocks of a statement. Imports are never in expressions, which are most of a tree."""
+    for block in ("body", "orelse", "handlers", "finalbody", "cases"):
+        yield from getattr(node, block, ())
 
 
 def _source(node: ast.ImportFrom, module: str) -> str:

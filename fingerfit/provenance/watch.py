@@ -35,7 +35,7 @@ class Watch(logging.Handler):
     def __init__(self, progress: Progress, finished: Callable[[], object], several: bool) -> None:
         super().__init__(logging.INFO)
         self._progress, self._finished, self._several = progress, finished, several
-        self._jobs: dict[int, tuple[str, float]] = {}
+        self._jobs: dict[int, tuple[str, float, float]] = {}
         self._seconds: list[float] = []
         self._asked = self._solved = 0
         self._stages: dict[Path, tuple[str, float, float]] = {}
@@ -53,7 +53,7 @@ class Watch(logging.Handler):
             self._finished()
 
     def _begin(self, number: int, output: str, rule: str) -> None:
-        self._jobs[number] = output, time.monotonic()
+        self._jobs[number] = output, time.monotonic(), time.time()
         if output.endswith("diagnosis.json"):
             self._progress.stop()  # it has a bar of its own
         elif output.endswith("solution.npz"):
@@ -63,7 +63,7 @@ class Watch(logging.Handler):
         elif not _ROUND.search(output):
             self._progress.show(rule)
 
-    def _end(self, output: str, began: float) -> None:
+    def _end(self, output: str, began: float, clock: float) -> None:
         if output.endswith("solution.npz"):
             self._seconds.append(time.monotonic() - began)
             self._solved += 1
@@ -72,7 +72,7 @@ class Watch(logging.Handler):
             self._tell_sent(output, f"finished after {in_words(time.monotonic() - began)}")
         elif _ROUND.search(output):
             try:
-                self._tell(Path(output), Round.load(Path(output)))
+                self._tell(Path(output), Round.load(Path(output)), clock)
             except FingerfitError:
                 return  # who reads it next says what is wrong with it
 
@@ -80,15 +80,18 @@ class Watch(logging.Handler):
         now = in_words(time.monotonic() - self._progress.began)
         self._progress.line(f"{now:>8}  {Path(output).parent}: {what}; log: {output.removesuffix(_SENT)}.log")
 
-    def _tell(self, path: Path, current: Round) -> None:
+    def _tell(self, path: Path, current: Round, clock: float) -> None:
         sims = path.parents[2] / "sims"
-        names = dict.fromkeys(asked.sim for asked in simulations(current.batch))
-        known = sum((sims / name / "solution.npz").exists() for name in names)
-        self._asked, self._solved = len(names) - known, 0
+        names = dict.fromkeys(asked.sim for asked in simulations(current.everything))
+        there = [file for name in names if (file := sims / name / "solution.npz").exists()]
+        # by the job of this round, since it began
+        run = sum(file.stat().st_mtime >= clock for file in there)
+        self._asked, self._solved = len(names) - len(there), 0
+        counts = {"known": len(there) - run, "run": run, "to run": self._asked}
         best = current.best["score"] if current.best is not None else None
         parts = [
             f"{in_words(time.monotonic() - self._progress.began)}",
-            f"simulations: {known} known, {len(names) - known} to run"
+            f"simulations: {', '.join(f'{number} {what}' for what, number in counts.items() if number) or 'none'}"
             + (f" ({sum(self._seconds) / len(self._seconds):.2g} s each)" if self._seconds else ""),
             *([] if best is None else [f"best score {best:.6f}"]),
             *self._left(path.parent, current),

@@ -149,18 +149,11 @@ def chosen_figure(figures: Mapping[str, Callable[[], Figure]], name: str) -> Fig
         Where the fit has no figure of that name.
     """
     if name not in figures:
-        raise InputError("--figure", "name", name, f"one of {', '.join(figures)}")
+        raise InputError("figure", "name", name, f"one of {', '.join(figures)}")
     return figures[name]()
 
 
-def plot_fit(problem: InverseProblem, last: Round, folder: Path, only: str = "") -> None:
-    """All figures of a finished fit, or `only` the one of that name, into a folder.
-
-    Raises
-    ------
-    InputError
-        Where the fit has no figure of that name.
-    """
-    figures = figures_of(problem, last)
-    for name in [only] if only else figures:
-        save(chosen_figure(figures, name), folder / f"{name}.png")
+def plot_fit(problem: InverseProblem, last: Round, folder: Path) -> None:
+    """All figures of a finished fit, into a folder."""
+    for name, draw in figures_of(problem, last).items():
+        save(draw(), folder / f"{name}.png")

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy import ndimage
 
 from fingerfit.core.errors import InputError
 from fingerfit.imaging.pictures import Picture, read_picture
@@ -91,6 +90,8 @@ class Cells:
 
     def depth(self, label: int, places: np.ndarray) -> np.ndarray:
         """Depth in a label at places in cells from the origin, shape (places, dim)."""
+        from scipy import ndimage  # here, as below: whoever reads a study without regions starts faster without it
+
         index = (self.origin + places * self.spacing).T
         return np.asarray(ndimage.map_coordinates(self.depths[label], index, order=1, mode="nearest"))
 
@@ -194,6 +195,8 @@ def depth_in(inside: np.ndarray, spacing: np.ndarray) -> np.ndarray:
     spacing : ndarray, shape (dim,)
         Size of a pixel, in the unit of the distance.
     """
+    from scipy import ndimage
+
     if inside.all() or not inside.any():
         return np.full(inside.shape, np.linalg.norm(inside.shape * spacing) * (1 if inside.all() else -1))
     ways = [ndimage.distance_transform_edt(part, sampling=spacing) for part in (inside, ~inside)]

@@ -176,11 +176,17 @@ def known(settings: Choices) -> dict[str, Any]:
     return {"study": to_plain(settings.read_study()), "effects": to_plain(settings.known_effects())}
 
 
-def read_checked(path: Path) -> Any:
+def read_checked(path: Path, time_limit: int | None = None) -> Any:
     """Settings from the JSON that `fingerfit.provenance.stages.write_settings` wrote of checked ones.
 
     They have all keys and methods of `fingerfit.settings.config.Settings` that a fit uses, not those of
     pydantic's models. Study and effects are what the workflow read when it began, where it wrote that, too.
+
+    Parameters
+    ----------
+    path : Path
+    time_limit : int, optional
+        Seconds for one simulation, which the workflow does not write; none or 0 for the solver's own.
 
     Raises
     ------
@@ -204,6 +210,7 @@ def read_checked(path: Path) -> Any:
         read = _Read(
             **{
                 **data,
+                "time_limit": time_limit or None,
                 "model": _ReadModel(**{**model, **meshes, "parameters": parameters}),
                 "fit": SimpleNamespace(**{**fit, "stages": stages}),
             }

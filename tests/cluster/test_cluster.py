@@ -120,6 +120,7 @@ def test_a_fit_and_a_diagnosis_are_those_of_this_machine(cluster, here, tmp_path
         asked = wait(cluster, lambda: cluster.jobs())
         assert running.wait(PATIENCE) == 0, (tmp_path / "said").read_text()
     assert len(cluster.jobs()) == len(asked) == 1
+    assert asked[0][5] == "2"
     names = {"base/estimate.json", "base/diagnosis.json", "base/rounds/0.json", "base/figures/force.png"}
     assert names < set(files(here)) == set(files(tmp_path))
     for name in [*files(here), "base/table.txt", "base/settings.json", "ladder.json"]:
@@ -182,7 +183,10 @@ def troubled(cluster, here, tmp_path_factory):
 
 
 def test_a_full_queue_is_waited_for(troubled):
-    assert len(troubled[1]["waiting"]) == 3
+    """Each of several short studies asks for one processor: they are what runs side by side."""
+    waiting = troubled[1]["waiting"]
+    assert len(waiting) == 3
+    assert {job[5] for jobs in waiting for job in jobs} == {"1"}
 
 
 @pytest.mark.parametrize("name", ["cancelled", "late"])

@@ -15,7 +15,7 @@ STAGES = {
     "propose": ("fitted", "all", (f"{MODEL}/rounds",), f"{MODEL}/logs/propose/1.log"),
     "simulate": ("fitted", "all", ("results/study/sims",), "results/study/sims/*/solver.log"),
     "estimate": ("fitted", "all", (f"{MODEL}/estimate.json",), f"{MODEL}/logs/estimate.log"),
-    "plot": ("fitted", "all", (f"{MODEL}/figures",), f"{MODEL}/logs/plot/force.log"),
+    "plot": ("fitted", "all", (f"{MODEL}/figures",), f"{MODEL}/logs/plot.log"),
     "diagnose_model": ("diagnosed", "diagnose", (f"{MODEL}/diagnosis.json",), f"{MODEL}/logs/diagnose.log"),
     "ladder": ("diagnosed", "diagnose", ("results/study/ladder.json",), "results/study/ladder.log"),
     "discover": ("fitted", "discover", (), f"{MODEL}/logs/diagnose.log"),

@@ -1,4 +1,4 @@
-"""SIGTERM while Snakemake's scheduler holds the lock that its handler takes."""
+"""How a run ends: SIGTERM while Snakemake's scheduler holds the lock that its handler takes, and its timers."""
 
 import os
 import signal
@@ -7,7 +7,7 @@ import time
 
 from snakemake.scheduling.job_scheduler import JobScheduler
 
-from fingerfit.provenance.ending import end_when_told
+from fingerfit.provenance.ending import end_at_once, end_when_told
 
 
 class Scheduler(JobScheduler):
@@ -33,3 +33,11 @@ def test_a_signal_while_the_scheduler_holds_its_lock(monkeypatch):
         assert scheduler._user_kill == "graceful"
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def test_a_timer_of_the_scheduler_is_not_waited_for():
+    timer = threading.Timer(3600, lambda: None)
+    timer.start()
+    end_at_once()
+    timer.join(60)
+    assert not timer.is_alive()

@@ -21,7 +21,10 @@ def test_the_phantom_is_measured(monkeypatch):
     # 14 x 15 quadratic elements of the finer mesh
     assert size.nodes == 15 * 16 + 14 * 16 + 15 * 15
     assert size.simulation < 1
-    assert 1000 < size.memory(2) < 2000
+    assert size.short
+    assert 1000 < size.memory(2) < size.memory_of_study(2) < 2000
+    # 500 MB were measured in such a job of a smaller study
+    assert 600 < size.memory_of_study(1) < size.memory_of_study(2)
     assert LEAST < size.minutes("study") < 60
 
 
@@ -43,6 +46,8 @@ def test_what_is_a_job_of_its_own(monkeypatch):
     """All in the plane, also by another program, is short; benchmarks/indentation.md has 20 s and 383 s for the others."""
     assert phantom(monkeypatch).simulation < phantom(monkeypatch, solver="calculix").simulation < LONG
     assert 10 < FINGERTIP.simulation < LONG
+    assert not FINGERTIP.short
+    assert not phantom(monkeypatch, solver="calculix").short
     assert LONG < replace(FINGERTIP, nodes=50653).simulation < 800
 
 

@@ -1,6 +1,8 @@
 """What the workflow says while it runs."""
 
 import logging
+import os
+import time
 from types import SimpleNamespace
 
 from fingerfit.core.progress import Progress, tell
@@ -36,24 +38,32 @@ def test_a_round_is_one_line_with_what_is_reached_and_what_is_left(tmp_path, mon
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     said = Said()
     watch = Watch(said, said.stop, several=False)
-    (tmp_path / "results/s/sims/known").mkdir(parents=True)
-    (tmp_path / "results/s/sims/known/solution.npz").touch()
 
-    def job(number, output, seconds):
+    def solve(name, ago=0.0):
+        path = tmp_path / f"results/s/sims/{name}/solution.npz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+        os.utime(path, (time.time() - ago,) * 2)
+
+    def job(number, output, seconds, solves=()):
         watch.handle(record("job_info", jobid=number, output=[output], rule_name="a"))
         now[0] += seconds
+        for name in solves:
+            solve(name, -1.0)
         watch.handle(record("job_finished", job_id=number))
 
+    solve("known", 10.0)
     job(1, one_round(tmp_path, 3, 0.32), 1.0)
     job(2, str(tmp_path / "results/s/sims/new/solution.npz"), 4.0)
     job(3, one_round(tmp_path, 4, 0.16), 1.0)
-    start = (
-        "independent  {}, simulations: 1 known, 1 to run{}, best score -1.250000, tolx {} (0.02), tolf 0.0001 (0.001)"
-    )
+    # those of iterations that the job made itself are told with those that it asks for at the end
+    job(4, one_round(tmp_path, 5, 0.08, solved=[Asked({"mu": 1.0}, "own", "m", "")]), 1.0, ("own", "new"))
+    start = "independent  {}, simulations: {}, best score -1.250000, tolx {} (0.02), tolf 0.0001 (0.001)"
     assert said.lines == [
-        "round   3  " + start.format("1 s", "", 0.32),
+        "round   3  " + start.format("1 s", "1 known, 1 to run", 0.32),
         # a half in 5 s, three halves to go
-        "round   4  " + start.format("6 s", " (4 s each)", 0.16) + ", 15 s left in this stage",
+        "round   4  " + start.format("6 s", "1 known, 1 to run (4 s each)", 0.16) + ", 15 s left in this stage",
+        "round   5  " + start.format("7 s", "1 known, 2 run (4 s each)", 0.08) + ", 6 s left in this stage",
     ]
 
 

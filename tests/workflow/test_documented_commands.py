@@ -77,8 +77,11 @@ PLACES = {
     "profile mu_top": "profile mu",
     "STUDY/": "studies/mine/",
     "STUDY": "studies/mine",
+    "--size 9 --out breast/body.inp": "--size 12 --out breast/body.inp",
+    "--size 6 --out breast/refined.inp": "--size 9 --out breast/refined.inp",
+    "--size 5 --out breast/truth.inp": "--size 8 --out breast/truth.inp",
 }
-"""What a command names that a user has elsewhere."""
+"""What a command names that a user has elsewhere, and coarser meshes."""
 SESSIONS = {
     "look": [
         "source .venv/bin/activate", "make help", "make setup", "fingerfit effects", "fingerfit docs .", "fingerfit add tilt",

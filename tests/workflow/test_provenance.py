@@ -164,11 +164,12 @@ def test_a_job_that_fails_says_why_in_one_line(place):
 
 
 def test_jobs_that_are_killed_say_so(place):
-    shutil.rmtree(place / "results")
+    for sim in sorted((place / RESULTS / "sims").iterdir())[:2]:
+        (sim / "solution.npz").unlink()
     said, code = snakemake(place, cores=2, KILLED="simulate")
     assert code == 1
     lines = told(said, "simulate")
-    # both guesses of the first round were solved at once
+    # both were solved at once
     assert len(lines) == len(set(lines)) == 2
     for line in lines:
         assert re.fullmatch(

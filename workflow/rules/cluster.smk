@@ -6,9 +6,9 @@ rule study:
         "{study}/{goals}.log",
     conda:
         "../envs/fingerfit.yaml"
-    threads: 2
+    threads: side_by_side
     resources:
-        mem_mb=memory(2),
+        mem_mb=memory_of_study,
         runtime=minutes("study"),
     params:
         config=CONFIG,

@@ -12,7 +12,7 @@ from fingerfit.core.folders import CLONE, PACKAGE
 from fingerfit.core.progress import Progress
 from fingerfit.fit.rounds import Walk
 from fingerfit.provenance import runs
-from fingerfit.provenance.ending import end_when_told
+from fingerfit.provenance.ending import end_at_once, end_when_told
 from fingerfit.provenance.failures import MARK, Failures
 from fingerfit.provenance.size import LONG
 from fingerfit.provenance.watch import Watch, heard_by
@@ -26,8 +26,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 CONFIG = Path((workflow.configfiles or ["config.yaml"])[-1])
 # targets are not known before the rules are
 DISCOVERS = "discover" in sys.argv
+# a job that fits a study as a whole asks about no other one, nor does the workflow in it
+TARGETS = workflow.dag_settings.target_jobs or [] if workflow.dag_settings else []
+WHOLE = [job.wildcards_dict["study"] for job in TARGETS if job.rulename == "study"]
+ONLY = os.getenv("FINGERFIT_STUDY") or next(iter(WHOLE), None)
 try:
-    RUNS = runs.planned(config, CONFIG, os.getenv("FINGERFIT_STUDY"))
+    SEVERAL = len(runs.studies(config, CONFIG)) > 1
+    RUNS = runs.planned(config, CONFIG, ONLY, workflow.is_main_process)
     DAMAGED = runs.damaged(RUNS) if workflow.is_main_process and workflow.output_settings.dryrun else []
 except FingerfitError as error:
     raise WorkflowError(str(error))
@@ -59,6 +64,8 @@ if workflow.is_main_process and workflow.modifier.is_main_snakefile():
 
 BY_FOLDER = {run.folder: run for run in RUNS}
 STUDIES = list(dict.fromkeys(run.study for run in RUNS))
+# the figures that models have; those with the same ones share a rule
+FIGURES = [list(names) for names in dict.fromkeys(tuple(run.figures) for run in RUNS)]
 # what a study that is sent to a cluster may be asked for beside its fit
 GOALS = ("diagnose", "export")
 # marks of the jobs that this call sends
@@ -78,7 +85,6 @@ wildcard_constraints:
     model=r"[\w+-]+",
     round=r"\d+",
     sim=r"[0-9a-f]{20}",
-    figure=r"(force|search|deformed_mesh|pictures)(-\w+)?",
     # of the files of a study with several tests
     test=r"(-\w+)?",
     goals=r"fit|[\w+]+",
@@ -127,6 +133,34 @@ def minutes(stage):
         return attempt * sum(run.size.minutes(stage) for run in models)
 
     return needed
+
+
+def is_short(study):
+    """Whether all models of a study have simulations that are worth no jobs of their own."""
+    return all(run.size.short for run in runs_of(study))
+
+
+def share_of_machine(wildcards):
+    """Processors of a round: two, but of a short study among others no more than its share of this machine."""
+    here = workflow.local_exec and is_short(wildcards.study)
+    return max(1, min(2, workflow.cores // len(STUDIES))) if here else 2
+
+
+def beside_figures(wildcards):
+    """Processors of an estimate: two, but of a short study one is left to the figures on this machine."""
+    here = workflow.local_exec and is_short(wildcards.study)
+    return max(1, min(2, workflow.cores - 1)) if here else 2
+
+
+def side_by_side(wildcards):
+    """Processors of a job that fits a whole study: two, but one of a short study among others, which run beside it."""
+    return 1 if SEVERAL and is_short(wildcards.study) else 2
+
+
+def memory_of_study(wildcards, attempt):
+    """A resource: MB of a job that fits a whole study, more with each attempt."""
+    processors = side_by_side(wildcards)
+    return attempt * max(run.size.memory_of_study(processors) for run in runs_of(wildcards.study))
 
 
 def sent(study):
@@ -296,6 +330,11 @@ def fitted(run):
     return [f"{run.folder}/{name}" for name in names]
 
 
+def drawn(figures):
+    """The models that have these figures, as a regular expression for their study."""
+    return "|".join(rf"{re.escape(run.study)}(?=/{re.escape(run.model)}/)" for run in RUNS if run.figures == figures)
+
+
 def walked(run):
     """All rounds of a model and their solutions, as an input of its own: models do not wait for each other."""
     return lambda wildcards: [] if sent(run.study) else rounds_and_solutions(run)
@@ -326,3 +365,4 @@ def finished():
     PROGRESS.stop()
     if not DISCOVERS:  # whose last model has shown its own
         print(*runs.shown(RUNS), sep="\n", flush=True)
+    end_at_once()

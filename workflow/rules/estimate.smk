@@ -19,7 +19,7 @@ rule estimate:
         "{study}/{model}/logs/estimate.log",
     conda:
         "../envs/fingerfit.yaml"
-    threads: 2
+    threads: beside_figures
     resources:
         mem_mb=memory(2),
         runtime=minutes("estimate"),
@@ -35,36 +35,45 @@ rule estimate:
         " --table {output.table} 2> {log}"
 
 
-rule plot:
-    # One of the figures: deformed mesh, pictures, force against displacement, course of the search.
-    input:
-        meshes=meshes,
-        rounds=rounds_and_solutions,
-        settings="{study}/{model}/settings.json",
-        data=data,
-        last=last_round,
-    output:
-        figure=report(
-            "{study}/{model}/figures/{figure}.png",
-            caption="../report/figure.rst",
-            category="{study}",
-            subcategory="{model}",
-            labels={"result": "{figure}"},
-        ),
-    log:
-        "{study}/{model}/logs/plot/{figure}.log",
-    conda:
-        "../envs/fingerfit.yaml"
-    threads: 1
-    resources:
-        mem_mb=memory(),
-        runtime=minutes("plot"),
-    params:
-        code=part("plot", "code"),
-        made_from=part("plot", "made_from"),
-        meshes=mesh_options,
-        sims=sims,
-        figures=subpath(output[0], parent=True),
-    shell:
-        "exec python -P -m fingerfit plot {input.settings} --data {input.data} {params.meshes}"
-        " --sims {params.sims} --last {input.last} --out {params.figures} --figure {wildcards.figure} 2> {log}"
+for number, figures in enumerate(FIGURES):
+
+    rule:
+        # All figures of a model: deformed mesh, pictures, force against displacement, course of the search.
+        name:
+            f"plot{number or ''}"
+        input:
+            meshes=meshes,
+            rounds=rounds_and_solutions,
+            settings="{study}/{model}/settings.json",
+            data=data,
+            last=last_round,
+        output:
+            figures=[
+                report(
+                    f"{{study}}/{{model}}/figures/{figure}.png",
+                    caption=f"../report/{figure.partition('-')[0]}.rst",
+                    category="{study}",
+                    subcategory="{model}",
+                    labels={"result": figure},
+                )
+                for figure in figures
+            ],
+        log:
+            "{study}/{model}/logs/plot.log",
+        wildcard_constraints:
+            study=drawn(figures),
+        conda:
+            "../envs/fingerfit.yaml"
+        threads: 1
+        resources:
+            mem_mb=memory(),
+            runtime=minutes("plot"),
+        params:
+            code=part("plot", "code"),
+            made_from=part("plot", "made_from"),
+            meshes=mesh_options,
+            sims=sims,
+            figures=subpath(output[0], parent=True),
+        shell:
+            "exec python -P -m fingerfit plot {input.settings} --data {input.data} {params.meshes}"
+            " --sims {params.sims} --last {input.last} --out {params.figures} 2> {log}"

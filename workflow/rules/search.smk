@@ -15,12 +15,13 @@ checkpoint propose:
         "{study}/{model}/logs/propose/{round}.log",
     conda:
         "../envs/fingerfit.yaml"
-    threads: 2
+    threads: share_of_machine
     resources:
         mem_mb=memory(2),
         runtime=minutes("propose"),
-        # no param: where a simulation is solved changes no answer
+        # no params: where a simulation is solved, and how long it may take, changes no answer
         solve=solves_inside,
+        time_limit=time_limit,
     params:
         settings=part("propose", "settings"),
         last=last_option,
@@ -30,7 +31,8 @@ checkpoint propose:
         sims=sims,
     shell:
         "exec python -P -m fingerfit propose {input.settings} --data {input.data} {params.meshes} --sims {params.sims}"
-        " {params.last} --out {output.round} --threads {threads} --solve {resources.solve} 2> {log}"
+        " {params.last} --out {output.round} --threads {threads} --solve {resources.solve}"
+        " --time-limit {resources.time_limit} 2> {log}"
 
 
 rule simulate:
