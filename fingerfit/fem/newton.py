@@ -30,6 +30,13 @@ _SECANTS, _FLAT = 3, 0.3
 evaluation costs a tenth of an iteration (docs/decisions/0006-large-systems.md); the share is a choice."""
 _CLEARLY = 0.3
 """Share of the residual that a step of a body in contact must leave at most: elsewhere any fall is enough. A choice."""
+_PAST = 0.5
+"""Slope at the end of a step of a body in contact, over that at its beginning and upwards, from which the step went too
+far, whatever its residual: points lift off there, and the next step is far too long
+(docs/decisions/0033-force-control.md). A choice."""
+_KINK = 0.1
+"""Share of a step below which a slope of zero counts as a kink of friction, where points begin to slip, and not as the
+end of the way (docs/decisions/0033-force-control.md). A choice."""
 _ENOUGH = 1e-4
 """Share of the fall of energy that the slope promises which a step must bring: the condition of Armijo (1966)."""
 _SHORTER = 9
@@ -222,11 +229,14 @@ class Newton:
             if internal is None:
                 continue
             ahead = self._residual(internal, load, held)
-            if np.abs(ahead).max() < enough * norm:
+            good = np.abs(ahead).max() < enough * norm
+            if good and not (system.touches and inner(step, ahead) > _PAST * abs(slope)):
                 return trial
-            if start is None:
-                start = self._potential(system.expand(q, load.given), load)
-            if self._potential(u, load) < start + _ENOUGH * 0.5**cut * slope:
+            if not good:
+                if start is None:
+                    start = self._potential(system.expand(q, load.given), load)
+                good = self._potential(u, load) < start + _ENOUGH * 0.5**cut * slope
+            if good:
                 slopes = 0.5**cut * slope, inner(trial - q, ahead)
                 return q + self._least(q, trial - q, slopes, load, held) * (trial - q)
         return None
@@ -236,11 +246,12 @@ class Newton:
     ) -> float:
         """Share of a step where the energy is least, by secants between its slopes at both ends.
 
-        Where contact opens or closes on the way a whole step goes too far, and the next one too far back.
+        Where contact opens or closes on the way a whole step goes too far, and the next one too far back. Friction has
+        no energy, but slopes all the same.
         """
         (low, falls), (high, rises) = (0.0, slopes[0]), (1.0, slopes[1])
         share, slope = high, rises
-        for _ in range(_SECANTS if self.system.slides else 0):
+        for _ in range(_SECANTS if self.system.touches else 0):
             if not falls < 0 < rises or abs(slope) < _FLAT * abs(slopes[0]):
                 break
             share = low + (high - low) * falls / (falls - rises)
@@ -252,7 +263,7 @@ class Newton:
                 low, falls = share, slope
             else:
                 high, rises = share, slope
-        return share
+        return share if self.system.slides or share > _KINK else high
 
     def _potential(self, u: np.ndarray, load: Load) -> float:
         return self.system.energy(u) - inner(load.force, u)

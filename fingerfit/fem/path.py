@@ -136,7 +136,8 @@ class LoadPath:
             self.system.commit(state.u, dt, how.relaxed)
             self._earlier, self._before = self._before, (self.state, self.load)
             self.state, self.load, share = state, load, end
-            if failed:
+            # with friction, an increment fails for what begins to slip in it, not for what comes after
+            if failed and self.system.slides:
                 self._pace = size * length
             keep -= 1
             size = how.first if how.fixed else min(size if keep > 0 else 2 * size, how.largest)
