@@ -208,3 +208,16 @@ def test_runs_that_would_share_results_are_refused(place):
         said = run(place, "-n", ends=1)
         assert says in said
         assert "Traceback" not in said
+
+
+def test_a_study_that_fails_stops_no_other_one(first, tmp_path):
+    """The table of the other one is shown, and its results are not made again."""
+    shutil.copytree(first, tmp_path / "copy", symlinks=True)
+    place = tmp_path / "copy"
+    picture = sorted((place / "studies/two/pictures").iterdir())[-1]
+    picture.write_bytes(picture.read_bytes()[:200])
+    configure(place, {**SHARED, "runs": [RUNS[0], RUNS[2]]})
+    said = run(place, ends=1, cores=2)
+    assert f"{picture.name}: picture: found" in said
+    assert "table: results/one/base/table.txt" in said
+    assert not (place / "results/two/base/estimate.json").exists()
