@@ -14,7 +14,7 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.sides import Sides
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
 from fingerfit.fit.intervals import FAR_OFF
-from fingerfit.model.applicable import cure_of
+from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE, Effect
 
 LARGEST = 0.5
@@ -82,7 +82,7 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
         if effect.acts == NUMERICS and beyond and fall >= ENOUGH * excess:
             wrong, cure = cure_of(effect)
             share = f"that explains {100 * min(fall / excess, 1.0):.0f} % of the misfit beyond the noise"
-            return replace(verdict, sentence=f"{wrong}: {share}; take {cure}")
+            return replace(verdict, sentence=f"{wrong}: {share}{CURE}{cure}", family=NUMERICS)
     return verdict
 
 
@@ -100,7 +100,7 @@ def too_coarse(verdict: Verdict, score_test: ScoreTest, fall: float, effect: Eff
     """
     wrong, cure = cure_of(effect)
     share = min(1.0, fall / max(score_test.misfit - score_test.freedom, 1.0))
-    text = f"{wrong}: half the element size explains {100 * share:.0f} % of the misfit beyond the noise; take {cure}"
+    text = f"{wrong}: half the element size explains {100 * share:.0f} % of the misfit beyond the noise{CURE}{cure}"
     return Verdict("unexplained", (), text, verdict.threshold, NUMERICS)
 
 

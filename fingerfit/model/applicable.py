@@ -17,6 +17,8 @@ IN_WORDS = {
 """What an effect may need of a study (`fingerfit.model.effect.NEEDS`), for a person."""
 MEASURED = ("time", "pictures", "displacements", "refined")
 """Needs that another measurement or mesh of the same body would meet."""
+CURE = "; take "
+"""What stands in a verdict before the cure of what mesh or load steps leave."""
 
 
 def cure_of(effect: Effect) -> tuple[str, str]:

@@ -77,6 +77,19 @@ def test_profiles_of_these_settings_are_shown(tmp_path):
     assert "Profile of mu_middle" not in text
 
 
+def test_a_mesh_that_is_too_coarse_is_told_with_its_cure(tmp_path):
+    sample.write(tmp_path / "study", done=False)
+    file = tmp_path / "study/base/diagnosis.json"
+    said = "the mesh is too coarse: half the element size explains 90 % of the misfit; take a finer model.mesh"
+    keep_json(file, read_json(file) | {"verdict": "unexplained", "effects": [], "family": "numerics", "sentence": said})
+    write_page(tmp_path / "study", tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "does not explain the measurements: the mesh is too coarse." in text
+    assert "Take a finer model.mesh, and fit again." in text
+    assert "Not solved well enough: take a finer model.mesh" in text
+    assert "describe an effect of your own" not in text
+
+
 def test_it_begins_with_the_constants_and_their_intervals(whole, tmp_path):
     def top(text):
         return re.search(r'<table class="found">(.*?)</table>', text, re.S)[1]

@@ -29,6 +29,7 @@ from fingerfit.report.page.words import (
     commands,
     first_upper,
     headline,
+    label,
     number,
     odds,
     place_words,
@@ -185,7 +186,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "response": (compare.response_name if compare is not None else ("", "")),
         "settings": json.dumps(model.settings, indent=1) if model.settings else "",
         "solver": ", ".join(f"{key} {value}" for key, value in model.solver.items() if isinstance(value, str)),
-        "verdict": VERDICTS.get(model.verdict, ("", model.verdict)),
+        "verdict": label(model),
         "verdict_key": model.verdict if model.verdict in VERDICTS else "none",
         "last": index == len(inputs.models) - 1,
     }
@@ -287,7 +288,7 @@ def _rungs(inputs: Inputs) -> list[dict[str, Any]]:
             {
                 "name": model.name,
                 "label": rung_label(rung or {"model": model.name}, n == 0),
-                "verdict": VERDICTS.get(model.verdict, ("", "not diagnosed yet")),
+                "verdict": label(model),
                 "verdict_key": model.verdict if model.verdict in VERDICTS else "none",
                 "sentence": model.sentence,
                 "error": error,

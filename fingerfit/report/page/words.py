@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.report.page.inputs import Inputs
+from fingerfit.report.page.inputs import Inputs, Model
 
 VERDICTS = {
     "missing": ("▲", "An effect is missing"),
@@ -15,6 +15,13 @@ VERDICTS = {
     "adequate": ("✓", "Model adequate: no missing effect detected"),
     "unexplained": ("?", "Unexplained: no known effect explains the residual"),
 }
+
+
+def label(model: Model) -> tuple[str, str]:
+    """Sign and words of a model's verdict."""
+    if model.cure:
+        return VERDICTS["unexplained"][0], f"Not solved well enough: take {model.cure}"
+    return VERDICTS.get(model.verdict, ("", model.verdict or "not diagnosed yet"))
 
 
 def number(value: Any, digits: int = 3) -> str:
@@ -143,6 +150,9 @@ def headline(inputs: Inputs) -> dict[str, Any]:
         last.verdict,
         (f"The model “{last.name}” was compared with the measurements.", "The next step is the diagnosis."),
     )  # fmt: skip
+    if last.cure:
+        found = f"The model “{last.name}” does not explain the measurements: {last.sentence.partition(':')[0]}."
+        following = f"Take {last.cure}, and fit again."
     return {"found": found, "falls": falls, "next": following, "add": add, "sentence": last.sentence,
             "verdict": last.verdict if last.verdict in VERDICTS else "none"}  # fmt: skip
 
