@@ -80,10 +80,13 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
         effect, fall = one.candidate.effect, one.finding.fall
         beyond = fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         if effect.acts == NUMERICS and beyond and fall >= ENOUGH * excess:
-            wrong, cure = cure_of(effect)
-            share = f"that explains {100 * min(fall / excess, 1.0):.0f} % of the misfit beyond the noise"
-            return replace(verdict, sentence=f"{wrong}: {share}{CURE}{cure}", family=NUMERICS)
+            return replace(verdict, sentence=_cured(effect, "that", fall / excess), family=NUMERICS)
     return verdict
+
+
+def _cured(effect: Effect, what: str, share: float) -> str:
+    wrong, cure = cure_of(effect)
+    return f"{wrong}: {what} explains {100 * min(share, 1.0):.0f} % of the misfit beyond the noise{CURE}{cure}"
 
 
 def too_coarse(verdict: Verdict, score_test: ScoreTest, fall: float, effect: Effect) -> Verdict:
@@ -98,9 +101,8 @@ def too_coarse(verdict: Verdict, score_test: ScoreTest, fall: float, effect: Eff
     effect : Effect
         The one that stands for it.
     """
-    wrong, cure = cure_of(effect)
-    share = min(1.0, fall / max(score_test.misfit - score_test.freedom, 1.0))
-    text = f"{wrong}: half the element size explains {100 * share:.0f} % of the misfit beyond the noise{CURE}{cure}"
+    share = fall / max(score_test.misfit - score_test.freedom, 1.0)
+    text = _cured(effect, "half the element size", share)
     return Verdict("unexplained", (), text, verdict.threshold, NUMERICS)
 
 

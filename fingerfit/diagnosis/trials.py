@@ -46,8 +46,10 @@ def refit_all(
         Simulations that were not known before.
     """
     problem = comparison.problem
-    base = FirstPass(comparison, threads).refit(problem, comparison.base.values, near=True)
-    trial = _Trial(FirstPass(comparison), base)
+    first = FirstPass(comparison, threads)
+    base = first.refit(problem, comparison.base.values, near=True)
+    first.threads = 1  # each candidate has a process of its own
+    trial = _Trial(first, base)
     seen, found, run = list[Ranked](), list[Ranked](), base.simulations
     for one in ranking:
         effect = one.candidate.effect
@@ -56,7 +58,7 @@ def refit_all(
         (seen if spoken_for and not blind else found).append(one)
 
     def by_odds() -> list[Ranked]:
-        spread = spread_of(base.misfit, found, trial.first.count)
+        spread = spread_of(base.misfit, found, first.count)
         return sorted(found, key=lambda one: -one.odds(spread))
 
     shares = dict[str, float]()
@@ -67,13 +69,13 @@ def refit_all(
             found.append(replace(tried.ranked, columns=one.columns))
             shares[one.candidate.effect.name] = tried.share
     found = by_odds()
-    going_on = [n for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
-    left = [(n, one) for n, one in enumerate(found) if n in going_on and one.refitted and not one.refitted.converged]
-    pairs = [(one, shares[one.candidate.effect.name]) for _, one in left]
-    for (n, one), tried in zip(left, side_by_side(trial.gone_on, pairs, threads), strict=True):
+    best = [(n, one.refitted) for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
+    left = [n for n, refitted in best if not refitted.converged]
+    going_on = [(found[n], shares[found[n].candidate.effect.name]) for n in left]
+    for n, tried in zip(left, side_by_side(trial.gone_on, going_on, threads), strict=True):
         problem.asked.update(tried.asked)
         run += tried.run
-        found[n] = replace(tried.ranked, columns=one.columns) if tried.ranked else one
+        found[n] = replace(tried.ranked, columns=found[n].columns) if tried.ranked else found[n]
     return by_odds(), run
 
 

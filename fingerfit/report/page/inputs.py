@@ -13,8 +13,6 @@ import numpy as np
 from fingerfit.core.errors import FingerfitError, StateError
 from fingerfit.core.files import digest, free_memory, read_bytes, read_json, read_npz
 from fingerfit.diagnosis.residual import RESPONSE
-from fingerfit.model.applicable import CURE
-from fingerfit.model.effect import NUMERICS
 from fingerfit.provenance.inputs import study_files
 from fingerfit.settings.choices import KNOWN
 from fingerfit.study.several import TESTS, array_ending, arrays_of_test
@@ -265,11 +263,6 @@ class Model:
     def verdict(self) -> str:
         """One of missing, indistinguishable, adequate, unexplained; empty before the diagnosis."""
         return str(self.diagnosis.get("verdict") or self.rung.get("verdict") or "")
-
-    @property
-    def cure(self) -> str:
-        """What to take instead, where mesh or load steps are what leaves the misfit; else empty."""
-        return self.sentence.rpartition(CURE)[2] if self.diagnosis.get("family") == NUMERICS else ""
 
     @property
     def sentence(self) -> str:

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.model.applicable import CURE
+from fingerfit.model.effect import NUMERICS
 from fingerfit.report.page.inputs import Inputs, Model
 
 VERDICTS = {
@@ -19,9 +21,15 @@ VERDICTS = {
 
 def label(model: Model) -> tuple[str, str]:
     """Sign and words of a model's verdict."""
-    if model.cure:
-        return VERDICTS["unexplained"][0], f"Not solved well enough: take {model.cure}"
+    if cure := _cure(model):
+        return VERDICTS["unexplained"][0], f"Not solved well enough: take {cure}"
     return VERDICTS.get(model.verdict, ("", model.verdict or "not diagnosed yet"))
+
+
+def _cure(model: Model) -> str:
+    """What to take instead, where mesh or load steps are what leaves the misfit; else empty."""
+    said = model.sentence.partition(CURE)[2] if model.diagnosis.get("family") == NUMERICS else ""
+    return said.partition("; ")[0]
 
 
 def number(value: Any, digits: int = 3) -> str:
@@ -150,9 +158,9 @@ def headline(inputs: Inputs) -> dict[str, Any]:
         last.verdict,
         (f"The model “{last.name}” was compared with the measurements.", "The next step is the diagnosis."),
     )  # fmt: skip
-    if last.cure:
+    if cure := _cure(last):
         found = f"The model “{last.name}” does not explain the measurements: {last.sentence.partition(':')[0]}."
-        following = f"Take {last.cure}, and fit again."
+        following = f"Take {cure}, and fit again."
     return {"found": found, "falls": falls, "next": following, "add": add, "sentence": last.sentence,
             "verdict": last.verdict if last.verdict in VERDICTS else "none"}  # fmt: skip
 
