@@ -50,7 +50,7 @@ CLEAR: dict[str, dict[str, Any]] = {
     "stiffening": {"stiffening": {"shift": 2.0}},
     "second_term": {"second_term": {"share": 0.4}},
     "skin": {"skin": {"contrast": 1.2, "thickness": 0.7}},
-    "split_layer": {"split_layer": {"contrast": 0.6, "layer": 2}},
+    "split_layer": {"split_layer": {"contrast": 0.6, "layer": 2, "share": 0.5}},
     "gradient": {"gradient": {"slope": 0.8}},
     "base_slip": {"base_slip": {"compliance": 15}},
     "indenter_slip": {"indenter_slip": {"compliance": 8}},
@@ -64,7 +64,12 @@ CLEAR: dict[str, dict[str, Any]] = {
     "bias_field": {"bias_field": {"across": 0.1, "along": 0.05}},
     "force_gain": {"force_gain": {"gain": 0.05}},
 }
-PLACES = {"inclusion": ("across", "along"), "skin": ("thickness",), "relaxation": ("time",), "split_layer": ("layer",)}
+PLACES = {
+    "inclusion": ("across", "along"),
+    "skin": ("thickness",),
+    "relaxation": ("time",),
+    "split_layer": ("layer", "share"),
+}
 
 
 def weak(name: str, numbers: dict[str, Any]) -> dict[str, Any]:

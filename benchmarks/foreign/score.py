@@ -77,6 +77,8 @@ CLOSE = 0.05
 """Share of a constant within which it is right."""
 TRACE = 0.5
 """Size, in units of the noise, below which *adequate* is right as well."""
+CLEAR = 1.0
+"""Size from which an effect is as large as the noise: what must be found."""
 SURE = "missing"
 """Verdict that names one effect; with *indistinguishable* several are named."""
 
@@ -138,6 +140,12 @@ def wrong_family(row: dict[str, Any], truth: dict[str, Any]) -> bool:
     return any(rung["verdict"] == SURE and not right & set(families(rung)) for rung in found_in(row))
 
 
+def stopped(row: dict[str, Any], truth: dict[str, Any]) -> bool:
+    """Whether a climb ended adequate, with no more effects than are hidden."""
+    last = row["rungs"][-1]
+    return last["verdict"] == "adequate" and len(last["effects"]) <= len(truth["hidden"])
+
+
 def constants(rung: dict[str, Any], truth: dict[str, Any]) -> dict[str, tuple[float, bool]]:
     """Relative error of each constant, and whether its interval holds the truth."""
     found = {}
@@ -176,12 +184,26 @@ def summary(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[tuple[st
     traces = [(row, truth) for row, truth in hidden if size(truth) < TRACE]
     known = [(row, truth) for row, truth in seen if all(one["member"] for one in truth["hidden"])]
     covered = [inside for row, truth in empty for _, inside in constants(first(row), truth).values()]
+    clear = [(row, truth) for row, truth in hidden if size(truth) >= CLEAR and truth["family"] != "numerics"]
+    listed = [(row, truth) for row, truth in clear if all(one["member"] for one in truth["hidden"])]
+    climbed = [(row, truth) for row, truth in clear if family_right(row, truth) and row["goal"] == "discover"]
     seconds = [row["seconds"] for row, _ in pairs]
     return [
         ("cases that were run; of them without any answer", f"{len(pairs)}; {len(pairs) - len(told)}"),
         ("ended with an error or out of time", share(row["code"] != 0 for row, _ in pairs)),
         (f"family right (hidden, size at least {TRACE:g})", share(family_right(*both) for both in seen)),
         ("member right (of these, those that the catalogue has)", share(member_right(*both) for both in known)),
+        (f"clear cases (size at least {CLEAR:g}) of the catalogue: family right",
+         share(family_right(*both) for both in listed)),
+        ("the same: member right, or in the set that is named", share(member_right(*both) for both in listed)),
+        ("clear cases with something that the catalogue lacks: family right",
+         share(family_right(*both) for both in clear if both not in listed)),
+        ("wrong member named with confidence, base model (all cases)",
+         share(wrong_member({**row, "rungs": row["rungs"][:1]}, truth) for row, truth in told)),
+        ("clear cases whose family was right: the climb stops after as many effects as are hidden, adequate",
+         share(stopped(*both) for both in climbed)),
+        ("of these climbs: all constants within 5 % or inside, last model",
+         share(constants_right(row["rungs"][-1], truth) for row, truth in climbed)),
         ("wrong member named with confidence, on any rung (all hidden)", share(wrong_member(*both) for both in hidden)),
         ("of a wrong family", share(wrong_family(*both) for both in hidden)),
         (f"traces (size below {TRACE:g}): adequate, or the right family",

@@ -182,7 +182,9 @@ def test_gradient_is_linear_in_each_layer():
 
 
 def test_split_layer_changes_its_layer_only():
-    change = np.log(moduli({"split_layer.contrast": 0.6, "split_layer.layer": 2}) / plain_moduli())
+    change = np.log(
+        moduli({"split_layer.contrast": 0.6, "split_layer.layer": 2, "split_layer.share": 0.5}) / plain_moduli()
+    )
     y = centres()[:, 1]
     wanted = np.where((y > 6) & (y < 8), 0.3, np.where((y > 4) & (y < 6), -0.3, 0.0))
     assert change == pytest.approx(wanted, abs=1e-4)
@@ -191,7 +193,7 @@ def test_split_layer_changes_its_layer_only():
 def test_an_element_has_the_mean_of_a_field():
     """With three elements over a layer the middle one lies half in either half of a layer of two materials."""
     mesh = layered_block(12.0, LAYERS, 6, 3, "CPE8")
-    place = {"split_layer.contrast": 0.6, "split_layer.layer": 2}
+    place = {"split_layer.contrast": 0.6, "split_layer.layer": 2, "split_layer.share": 0.5}
     change = np.log(moduli(place, mesh) / plain_moduli(mesh))
     y = centres(mesh)[:, 1]
     inside = (y > 4) & (y < 8)
@@ -261,7 +263,7 @@ def test_borders_that_lie_elsewhere_inclined_and_bent():
 
 
 def test_fields_of_two_effects_add():
-    one, two = {"gradient.slope": 0.4}, {"split_layer.contrast": 0.6, "split_layer.layer": 1}
+    one, two = {"gradient.slope": 0.4}, {"split_layer.contrast": 0.6, "split_layer.layer": 1, "split_layer.share": 0.5}
     together = np.log(moduli(one | two) / plain_moduli())
     apart = np.log(moduli(one) / plain_moduli()) + np.log(moduli(two) / plain_moduli())
     assert together == pytest.approx(apart, abs=2e-4)
