@@ -101,7 +101,7 @@ RULES = (
          setting=FORCE),
     Rule("onset", ("loading", "observation"), "onset", ("constant", "settling"), 0.01, 0.08, {}, BOTH, setting=FORCE),
     Rule("soft frame", ("loading", "observation"), "soft_frame", ("steady", "stiffening"), 0.05, 0.4),
-    Rule("bent force", ("loading", "observation"), None, ("square", "root"), 0.05, 0.5, {}, BOTH),
+    Rule("bent force", ("loading", "observation"), "nonlinear_sensor", ("square", "root"), 0.05, 0.5, {}, BOTH),
     # state before the first picture
     Rule("preload", ("state", "loading"), "preload", ("pressed",), 0.02, 0.1, setting=FORCE),
     Rule("swelling", ("state",), "swollen", ("all", "one layer"), 0.01, 0.12, {"layer": (0.0, 1.0)}, BOTH),

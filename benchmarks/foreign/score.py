@@ -44,6 +44,7 @@ FAMILY = {
     "misregistration_in_space": "observation",
     "observation_probe": "observation",
     "onset": "loading",
+    "nonlinear_sensor": "loading",
     "outline": "geometry",
     "preload": "state",
     "prestretch": "state",
@@ -142,8 +143,7 @@ def wrong_family(row: dict[str, Any], truth: dict[str, Any]) -> bool:
 
 def stopped(row: dict[str, Any], truth: dict[str, Any]) -> bool:
     """Whether a climb ended adequate, with no more effects than are hidden."""
-    last = row["rungs"][-1]
-    return last["verdict"] == "adequate" and len(last["effects"]) <= len(truth["hidden"])
+    return row["rungs"][-1]["verdict"] == "adequate" and len(row["rungs"]) - 1 <= len(truth["hidden"])
 
 
 def constants(rung: dict[str, Any], truth: dict[str, Any]) -> dict[str, tuple[float, bool]]:

@@ -86,7 +86,9 @@ def deck_context(
         the centre of a sphere that touches it from above, ``ball(centre, radius, count)`` and
         ``half_tube(axis, radius, count)`` of bricks.
     """
-    effects = bound(catalogue() if effects is None else effects, scales(study, np.ptp(mesh.body, axis=0)))
+    effects = bound(
+        catalogue() if effects is None else effects, scales(study, np.ptp(mesh.body, axis=0)), study.control
+    )
     present = [effect for effect in effects.values() if effect.present(values)]
     check_blocks(present)
     indenter = int(mesh.node_sets["INDENTER"][0])

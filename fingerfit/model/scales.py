@@ -48,8 +48,16 @@ def scales(study: Study, size: Sequence[float]) -> dict[str, float]:
     return {**extent(size), **{name: value for name, value in largest.items() if value > 0}}
 
 
-def bound(effects: Mapping[str, Effect], known: Mapping[str, float]) -> dict[str, Effect]:
-    """Effects with their shares as numbers, as far as what they are shares of is known.
+def bound(effects: Mapping[str, Effect], known: Mapping[str, float], control: str = "") -> dict[str, Effect]:
+    """Effects as a study has them: under its control, with their shares as numbers, as far as these are known.
+
+    Parameters
+    ----------
+    effects : mapping
+    known : mapping
+        What numbers are shares of: `scales`.
+    control : str
+        ``force`` or ``displacement``; empty where tests of a study differ.
 
     Raises
     ------
@@ -59,7 +67,7 @@ def bound(effects: Mapping[str, Effect], known: Mapping[str, float]) -> dict[str
     found = {}
     for name, effect in effects.items():
         try:
-            found[name] = effect.bound(known)
+            found[name] = (effect.under(control) if control else effect).bound(known)
         except ValueError as error:
             raise InputError(f"effect {name}", "shares_of", error, "a formula above 0") from error
     return found

@@ -1,4 +1,5 @@
-"""Effects as a study has them: what is a share of its body, its load or its duration becomes a number."""
+"""Effects as a study has them: what is a share of its body, its load or its duration becomes a number, and what its
+control does not let them do falls away."""
 
 from __future__ import annotations
 
@@ -28,13 +29,15 @@ def effects_of(folder: Path) -> dict[str, Effect]:
     known, file = catalogue(folder), study_path(folder)
     if not file.is_file():
         return known
-    sizes, regions = _of_study(file, _stamps(file.parent))
-    return {**region_effects(regions), **bound(known, dict(sizes))}
+    sizes, regions, control = _of_study(file, _stamps(file.parent))
+    return {**region_effects(regions), **bound(known, dict(sizes), control)}
 
 
 @functools.cache
-def _of_study(file: Path, stamps: tuple[tuple[str, int], ...]) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]]:
-    """What numbers can be shares of, and names of regions.
+def _of_study(
+    file: Path, stamps: tuple[tuple[str, int], ...]
+) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...], str]:
+    """What numbers can be shares of, names of regions, and what all tests prescribe, force or displacement.
 
     Nothing where the study is wrong, which is told where it is read to be used.
     """
@@ -43,9 +46,10 @@ def _of_study(file: Path, stamps: tuple[tuple[str, int], ...]) -> tuple[tuple[tu
         whole = load_study(file)
         tests = [scales(study, extent_of(study)) for study in whole.every]
         sizes = {name: size for own in reversed(tests) for name, size in own.items()}
-        return tuple(sizes.items()), tuple(whole.region_names)
+        controls = {study.control for study in whole.every}
+        return tuple(sizes.items()), tuple(whole.region_names), controls.pop() if len(controls) == 1 else ""
     except FingerfitError:
-        return (), ()
+        return (), (), ""
 
 
 def _stamps(folder: Path) -> tuple[tuple[str, int], ...]:

@@ -38,6 +38,8 @@ from fingerfit.virtual.truth import BRIGHTEST, Truth
 
 FULL_SCALE = 4000.0
 """Stored intensity of 1."""
+MEASURED = ("force", "displacement")
+"""What instruments show of the loading."""
 
 
 @dataclass(frozen=True)
@@ -128,8 +130,16 @@ def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
     moved = -outcome.indenter[:, -1]
     seen = Observation.of(_present(truth), truth.values, mesh.body, len(steps))
     if seen is not None:
-        moved = seen.response(moved, "displacement")
+        moved, force = seen.response(moved, "displacement"), seen.response(force, "force")
     return Solved(_as_measured(truth, force), *take_pictures(truth, mesh, outcome, seen), moved)
+
+
+def _in_the_body(known: Mapping[str, Effect]) -> dict[str, Effect]:
+    """Effects without what they change of force and displacement: the body has the true ones, instruments others."""
+    return {
+        name: replace(e, changes={key: formula for key, formula in e.changes.items() if key not in MEASURED})
+        for name, e in known.items()
+    }
 
 
 def _present(truth: Truth) -> list[Effect]:
@@ -140,7 +150,7 @@ def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, th
     """Solve a deck that includes its mesh by the name of its content, unless its solution is in the folder."""
     solver = get_solver(truth.solver)
     try:
-        context = deck_context(study, mesh, included, truth.values, truth.material, truth.known)
+        context = deck_context(study, mesh, included, truth.values, truth.material, _in_the_body(truth.known))
         folders = template_folders(*([truth.own] if truth.own else []), truth.folder)
         deck = render_deck(truth.template, context, folders)
         write_text(folder / "deck.inp", deck)
@@ -176,7 +186,7 @@ def _in_description(truth: Truth, folder: Path, included: str, error: InputError
 
 
 def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
-    """What a faulty sensor shows: effects tell, in a straight line, the force that is there from the one shown.
+    """What a sensor shows where effects only tell, in a straight line, the force that is there from the one shown.
 
     Shares of the largest force are of the largest one that is there.
     """
@@ -184,7 +194,7 @@ def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
     names = {"k": np.arange(1, count + 1), "n": count, "time": np.array(truth.time or [0.0] * count)}
     names["largest"] = np.abs(force).max()
     for effect in _present(truth):
-        if "force" in effect.changes:
+        if "force" in effect.changes and "force" not in effect.observes:
             own = effect.own(truth.values)
             try:
                 zero, one = (evaluate(effect.changes["force"], {**names, "force": f, **own}) for f in (0.0, 1.0))

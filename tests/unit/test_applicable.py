@@ -17,7 +17,7 @@ REFUSED = {
     "friction": "friction, which changes nothing in the deck of this study; expected an effect on what block.inp.j2 has",
     "relaxation": "relaxation, which needs a time at every step;",
     "inclusion_in_space": "inclusion_in_space, which needs pictures or measured points and a body in space;",
-    "onset": "onset, which needs a prescribed force;",
+    "preload": "preload, which needs a prescribed force;",
     "coarse_mesh": "an effect that is no part of a model; expected a finer model.mesh and model.refined",
     "load_step": "an effect that is no part of a model; expected smaller increments in the template",
 }

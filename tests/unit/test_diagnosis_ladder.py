@@ -248,7 +248,7 @@ def test_effects_are_listed_with_their_numbers(capsys):
     assert blocks["inclusion_in_space"][0] == "inclusion_in_space: inclusion in space"
     assert "    thickness: tried at 0.0416667, 0.0833333 of height; fitted from 0.0166667 to 0.208333" in blocks["skin"]
     assert "    layer: tried at 1, 2, 3, 4, 5, 6; not fitted" in blocks["split_layer"]
-    assert "    needs: a prescribed force" in blocks["onset"]
+    assert "    needs: a prescribed force" in blocks["force_gain"]
     # in a study what is a share of it has its unit
     assert main(["effects", str(ROOT / "studies/phantom")]) == 0
     blocks = {text.split(":")[0]: text.splitlines() for text in capsys.readouterr().out.split("\n\n")}

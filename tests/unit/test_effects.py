@@ -28,7 +28,9 @@ from fingerfit.study.study import Step
 MESH = layered_block(12.0, LAYERS, 4, 2, "CPE8H")
 FORCES = [20.0, 40.0]
 MATERIAL = {"alpha": 1.4, "poisson": 0.49}
-EFFECTS = bound(catalogue(), {"width": 12.0, "height": 12.0, "force": 66.0, "duration": 140.0})
+SIZES = {"width": 12.0, "height": 12.0, "force": 66.0, "duration": 140.0}
+EFFECTS = bound(catalogue(), SIZES, "force")
+BY_DISPLACEMENT = bound(catalogue(), SIZES, "displacement")
 UNSEEN_BY_THE_DECK = {name for name, e in EFFECTS.items() if not e.simulated}
 OF_A_FINGERTIP = {"friction", "bone_mobility", "inclusion_in_space", "indenter_place"}
 """Effects that no block in the plane has: tests/verification/test_fingertip.py."""
@@ -620,13 +622,33 @@ def test_the_probe_of_loading_does_what_its_members_do():
     for member, probe in (
         ({"onset.offset": 0.15}, {"loading_probe.reading": 0.15}),
         ({"soft_frame.most": 0.2}, {"loading_probe.growing": 0.2}),
-        ({"force_offset.offset": 0.8}, {"loading_probe.load": -0.02}),
+        ({"force_offset.offset": 0.8}, {"loading_probe.load": -0.8}),
     ):
         ours, theirs = given(member), given(probe)
         assert ours[1] == pytest.approx(theirs[1])
         assert [b[0][2] for b in ours[0]] == pytest.approx([b[0][2] for b in theirs[0]])
     # whole half way, nothing at the end
-    assert [b[0][2] for b in given({"loading_probe.midway": 0.1})[0]] == pytest.approx([-24.0, -40.0])
+    assert [b[0][2] for b in given({"loading_probe.midway": 4.0})[0]] == pytest.approx([-24.0, -40.0])
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"force_offset.offset": 0.8}, {"onset.offset": 0.15}, {"soft_frame.most": 0.2}, {"nonlinear_sensor.bend": 0.004}],
+)
+def test_what_instruments_show_is_the_same_whichever_of_both_is_prescribed(values):
+    """The true values of a prescribed quantity, seen through the same instrument, are those that were prescribed."""
+    for prescribed, effects in (("force", EFFECTS), ("displacement", BY_DISPLACEMENT)):
+        other = BY_DISPLACEMENT if prescribed == "force" else EFFECTS
+        read = np.array([20.0, 40.0]) if prescribed == "force" else np.array([0.5, 1.0])
+        (name,) = {key.partition(".")[0] for key in values}
+        card = "CLOAD" if prescribed == "force" else "BOUNDARY"
+        text = deck(values, of=study(prescribed, read))
+        true = -np.array([block[-1][-1] for block in cards(text.partition("*STEP")[2], card) if block[-1][1] == 2])
+        seen = Observation.of([other[name]], values, MESH.points, 2)
+        shown = true if seen is None else seen.response(true, prescribed)
+        assert shown == pytest.approx(read, rel=1e-9)
+        changes = prescribed in effects[name].changes
+        assert (text != deck(of=study(prescribed, read))) == changes == effects[name].simulated
 
 
 # --- formulas

@@ -126,7 +126,7 @@ def truth(*hidden, size=2.0, family=None):
 
 
 def row(*rungs, code=0, seconds=10.0):
-    return {"name": "x", "rungs": list(rungs), "code": code, "seconds": seconds}
+    return {"name": "x", "goal": "discover", "rungs": list(rungs), "code": code, "seconds": seconds}
 
 
 TILT = ("tilt", ("indenter",), "tilt")
@@ -183,7 +183,9 @@ def test_counts():
     ]
     found = dict(summary(pairs))
     assert [value for key, value in found.items()] == [
-        "6; 1", "1 of 6 (17 %)", "1 of 2 (50 %)", "1 of 2 (50 %)", "1 of 3 (33 %)", "1 of 3 (33 %)", "1 of 1 (100 %)",
+        "6; 1", "1 of 6 (17 %)", "1 of 2 (50 %)", "1 of 2 (50 %)",
+        "1 of 2 (50 %)", "1 of 2 (50 %)", "0 of 0", "2 of 5 (40 %)", "1 of 1 (100 %)", "1 of 1 (100 %)",
+        "1 of 3 (33 %)", "1 of 3 (33 %)", "1 of 1 (100 %)",
         "1 of 2 (50 %)", "1 of 2 (50 %)", "2 of 2 (100 %)", "2 of 2 (100 %)", "3 of 3 (100 %)", "3 of 3 (100 %)", "25; 90",
     ]  # fmt: skip
     assert share([]) == "0 of 0"

@@ -93,14 +93,14 @@ def test_half_an_indenter_has_its_nodes_in_one_half(world):
 
 
 def test_common_modes_are_those_of_the_steps(world, rng):
-    """Force, displacement and brightness of each of four steps: a force that is wrong shows in them and nowhere else."""
+    """Force and displacement of each of four steps: a force that is wrong shows in them and nowhere else."""
     comparison, _ = world
     score_test, residual = comparison.score_test, comparison.residual
     modes = common_modes(residual, comparison.data, comparison.slope("control"))
-    # of each step the response, the slope by the force, two displacements, brightness
-    assert modes.shape == (len(residual.vector), 4 * 5)
+    # of each step the response, the slope by the force, two displacements
+    assert modes.shape == (len(residual.vector), 4 * 4)
     # less one: the same share of the force at all steps is the scale of the constants
-    assert score_test.common_freedom == 4 * 5 - 1
+    assert score_test.common_freedom == 4 * 4 - 1
     covariance = residual.covariance + comparison.mesh_covariance()
     wrong = 8 * comparison.nuisance()[:, 0::2] @ np.array([0.0, 0.0, 1.0, 0.0])
     alone = ScoreTest(wrong, covariance, comparison.own(), comparison.nuisance(), modes)

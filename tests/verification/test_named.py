@@ -26,7 +26,7 @@ LAW = {"exponential", "yeoh", "stiffening", "material_probe"}
 FURTHER = {"displacement": [0.75, 1.5, 2.25, 3.0]}
 CASES = {
     "swelling": ("state", {"swelling": {"volume": 0.03}}, {"swelling"}, {}),
-    "loads": ("loading", {"loading_probe": {"midway": 0.15, "reading": 0.2}}, {"loading_probe"}, {}),
+    "loads": ("loading", {"loading_probe": {"midway": 6.2, "reading": 0.2}}, {"loading_probe"}, {}),
 }
 MORE = {
     "wall": ("indenter", {"wall": {"share": 0.9, "gap": 0.3, "side": 1}}, {"wall"}, {}),

@@ -32,6 +32,7 @@ LENGTHS = {
 SIZES = {
     **LENGTHS, "base_slip.compliance": LARGER, "indenter_slip.compliance": LARGER,
     "preload.force": FORCE, "force_offset.offset": FORCE,
+    "loading_probe.load": FORCE, "loading_probe.midway": FORCE, "nonlinear_sensor.bend": 1 / FORCE,
     "indenter_probe.slope": 1 / LARGER, "indenter_probe.curve": 1 / LARGER**2,
 }  # fmt: skip
 """Factors on numbers of effects; those that are not here have none."""
