@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -105,15 +106,28 @@ class Card:
             raise self.error(text, "a whole number", line) from None
 
 
-def read_cards(path: Path) -> Iterator[Card]:
+Taken = Callable[[Path, str], bool]
+"""From an included file and its text to whether what is in it was taken as a whole: its cards then do not follow."""
+
+
+def read_cards(path: Path, text: str | None = None, taken: Taken = lambda path, text: False) -> Iterator[Card]:
     """Keyword cards of a file and, in place, of the files it includes.
+
+    Parameters
+    ----------
+    path : Path
+    text : str, optional
+        Of the file, where it is not read: the path then says where included files are.
+    taken : function
+        Asked about each file that the first one includes.
 
     Raises
     ------
     InputError
         For files that cannot be read, include themselves, or are more than `fingerfit.core.files.MESH` bytes in all.
     """
-    return _cards(path, (), _Budget(path))
+    budget = _Budget(path)
+    return _cards(path, (), budget, budget.text(path) if text is None else text, taken)
 
 
 def read_text(path: Path) -> str:
@@ -136,30 +150,35 @@ class _Budget:
         return _decode(content)
 
 
-def _cards(path: Path, above: tuple[str, ...], budget: _Budget) -> Iterator[Card]:
+def _cards(path: Path, above: tuple[str, ...], budget: _Budget, content: str, taken: Taken) -> Iterator[Card]:
     """Cards of a file that is included by those `above` it."""
-    card: Card | None = None
-    content = budget.text(path)
     above = (*above, os.path.realpath(path))
+    for card in plain_cards(path, content):
+        if card.name != "INCLUDE":
+            yield card
+            continue
+        if not card.options.get("INPUT"):
+            raise card.error("no INPUT", "INPUT=file")
+        included = path.parent / card.options["INPUT"]
+        check_regular(included, "deck", MESH, "a readable text file")
+        if os.path.realpath(included) in above:
+            raise card.error(f"{card.options['INPUT']}, which is being read", "a file that does not include this")
+        if len(above) > _DEEP:
+            raise card.error(card.options["INPUT"], f"files that include each other at most {_DEEP} deep")
+        text = budget.text(included)
+        if len(above) > 1 or not taken(included, text):
+            yield from _cards(included, above, budget, text, taken)
+
+
+def plain_cards(path: Path, content: str) -> Iterator[Card]:
+    """Cards of one file by its text; those that include others are among them."""
+    card: Card | None = None
     for number, text in _keyword_lines(content):
         if text.startswith("*"):
             if card:
                 yield card
             card = _keyword(path, number, text)
-            if card.name == "INCLUDE":
-                if not card.options.get("INPUT"):
-                    raise card.error("no INPUT", "INPUT=file")
-                included = path.parent / card.options["INPUT"]
-                check_regular(included, "deck", MESH, "a readable text file")
-                if os.path.realpath(included) in above:
-                    raise card.error(
-                        f"{card.options['INPUT']}, which is being read", "a file that does not include this"
-                    )
-                if len(above) > _DEEP:
-                    raise card.error(card.options["INPUT"], f"files that include each other at most {_DEEP} deep")
-                yield from _cards(included, above, budget)
-                card = None
-        elif card is None:
+        elif card is None or card.name == "INCLUDE":
             raise InputError(path, f"line {number}", text, "a keyword before data")
         else:
             card.data.append((number, text))
@@ -220,6 +239,7 @@ def _keyword(path: Path, line: int, text: str) -> Card:
     return Card(path, line, " ".join(name.upper().split()), options)
 
 
+@lru_cache(maxsize=1024)
 def squeeze(name: str) -> str:
     """A keyword as CalculiX compares it: without blanks, in upper case."""
     return "".join(name.upper().split())

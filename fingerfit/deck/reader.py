@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.core.errors import InputError
+from fingerfit.core.files import digest
 from fingerfit.deck import material_keywords, mesh_keywords, step_keywords
-from fingerfit.deck.cards import Card, read_cards, squeeze
+from fingerfit.deck.cards import Card, plain_cards, read_cards, squeeze
 from fingerfit.deck.content import Deck, DeckStep, Rigid, Section, Spring
 from fingerfit.deck.state import SNEG, SPOS, Handler, Key, Reading, readable
 from fingerfit.mesh.mesh import Mesh
@@ -93,20 +94,22 @@ def _handle(reading: Reading, card: Card) -> None:
     KEYWORDS[name](reading, card)
 
 
-def read_deck(path: Path) -> Deck:
+def read_deck(path: Path, text: str | None = None) -> Deck:
     """Read a deck.
 
     Parameters
     ----------
     path : Path
         The .inp file; includes are looked up beside it.
+    text : str, optional
+        Of a deck that is not written: the path then says where it would be.
 
     Raises
     ------
     InputError
         For anything that is not understood, with file and line.
     """
-    return _finish(_read(Path(path)))
+    return _finish(_read(Path(path), text))
 
 
 def read_deck_mesh(path: Path) -> Mesh:
@@ -116,12 +119,42 @@ def read_deck_mesh(path: Path) -> Mesh:
     return reading.mesh()[0]
 
 
-def _read(path: Path, sides: bool = False) -> Reading:
+def _read(path: Path, text: str | None = None, sides: bool = False) -> Reading:
     reading = Reading(path, _handle)
-    reading.sides = sides
-    for card in read_cards(path):
+    reading.sides, begun = sides, False
+
+    def taken(included: Path, content: str) -> bool:
+        known = None if begun or sides else _known(included, content)
+        if known is not None:
+            reading.adopt(known)
+        return known is not None
+
+    for card in read_cards(path, text, taken):
         mesh_keywords.dispatch(reading, card)
+        begun = begun or card.name not in IGNORED
     return reading
+
+
+_MESHES: dict[str, Reading | None] = {}
+_MESHES_KEPT = 4
+"""A fit has a mesh and a finer one, and the test of how fine they must be has two more. A choice."""
+_OF_MESHES = frozenset(["NODE", "ELEMENT", "NSET", "ELSET"])
+
+
+def _known(path: Path, content: str) -> Reading | None:
+    """What a file of nodes, elements and sets defines, read once for each content; None for any other file."""
+    key = digest(content)
+    if key not in _MESHES:
+        while len(_MESHES) >= _MESHES_KEPT:
+            del _MESHES[next(iter(_MESHES))]
+        cards = list(plain_cards(path, content))
+        only = all(squeeze(card.name) in _OF_MESHES for card in cards)
+        reading = Reading(path, _handle)
+        for card in cards if only else ():
+            mesh_keywords.dispatch(reading, card)
+        # what is to be defined later is told with the file that named it, which is another one next time
+        _MESHES[key] = reading if only and not reading.awaited else None
+    return _MESHES[key]
 
 
 def _finish(reading: Reading) -> Deck:

@@ -28,6 +28,8 @@ numbers and pieces of text takes up to ten times as much."""
 
 
 _COMPILED: dict[tuple[str, str], CodeType] = {}
+_LOOKED_AT: set[Path] = set()
+"""Templates that are as they were read: looked at once for each deck, which may include them for each layer."""
 _BLOCK = re.compile(r"""\b(?:fills|replaced)\(\s*["'](\w+)["']""")
 
 
@@ -76,6 +78,7 @@ def _rendered(template: str, context: Mapping[str, Any], folders: tuple[str, ...
     import jinja2
 
     environment = _environment(folders, ours)
+    _LOOKED_AT.clear()
     try:
         pieces, size = [], 0
         for piece in environment.get_template(template).generate(context):
@@ -165,7 +168,13 @@ def _environment(folders: tuple[str, ...], ours: bool) -> SandboxedEnvironment:
             check_regular(path, "template", DOCUMENT, "a template")
             stamp = path.stat().st_mtime_ns
             text = read_text(path, "template", DOCUMENT, "a template")
-            return text, str(path), lambda: path.exists() and path.stat().st_mtime_ns == stamp
+
+            def current() -> bool:
+                if path not in _LOOKED_AT and path.exists() and path.stat().st_mtime_ns == stamp:
+                    _LOOKED_AT.add(path)
+                return path in _LOOKED_AT
+
+            return text, str(path), current
 
     class Compiled(jinja2.BytecodeCache):
         """What was compiled in this process, for both environments: a fork has what is ours, and compiles the rest."""

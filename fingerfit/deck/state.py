@@ -78,6 +78,14 @@ class Reading:
         self.finite: bool | None = None
         self.sides: bool = False
 
+    def adopt(self, other: Reading) -> None:
+        """Take on nodes, elements and sets of another reading, which stays as it is whatever follows here."""
+        self.labels, self.coordinates = list(other.labels), list(other.coordinates)
+        self.index, self.others, self.numbered = dict(other.index), dict(other.others), set(other.numbered)
+        self.elements = {kind: list(rows) for kind, rows in other.elements.items()}
+        self.nsets = {name: list(keys) for name, keys in other.nsets.items()}
+        self.elsets = {name: list(keys) for name, keys in other.elsets.items()}
+
     def key(self, label: int) -> Key:
         """Key of a label in the present instance."""
         return (self.scope, label) if self.scope else label

@@ -26,7 +26,7 @@ from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.registration import means
 from fingerfit.model.effect import MESH_ERROR, OBSERVATION, Effect
 from fingerfit.model.observation import Observation
-from fingerfit.solvers.contract import CONVERGED
+from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.study.data import Data
 from fingerfit.study.several import AT
 
@@ -83,10 +83,13 @@ class Comparison:
     def read(self, asked: Asked) -> np.ndarray | None:
         """Displacements and response of a simulation; None without a solution."""
         if asked.sim not in self._read:
-            outcome = self.problem.outcome(asked)
-            solved = outcome.status == CONVERGED and outcome.steps >= len(self.data.step)
-            self._read[asked.sim] = self._readers[self.problem.mesh_of(asked)].read(outcome) if solved else None
+            self._read[asked.sim] = self.read_answer(asked, self.problem.outcome(asked))
         return self._read[asked.sim]
+
+    def read_answer(self, asked: Asked, outcome: Outcome) -> np.ndarray | None:
+        """The same of an answer that is not kept."""
+        solved = outcome.status == CONVERGED and outcome.steps >= len(self.data.step)
+        return self._readers[self.problem.mesh_of(asked)].read(outcome) if solved else None
 
     def own(self, slope: Slope | None = None) -> np.ndarray:
         """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""

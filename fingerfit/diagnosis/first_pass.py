@@ -20,6 +20,7 @@ from fingerfit.diagnosis.ranking import LIKELY, Ranked, Refitted
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.intervals import bound_of
 from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.nearby import beside
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
@@ -27,6 +28,7 @@ from fingerfit.imaging.registration import FARTHEST
 from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.settings.extend import extended
+from fingerfit.solvers.contract import Outcome
 
 MOVE = 0.7
 """Longest first move, in a logarithm or as a share of a scale: a modulus doubles."""
@@ -187,6 +189,7 @@ class Way:
         self.owner, self.problem, self.start, self.run = owner, problem, dict(start), 0
         self._known, self._secant = known, secant
         self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._asked: Asked | None = None
         self.parameters: tuple[Parameter, ...] = problem.settings.parameters()
         self.priors = problem.priors
         self.count = owner.count + len(self.priors.rows)
@@ -221,7 +224,9 @@ class Way:
 
     def residual(self, delta: np.ndarray) -> np.ndarray:
         """What the model leaves there, in units of the noise, shape (values,); infinite without a solution."""
-        (found,) = self._residuals([self.values(delta)])
+        asked = self._ask(self.values(delta))
+        self._solve([asked])
+        found = self._left(asked)
         return np.full(self.count, np.inf) if found is None else found
 
     def slopes(self, delta: np.ndarray) -> np.ndarray:
@@ -249,21 +254,34 @@ class Way:
             else:
                 steps[n] = STEP if delta[n] + STEP <= self.bounds[1][n] else -STEP
         unit = np.eye(len(delta))
-        beside = [self.values(delta + step * unit[n]) for n, step in steps.items()]
-        here, *sides = self._residuals([self.values(delta), *beside])
+        guesses = [self.values(delta + step * unit[n]) for n, step in steps.items()]
+        here, *sides = self._beside(self.values(delta), guesses)
         for (n, step), there in zip(steps.items(), sides, strict=True):
             slope = difference(there, None, lambda: here, step)
             if slope is not None:
                 columns[:, n] = slope
         return columns
 
-    def _residuals(self, guesses: Sequence[Mapping[str, float]]) -> list[np.ndarray | None]:
-        asked = [self.problem.ask(values) for values in guesses]
-        self.run += solve_missing(self.problem, asked, self.owner.threads)
-        return [self._left(one) for one in asked]
+    def _beside(self, values: Mapping[str, float], guesses: Sequence[Mapping[str, float]]) -> list[np.ndarray | None]:
+        """What the model leaves at a guess, and at others a small step from it: by its tangent, or simulated."""
+        here, sides = self._ask(values), [self.problem.ask(guess) for guess in guesses]
+        self._solve([here])
+        answers = beside(self.problem, here, sides)
+        self._solve([asked for asked, answer in zip(sides, answers, strict=True) if answer is None])
+        return [self._left(here), *(self._left(asked, answer) for asked, answer in zip(sides, answers, strict=True))]
 
-    def _left(self, asked: Asked) -> np.ndarray | None:
-        read = self.owner.comparison.read(asked)
+    def _ask(self, values: Mapping[str, float]) -> Asked:
+        """The deck of a guess, made once for what it leaves and for its slopes."""
+        if self._asked is None or self._asked.values != values:
+            self._asked = self.problem.ask(values)
+        return self._asked
+
+    def _solve(self, asked: Sequence[Asked]) -> None:
+        self.run += solve_missing(self.problem, asked, self.owner.threads)
+
+    def _left(self, asked: Asked, answer: Outcome | None = None) -> np.ndarray | None:
+        comparison = self.owner.comparison
+        read = comparison.read(asked) if answer is None else comparison.read_answer(asked, answer)
         if read is None:
             return None
         for name, column in self._observed.items():

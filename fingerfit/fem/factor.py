@@ -72,23 +72,12 @@ class LinearSolver:
             return right
         held = np.empty(0, dtype=int) if held is None else held
         large = len(right) >= LARGE
-        in_space = self.positions if self.positions is not None and self.positions.shape[1] == 3 else None
         if self._last is not None:
             found = conjugate_gradients(matrix, right, _holding(self._last, held, len(right)), close)
             if found is not None:
                 return found
             self._last = None
-        if large and not self._asked:
-            self._asked, self._pardiso = True, _Pardiso.load(self.symmetric)
-        if self._pardiso is not None:
-            apply = self._pardiso.factor(matrix)
-        elif large and in_space is not None:
-            apply = self._ordered(matrix, in_space)
-        else:
-            options: dict[str, Any] = {}
-            if self.symmetric:
-                options = {**_SYMMETRIC, "permc_spec": "MMD_AT_PLUS_A"}
-            apply = _superlu(matrix, options)
+        apply = self.factor(matrix)
         if apply is None:
             return None
         solution = _holding(apply, held, len(right))(right)
@@ -99,9 +88,27 @@ class LinearSolver:
             residual[held] = 0.0
             if np.abs(residual).max() > _RESIDUAL * np.abs(right).max():
                 return None
-        if large and in_space is not None and self.symmetric:
+        if large and self._in_space is not None and self.symmetric:
             self._last = apply
         return solution
+
+    @property
+    def _in_space(self) -> np.ndarray | None:
+        return self.positions if self.positions is not None and self.positions.shape[1] == 3 else None
+
+    def factor(self, matrix: csc_matrix) -> Apply | None:
+        """From a right side to its solution, for as long as nothing else is factorised; None where it is singular."""
+        large, in_space = matrix.shape[0] >= LARGE, self._in_space
+        if large and not self._asked:
+            self._asked, self._pardiso = True, _Pardiso.load(self.symmetric)
+        if self._pardiso is not None:
+            return self._pardiso.factor(matrix)
+        if large and in_space is not None:
+            return self._ordered(matrix, in_space)
+        options: dict[str, Any] = {}
+        if self.symmetric:
+            options = {**_SYMMETRIC, "permc_spec": "MMD_AT_PLUS_A"}
+        return _superlu(matrix, options)
 
     def _ordered(self, matrix: csc_matrix, positions: np.ndarray) -> Apply | None:
         if self._order is None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.fem.factor import CLOSE, LARGE, inner
-from fingerfit.fem.system import System
+from fingerfit.fem.system import Evaluation, System
 
 TOLERANCE = 1e-8
 """Largest residual force, relative to the largest internal force. Far below what is compared: displacements of the
@@ -124,23 +124,27 @@ class Newton:
             None where there is none to be found.
         iterations : int
         """
-        system, q = self.system, predicted
+        system, q, known = self.system, predicted, None
         held = np.zeros(len(system.free), dtype=bool)
         held[system.pushed] = True
         if q is not None and system.driven:
-            if self._forces(system.expand(q, load.given)) is None:
+            known = self._forces(system.expand(q, load.given))
+            if known is None:
                 q = self._nearest(state.q, q, load)
-        elif q is not None and self._forces(system.expand(q, load.given)) is None:
-            q = None
+        elif q is not None:
+            known = self._forces(system.expand(q, load.given))
+            q = None if known is None else q
         if q is None:
-            q = self._tangent_start(state, before, load)
-            if q is None:
+            started = self._tangent_start(state, before, load)
+            if started is None:
                 return None, 1
+            q, known = started
         matrix: Any = None
         first = 0.0
         for iteration in range(1, ITERATIONS + 1):
             u = system.expand(q, load.given)
-            evaluation = system.evaluate(u, tangent=False)
+            # what led here has asked for the forces already
+            evaluation = known or self._forces(u)
             if evaluation is None:
                 return None, iteration
             internal = evaluation.internal
@@ -175,7 +179,7 @@ class Newton:
             moved = self._search(q, step, residual, load, held)
             if moved is None:
                 return None, iteration
-            q = moved
+            q, known = moved
         return None, ITERATIONS
 
     def _nearest(self, start: np.ndarray, q: np.ndarray, load: Load) -> np.ndarray | None:
@@ -189,8 +193,8 @@ class Newton:
             best, least = trial, energy
         return best
 
-    def _tangent_start(self, state: State, before: Load, load: Load) -> np.ndarray | None:
-        """First step from the last state with its own tangent, the prescribed displacements moved along."""
+    def _tangent_start(self, state: State, before: Load, load: Load) -> tuple[np.ndarray, Evaluation] | None:
+        """First step from the last state with its own tangent, the prescribed displacements moved along; and forces."""
         system = self.system
         evaluation = system.evaluate(state.u)
         if evaluation is None:
@@ -201,11 +205,11 @@ class Newton:
         if step is None:
             return None
         q = state.q + step
-        return q if self._forces(system.expand(q, load.given)) is not None else None
+        there = self._forces(system.expand(q, load.given))
+        return None if there is None else (q, there)
 
-    def _forces(self, u: np.ndarray) -> np.ndarray | None:
-        evaluation = self.system.evaluate(u, tangent=False)
-        return None if evaluation is None else evaluation.internal
+    def _forces(self, u: np.ndarray) -> Evaluation | None:
+        return self.system.evaluate(u, tangent=False)
 
     def _residual(self, internal: np.ndarray, load: Load, held: np.ndarray) -> np.ndarray:
         """Forces on the unknowns that are not in equilibrium, N; none on those that are held."""
@@ -215,8 +219,8 @@ class Newton:
 
     def _search(
         self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load, held: np.ndarray
-    ) -> np.ndarray | None:
-        """Shorten a step until it lowers the residual or the potential energy."""
+    ) -> tuple[np.ndarray, Evaluation | None] | None:
+        """Shorten a step until it lowers the residual or the potential energy; its end, and forces where known."""
         system = self.system
         norm, slope = np.abs(residual).max(), inner(step, residual)
         start: float | None = None
@@ -225,20 +229,20 @@ class Newton:
         for cut in range(_SHORTER):
             trial = q + 0.5**cut * step
             u = system.expand(trial, load.given)
-            internal = self._forces(u)
-            if internal is None:
+            there = self._forces(u)
+            if there is None:
                 continue
-            ahead = self._residual(internal, load, held)
+            ahead = self._residual(there.internal, load, held)
             good = np.abs(ahead).max() < enough * norm
             if good and not (system.touches and inner(step, ahead) > _PAST * abs(slope)):
-                return trial
+                return trial, there
             if not good:
                 if start is None:
                     start = self._potential(system.expand(q, load.given), load)
                 good = self._potential(u, load) < start + _ENOUGH * 0.5**cut * slope
             if good:
                 slopes = 0.5**cut * slope, inner(trial - q, ahead)
-                return q + self._least(q, trial - q, slopes, load, held) * (trial - q)
+                return q + self._least(q, trial - q, slopes, load, held) * (trial - q), None
         return None
 
     def _least(
@@ -255,10 +259,10 @@ class Newton:
             if not falls < 0 < rises or abs(slope) < _FLAT * abs(slopes[0]):
                 break
             share = low + (high - low) * falls / (falls - rises)
-            internal = self._forces(self.system.expand(q + share * step, load.given))
-            if internal is None:
+            there = self._forces(self.system.expand(q + share * step, load.given))
+            if there is None:
                 return high
-            slope = inner(step, self._residual(internal, load, held))
+            slope = inner(step, self._residual(there.internal, load, held))
             if slope < 0:
                 low, falls = share, slope
             else:

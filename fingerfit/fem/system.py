@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from fingerfit.fem.constraints import resolve
-from fingerfit.fem.factor import CLOSE, LARGE, LinearSolver
+from fingerfit.fem.factor import CLOSE, LARGE, Apply, LinearSolver
 from fingerfit.fem.levels import WIDEST, Levels
 from fingerfit.fem.pattern import Pattern
 
@@ -137,7 +137,7 @@ class System:
             positions = points[nodes]
         self._linear = LinearSolver(positions, all(term.symmetric for term in self.terms))
         self._levels: Levels | None = None
-        self._prepare()
+        self._prepared = False
 
     def _touched(self) -> np.ndarray:
         """Degrees of freedom that something acts on, itself or by what is tied to them, bool."""
@@ -155,6 +155,7 @@ class System:
 
     def _prepare(self) -> None:
         """Where each entry of the element stiffnesses goes: first to pairs of nodes, then to the matrix."""
+        self._prepared = True
         unknowns = self.unknown if self.simple else np.arange(self.size)
         count = len(self.free) if self.simple else self.size
         self._count = count
@@ -293,6 +294,8 @@ class System:
 
     def matrix(self, evaluation: Evaluation) -> csc_matrix | np.ndarray:
         """Stiffness of the unknowns; of small systems of elements alone its entries, which are solved by levels."""
+        if not self._prepared:
+            self._prepare()
         data: np.ndarray = np.empty(0)
         if self.bodies:
             values = np.concatenate([block.ravel() for block in evaluation.blocks])
@@ -338,6 +341,11 @@ class System:
         for added in evaluation.extra:
             total += np.bincount(added.rows, weights=added.values * move[added.columns], minlength=self.size)
         return total
+
+    def solver(self, evaluation: Evaluation) -> Apply | None:
+        """Solutions for many right sides, by the tangent that came with an evaluation; None where it is singular."""
+        matrix = self.matrix(evaluation)
+        return self._linear.factor(self._sparse(matrix) if isinstance(matrix, np.ndarray) else matrix)
 
     def solve(
         self, matrix: csc_matrix | np.ndarray, right: np.ndarray, close: float = CLOSE, held: np.ndarray | None = None

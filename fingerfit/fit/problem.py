@@ -211,7 +211,10 @@ class InverseProblem:
 
     def outcome(self, asked: Asked) -> Outcome:
         """Solution of a guess on the nodes of its mesh, since the first picture; nodes of tools come after them."""
-        whole = Outcome.load(self.sims / asked.sim / "solution.npz")
+        return self.seen_since(Outcome.load(self.sims / asked.sim / "solution.npz"), asked)
+
+    def seen_since(self, whole: Outcome, asked: Asked) -> Outcome:
+        """The same of what a solver answers to the deck of a guess."""
         body = whole.displacement[:, : len(self.meshes[self.mesh_of(asked)].points)]
         return since_first_picture(replace(whole, displacement=body), len(self.data.step), self.data.outline > 0)
 

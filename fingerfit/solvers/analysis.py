@@ -8,11 +8,41 @@ from pathlib import Path
 
 import numpy as np
 
+from fingerfit.core.errors import InputError
 from fingerfit.deck.content import Deck, DeckStep
 from fingerfit.fem.newton import Load
 from fingerfit.fem.path import Increments, LoadPath
 from fingerfit.fem.system import System
 from fingerfit.solvers.model import Model
+
+
+@dataclass(frozen=True)
+class Watched:
+    """Nodes whose displacements and forces are an answer.
+
+    Parameters
+    ----------
+    indenter : int
+        Reference node.
+    top : ndarray of int
+        Nodes that go with it.
+    nodes : int
+        Without what a deck adds to its mesh: nodes of walls.
+    """
+
+    indenter: int
+    top: np.ndarray
+    nodes: int
+
+    @classmethod
+    def of(cls, deck: Deck, path: Path) -> Watched:
+        """Those of a deck; InputError where it has no indenter."""
+        found = deck.mesh.node_sets.get("INDENTER")
+        if found is None or len(found) != 1:
+            raise InputError(path, "*NSET", "no node set INDENTER of one node", "the indenter's reference node")
+        every = deck.mesh.node_sets.get("ALL")
+        nodes = len(deck.mesh.points) if every is None else int(every.max()) + 1
+        return cls(int(found[0]), deck.mesh.node_sets.get("TOP", found), nodes)
 
 
 @dataclass(frozen=True)
@@ -55,22 +85,34 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepRes
     model = model_of(deck, path, averaged)
     loading: LoadPath | None = None
     for step in deck.steps:
-        prescribed = np.zeros(model.size, dtype=bool)
-        for node, axis in step.displacement:
-            dof = model.dof(node, axis)
-            if dof >= 0:
-                prescribed[dof] = True
+        prescribed = prescribed_in(model, step)
         if loading is None:
             loading = _start(model, model.system(prescribed))
         elif not np.array_equal(prescribed, loading.system.prescribed):
             loading.change(model.system(prescribed))
         with np.errstate(all="ignore"):
-            arrived, used = loading.advance(_path(model, step, loading), _increments(deck, step))
+            arrived, used = loading.advance(_path(model, step, loading.load), _increments(deck, step))
         shape, nodal = deck.mesh.points.shape, model.nodal
         state = loading.state
         yield StepResult(arrived, state.u[:nodal].reshape(shape), state.internal[:nodal].reshape(shape), used)
         if not arrived:
             return
+
+
+def prescribed_in(model: Model, step: DeckStep) -> np.ndarray:
+    """Which degrees of freedom have a given displacement in a step, bool."""
+    found = np.zeros(model.size, dtype=bool)
+    for node, axis in step.displacement:
+        dof = model.dof(node, axis)
+        if dof >= 0:
+            found[dof] = True
+    return found
+
+
+def load_at_end(model: Model, step: DeckStep) -> Load:
+    """What a step with finite strain has reached at its end; the model gets its pressures and temperatures."""
+    zero = np.zeros(model.size)
+    return _path(model, step, Load(zero, zero))(1.0)
 
 
 def _start(model: Model, system: System) -> LoadPath:
@@ -97,13 +139,13 @@ def _increments(deck: Deck, step: DeckStep) -> Increments:
     return Increments(step.increment, step.largest, step.fixed, step.period, step.viscous, step.relaxed, stops)
 
 
-def _path(model: Model, step: DeckStep, loading: LoadPath) -> Callable[[float], Load]:
+def _path(model: Model, step: DeckStep, before: Load) -> Callable[[float], Load]:
     """Load as a function of the share of the step; pressures are set on the way."""
-    start = Load(loading.load.given.copy(), loading.load.force.copy())
+    start = Load(before.given.copy(), before.force.copy())
     amplitudes = model.deck.amplitudes
     dead = start.force if model.finite else np.zeros(model.size)
     ends = []
-    for kind, values, before in (("U", step.displacement, start.given), ("F", step.force, dead)):
+    for kind, values, begun in (("U", step.displacement, start.given), ("F", step.force, dead)):
         end, factors = np.zeros(model.size), []
         for (node, axis), value in values.items():
             dof = model.dof(node, axis)
@@ -113,7 +155,7 @@ def _path(model: Model, step: DeckStep, loading: LoadPath) -> Callable[[float], 
             name = step.curve.get((kind, (node, axis)))
             if name is not None:
                 factors.append((dof, *amplitudes[name]))
-        ends.append((before, end, factors))
+        ends.append((begun, end, factors))
     from_pressure = [term.value.copy() for term, _ in model.pressures]
     to_pressure = [np.array([step.pressure.get(key, 0.0) for key in keys]) for _, keys in model.pressures]
     from_warm, to_warm = model.temperature, _temperature(model, step)
@@ -128,8 +170,8 @@ def _path(model: Model, step: DeckStep, loading: LoadPath) -> Callable[[float], 
                     warm[node] = to_warm[node] * np.interp(share * step.period, *amplitudes[curve])
             model.warm(warm)
         found = []
-        for before, end, factors in ends:
-            now = before + part * (end - before) if part < 1.0 else end.copy()
+        for begun, end, factors in ends:
+            now = begun + part * (end - begun) if part < 1.0 else end.copy()
             for dof, times, values in factors:
                 now[dof] = end[dof] * np.interp(share * step.period, times, values)
             found.append(now)

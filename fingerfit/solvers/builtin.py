@@ -5,20 +5,16 @@ from __future__ import annotations
 import os
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fingerfit import __version__
-from fingerfit.core.errors import InputError
 from fingerfit.core.files import digest
 from fingerfit.core.folders import PACKAGE
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 from fingerfit.solvers.needs import FEATURES
-
-if TYPE_CHECKING:
-    from fingerfit.deck.content import Deck
 
 # all that `solve` can reach, and this file; held against the imports by a test, because to follow them takes longer
 # than many a solve
@@ -67,16 +63,12 @@ class BuiltinSolver:
     def check(self, deck: Path) -> None:
         """Read the deck; InputError for what is not understood."""
         from fingerfit.deck.reader import read_deck
-        from fingerfit.solvers.analysis import model_of
+        from fingerfit.solvers.analysis import Watched, model_of, prescribed_in
 
         read = read_deck(deck)
-        _indenter(read, deck)
+        Watched.of(read, deck)
         model = model_of(read, deck, self.averaged)
-        prescribed = np.zeros(model.size, dtype=bool)
-        for node, axis in read.steps[0].displacement:
-            if model.dof(node, axis) >= 0:
-                prescribed[model.dof(node, axis)] = True
-        model.system(prescribed)
+        model.system(prescribed_in(model, read.steps[0]))
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Solve a deck; nothing is written to `workdir`. Large systems are factorised by as many threads (PARDISO).
@@ -88,42 +80,31 @@ class BuiltinSolver:
         """
         # imported here, because every round asks for the identity alone
         from fingerfit.deck.reader import read_deck
-        from fingerfit.solvers.analysis import run_steps
+        from fingerfit.solvers.analysis import Watched, run_steps
 
         # read when MKL is loaded; else it takes all processors
         os.environ.setdefault("MKL_NUM_THREADS", str(threads))
         read = read_deck(deck)
         dim = read.mesh.dim
-        node = _indenter(read, deck)
+        watched = Watched.of(read, deck)
         displacement, reaction, moved, iterations = [], [], [], []
         message, status = f"{len(read.steps)} steps", CONVERGED
         silent = not any(step.printed for step in read.steps)
-        top, every = (read.mesh.node_sets.get(name, default) for name, default in (("TOP", node), ("ALL", None)))
-        # without what a deck adds to its mesh: nodes of walls
-        nodes = len(read.mesh.points) if every is None else int(every.max()) + 1
         for number, (asked, step) in enumerate(zip(read.steps, run_steps(read, deck, self.averaged), strict=False), 1):
             if not step.arrived:
                 status, message = DIVERGED, f"no equilibrium in step {number} of {len(read.steps)}"
                 break
             if not (silent or asked.printed):
                 continue
-            displacement.append(step.displacement[:nodes])
-            reaction.append(step.internal[top].sum(axis=0))
-            moved.append(step.displacement[node[0]])
+            displacement.append(step.displacement[: watched.nodes])
+            reaction.append(step.internal[watched.top].sum(axis=0))
+            moved.append(step.displacement[watched.indenter])
             iterations.append(step.iterations)
         return Outcome(
             status,
-            np.array(displacement).reshape(-1, nodes, dim),
+            np.array(displacement).reshape(-1, watched.nodes, dim),
             np.array(reaction).reshape(-1, dim),
             np.array(moved).reshape(-1, dim),
             message,
             tuple(iterations),
         )
-
-
-def _indenter(deck: Deck, path: Path) -> np.ndarray:
-    """The indenter's reference node, shape (1,)."""
-    found = deck.mesh.node_sets.get("INDENTER")
-    if found is None or len(found) != 1:
-        raise InputError(path, "*NSET", "no node set INDENTER of one node", "the indenter's reference node")
-    return found

@@ -8,7 +8,7 @@ from solving import solve_deck
 
 from fingerfit.cli import main
 from fingerfit.core.errors import InputError
-from fingerfit.deck import model_keywords
+from fingerfit.deck import mesh_keywords, model_keywords
 from fingerfit.deck.cards import read_cards
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import IGNORED, LATER, read_deck
@@ -214,6 +214,41 @@ def test_includes_within_includes(run, tmp_path):
     (inner / "nodes.inp").unlink()
     with pytest.raises(InputError, match=r"nodes.inp.*a readable text file"):
         run(deck)
+
+
+def test_an_included_mesh_is_read_once_and_stays_as_it_is(tmp_path, monkeypatch):
+    """Whatever a deck adds to it, or someone does to the arrays; another content is read anew."""
+    mesh, deck = tmp_path / "mesh.inp", tmp_path / "deck.inp"
+    mesh.write_text(SQUARE + "*NSET, NSET=S\n1\n*NSET, NSET=T\nS, 2\n")
+    rest = "*INCLUDE, INPUT=mesh.inp\n*NODE\n9, 5., 5.\n*NSET, NSET=S\n9\n*ELSET, ELSET=E\n1\n" + ELASTIC + HELD + PULL
+    deck.write_text("*HEADING\n" + rest)
+    asked = []
+    handle = mesh_keywords.dispatch
+    monkeypatch.setattr(mesh_keywords, "dispatch", lambda reading, card: (asked.append(card), handle(reading, card)))
+    first = read_deck(deck).mesh
+    count = len(asked)
+    for changed in (first.points, first.node_sets["S"], first.blocks[0].nodes):
+        changed[...] = 7
+    again = read_deck(deck).mesh
+    assert len(asked) - count == count - 4  # without the cards of the mesh: *NODE, *ELEMENT, two of *NSET
+    assert again.node_sets["S"].tolist() == [0, 4] and again.node_sets["T"].tolist() == [0, 1]
+    assert again.points[:, 0].tolist() == [0, 2, 2, 0, 5] and again.blocks[0].nodes.tolist() == [[0, 1, 2, 3]]
+    mesh.write_text(mesh.read_text().replace("NSET=T\nS, 2", "NSET=T\nS, 3"))
+    assert read_deck(deck).mesh.node_sets["T"].tolist() == [0, 2]
+
+
+def test_an_included_mesh_after_other_nodes_is_read_as_it_comes(tmp_path):
+    mesh, deck = tmp_path / "mesh.inp", tmp_path / "deck.inp"
+    mesh.write_text("*ELEMENT, TYPE=CPS4, ELSET=E\n1, 1, 2, 3, 4\n")
+    deck.write_text(RECTANGLE + "*INCLUDE, INPUT=mesh.inp\n" + ELASTIC + HELD + PULL)
+    assert [len(read_deck(deck).mesh.points) for _ in range(2)] == [4, 4]
+    deck.write_text("*INCLUDE, INPUT=mesh.inp\n" + ELASTIC + "*STEP\n*STATIC\n*END STEP\n")
+    for folder in ("", "other"):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        for path in (mesh, deck):
+            (tmp_path / folder / path.name).write_text(path.read_text())
+        with pytest.raises(InputError, match=f"{tmp_path / folder / 'mesh.inp'}.*line 2"):
+            read_deck(tmp_path / folder / "deck.inp")
 
 
 def test_a_sheet_pulled_by_pressures_only_comes_to_rest(run):

@@ -1,0 +1,152 @@
+"""Answers of the built-in solver to decks that differ little from one whose answer is known: to first order.
+
+The equations of a deck are T (f(u) - F) = 0, with the internal forces f at the displacements u, the loads F and the map
+T of forces on all degrees of freedom to those on the unknowns. At the known displacements the forces of a deck that was
+moved are evaluated, and followed with the tangent of the known one: a single step of Newton's method, with one
+factorisation for all moved decks, and no way from rest. What moves with a deck may be anything: constants, places of
+nodes, prescribed displacements, factors of ties, springs, temperatures, stresses. Divided by the size of its change, it
+is a derivative up to that size, as a difference of two answers is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.core.errors import InputError
+from fingerfit.deck.content import DeckStep
+from fingerfit.deck.reader import read_deck
+from fingerfit.fem.factor import Apply
+from fingerfit.fem.newton import TOLERANCE
+from fingerfit.fem.system import Evaluation, System
+from fingerfit.solvers.analysis import Watched, load_at_end, model_of, prescribed_in
+from fingerfit.solvers.contract import CONVERGED, Outcome
+from fingerfit.solvers.model import Model
+
+_STILL = 100 * TOLERANCE
+"""Residual force, relative to the largest internal force, above which an answer is none of its deck. A choice."""
+
+
+def answers(folder: Path, deck: str, known: Outcome, moved: Sequence[str]) -> list[Outcome | None]:
+    """Answers to moved decks, to first order.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the decks are, or would be: what they include is looked up from there.
+    deck : str
+        Text of the one that is known.
+    known : Outcome
+        Its answer.
+    moved : sequence of str
+        Texts of the others.
+
+    Returns
+    -------
+    list
+        None where that cannot be: where the answer depends on the way to it (relaxation, contact), where nodes have
+        displacements that the answer does not tell (of walls, of rigid bodies that turn), and where the moved deck has
+        other unknowns.
+    """
+    here = _read(folder / "deck.inp", deck)
+    found: list[_Moved | None] = [None] * len(moved)
+    if here is None or known.status != CONVERGED or known.steps != len(here.steps):
+        return [None] * len(moved)
+    with np.errstate(all="ignore"):
+        found = [one if one and here.is_like(one) else None for one in (_read(folder / "deck.inp", d) for d in moved)]
+        for n, displacement in enumerate(known.displacement):
+            place = _Place.of(here, n, displacement.ravel())
+            found = [one if one and place and one.follow(place, n) else None for one in found]
+    return [one.outcome() if one else None for one in found]
+
+
+@dataclass
+class _Moved:
+    """A deck, and what was found of its answer so far."""
+
+    model: Model
+    watched: Watched
+    displacement: list[np.ndarray] = field(default_factory=list)
+    internal: list[np.ndarray] = field(default_factory=list)
+    _system: System | None = None
+
+    @property
+    def steps(self) -> list[DeckStep]:
+        return self.model.deck.steps
+
+    def is_like(self, other: _Moved) -> bool:
+        """Whether it has as many steps and nodes."""
+        return len(self.steps) == len(other.steps) and self.model.size == other.model.size
+
+    def system(self, step: int) -> System:
+        """Its equations in a step."""
+        prescribed = prescribed_in(self.model, self.steps[step])
+        if self._system is None or not np.array_equal(prescribed, self._system.prescribed):
+            self._system = self.model.system(prescribed)
+        return self._system
+
+    def follow(self, place: _Place, step: int) -> bool:
+        """Find the answer of a step from the known one; whether there is one."""
+        system, load = self.system(step), load_at_end(self.model, self.steps[step])
+        evaluation = system.evaluate(place.u, tangent=False)
+        if evaluation is None or not np.array_equal(system.free, place.system.free):
+            return False
+        prescribed = system.expand(place.q, load.given) - place.u
+        forces = evaluation.internal + place.along(prescribed) - load.force
+        change = system.expand(place.q + place.solve(place.left - system.reduce(forces)), load.given) - place.u
+        self.displacement.append(place.u + change)
+        self.internal.append(evaluation.internal + place.along(change))
+        return bool(np.isfinite(self.displacement[-1]).all() and np.isfinite(self.internal[-1]).all())
+
+    def outcome(self) -> Outcome:
+        shape = (len(self.displacement), -1, self.model.dim)
+        displacement, internal = (np.array(part).reshape(shape) for part in (self.displacement, self.internal))
+        reaction = internal[:, self.watched.top].sum(axis=1)
+        return Outcome(CONVERGED, displacement, reaction, displacement[:, self.watched.indenter], "to first order")
+
+
+@dataclass(frozen=True)
+class _Place:
+    """The known answer of a step, with its tangent: unknowns and all displacements in mm, and its residual in N."""
+
+    system: System
+    evaluation: Evaluation
+    solve: Apply
+    q: np.ndarray
+    u: np.ndarray
+    left: np.ndarray
+
+    @classmethod
+    def of(cls, known: _Moved, step: int, u: np.ndarray) -> _Place | None:
+        system, load = known.system(step), load_at_end(known.model, known.steps[step])
+        q = u[system.free]
+        evaluation = system.evaluate(u)
+        if evaluation is None or not len(q) or not np.allclose(system.expand(q, load.given), u, rtol=0, atol=1e-9):
+            return None
+        left = system.reduce(evaluation.internal - load.force)
+        if not np.abs(left).max() <= _STILL * max(evaluation.largest, np.abs(load.force).max()):
+            return None
+        solve = system.solver(evaluation)
+        return None if solve is None else cls(system, evaluation, solve, q, u, left)
+
+    def along(self, move: np.ndarray) -> np.ndarray:
+        """Change of the internal forces with a change of all displacements, N."""
+        return self.system.push(self.evaluation, move) - self.evaluation.internal
+
+
+def _read(path: Path, text: str) -> _Moved | None:
+    """A deck whose answer follows from its loads alone, at displacements that are told of all its nodes."""
+    try:
+        deck = read_deck(path, text)
+        if deck.contacts or not all(step.finite for step in deck.steps):
+            return None
+        if any(step.printed for step in deck.steps) and not all(step.printed for step in deck.steps):
+            return None
+        model, watched = model_of(deck, path), Watched.of(deck, path)
+    except InputError:
+        return None  # the simulation says why
+    alone = not model.rigid and all(body.history is None for body in model.bodies)
+    return _Moved(model, watched) if alone and watched.nodes == len(deck.mesh.points) else None
