@@ -68,8 +68,8 @@ class Residual:
 def common_modes(residual: Residual, data: Data, control: np.ndarray) -> np.ndarray:
     """What all values of a step have in common, shape (kept, modes).
 
-    Of each step the slope by the prescribed quantity, a displacement of everything along each axis, and the response. Not
-    the brightness: tens of thousands of pixels tell a change of it that moves no constant.
+    Of each step the slope by the prescribed quantity, a displacement of everything along each axis, and the
+    response. Not the brightness: tens of thousands of pixels tell a change of it that moves no constant.
 
     Parameters
     ----------
@@ -85,7 +85,9 @@ def common_modes(residual: Residual, data: Data, control: np.ndarray) -> np.ndar
         columns += [flat(np.zeros(entries), one) for one in np.diag(response.astype(float))[response]]
         columns.append(control * flat(here & np.ones(entries, bool), response.astype(float)))
         if here.any():
-            columns += [flat(here * np.ones((*entries[:2], 1)) * one, 0.0 * response) for one in np.eye(entries[2])[:-1]]
+            columns += [
+                flat(here * np.ones((*entries[:2], 1)) * one, 0.0 * response) for one in np.eye(entries[2])[:-1]
+            ]
     kept = np.stack(columns, axis=1)[residual.kept]
     return kept[:, np.abs(kept).max(axis=0, initial=0.0) > 0]
 

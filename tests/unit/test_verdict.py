@@ -152,6 +152,25 @@ def test_what_an_error_of_the_mesh_may_decide_does_not_tell_two_adequate_refits_
     assert found.kind == kind
 
 
+@pytest.mark.parametrize(
+    ("numbers", "fitted", "held_out", "names"),
+    [
+        (2, 1.05, 1.06, ("skin", "inclusion")),
+        (6, 1.05, 1.06, ("inclusion",)),  # with as many numbers the misfit decides
+        (2, 1.05, 1.10, ("inclusion",)),  # nearer on the fitted steps alone
+        (2, 1.09, 1.09, ("inclusion",)),  # by less than chance may make of it
+    ],
+)
+def test_fewer_numbers_that_are_nearer_in_the_pictures_are_named_first(world, numbers, fitted, held_out, names):
+    score_test = world.score_test(40 * (world.signal(0) + world.signal(1)))
+    ranking = world.ranking(score_test, inclusion=world.signal(0), skin=world.signal(1))
+    many = Refit(1.0 * VALUES, VALUES, 1.1, 1.1, {}, numbers=6)
+    few = replace(many, misfit=1.2 * VALUES, fitted=fitted, held_out=held_out, numbers=numbers)
+    verdict = decide(score_test, ranking, {"inclusion": many, "skin": few}, TESTS)
+    assert verdict.effects == names
+    assert verdict.kind == ("missing" if len(names) == 1 else "indistinguishable")
+
+
 def test_nothing_known_explains_it(world):
     found = answer(world, 40 * world.signal(5), tilt=world.signal(0), inclusion=world.signal(1))
     assert (found.kind, found.effects) == ("unexplained", ())
