@@ -36,6 +36,9 @@ FALL = 2e-3
 """Share of the misfit by which a move must lower it for another one to follow."""
 MOVES = 12
 """A refit that has not ended after as many moves has not converged."""
+NEAR = 0.1 * STEP
+"""Step of slopes by the tangent, which no tolerance of a solver blurs: by Poisson's ratio the bulk modulus changes ten
+times as much. Elements have their moduli to four decimals of the logarithm, a sixtieth of it."""
 GRID = 5
 """Decimals of a distance: sums in another order must not ask for other simulations."""
 
@@ -244,7 +247,7 @@ class Way:
         return columns
 
     def _differences(self, delta: np.ndarray) -> np.ndarray:
-        columns, steps = np.zeros((self.count, len(delta))), dict[int, float]()
+        columns, signs = np.zeros((self.count, len(delta))), dict[int, float]()
         columns[self.owner.count :] = -self.priors.rows
         for n, p in enumerate(self.parameters):
             if p.name in self._linear:
@@ -252,23 +255,30 @@ class Way:
             elif not delta.any() and p.name in self._known:
                 columns[: self.owner.count, n] = self._known[p.name]
             else:
-                steps[n] = STEP if delta[n] + STEP <= self.bounds[1][n] else -STEP
-        unit = np.eye(len(delta))
-        guesses = [self.values(delta + step * unit[n]) for n, step in steps.items()]
-        here, *sides = self._beside(self.values(delta), guesses)
-        for (n, step), there in zip(steps.items(), sides, strict=True):
-            slope = difference(there, None, lambda: here, step)
-            if slope is not None:
-                columns[:, n] = slope
+                signs[n] = 1.0 if delta[n] + STEP <= self.bounds[1][n] else -1.0
+        for n, slope in self._slopes(delta, signs).items():
+            columns[:, n] = slope
         return columns
 
-    def _beside(self, values: Mapping[str, float], guesses: Sequence[Mapping[str, float]]) -> list[np.ndarray | None]:
-        """What the model leaves at a guess, and at others a small step from it: by its tangent, or simulated."""
-        here, sides = self._ask(values), [self.problem.ask(guess) for guess in guesses]
+    def _slopes(self, delta: np.ndarray, signs: Mapping[int, float]) -> dict[int, np.ndarray]:
+        """Slopes by some of the numbers, to one side: by the tangent, else by simulations; none without a solution."""
+        here, unit = self._ask(self.values(delta)), np.eye(len(delta))
+
+        def moved_by(step: float, chosen: Sequence[int]) -> list[Asked]:
+            return [self.problem.ask(self.values(delta + signs[n] * step * unit[n])) for n in chosen]
+
         self._solve([here])
-        answers = beside(self.problem, here, sides)
-        self._solve([asked for asked, answer in zip(sides, answers, strict=True) if answer is None])
-        return [self._left(here), *(self._left(asked, answer) for asked, answer in zip(sides, answers, strict=True))]
+        found, numbers = dict[int, np.ndarray | None](), list(signs)
+        near = moved_by(NEAR, numbers)
+        for n, asked, answer in zip(numbers, near, beside(self.problem, here, near), strict=True):
+            if answer is not None:
+                found[n] = difference(self._left(asked, answer), None, lambda: self._left(here), signs[n] * NEAR)
+        simulated = [n for n in numbers if n not in found]
+        far = moved_by(STEP, simulated)
+        self._solve(far)
+        for n, asked in zip(simulated, far, strict=True):
+            found[n] = difference(self._left(asked), None, lambda: self._left(here), signs[n] * STEP)
+        return {n: slope for n, slope in found.items() if slope is not None}
 
     def _ask(self, values: Mapping[str, float]) -> Asked:
         """The deck of a guess, made once for what it leaves and for its slopes."""

@@ -94,9 +94,10 @@ class _Moved:
         evaluation = system.evaluate(place.u, tangent=False)
         if evaluation is None or not np.array_equal(system.free, place.system.free):
             return False
-        prescribed = system.expand(place.q, load.given) - place.u
-        forces = evaluation.internal + place.along(prescribed) - load.force
-        change = system.expand(place.q + place.solve(place.left - system.reduce(forces)), load.given) - place.u
+        # products of two changes are left out: nodes that are moved alone meet the bulk modulus
+        moved = system.expand(place.q, load.given) - place.u
+        forces = system.reduce(evaluation.internal - load.force) + place.system.reduce(place.along(moved))
+        change = moved + place.system.expand(place.solve(place.left - forces), np.zeros(len(moved)))
         self.displacement.append(place.u + change)
         self.internal.append(evaluation.internal + place.along(change))
         return bool(np.isfinite(self.displacement[-1]).all() and np.isfinite(self.internal[-1]).all())

@@ -7,10 +7,10 @@ import pytest
 from small_body import compared, fitted, written
 
 from fingerfit.core.errors import StateError
-from fingerfit.diagnosis import trials
+from fingerfit.diagnosis import first_pass, trials
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import rank_candidates
-from fingerfit.diagnosis.first_pass import FALL, FirstPass, widened
+from fingerfit.diagnosis.first_pass import FALL, NEAR, FirstPass, Way, widened
 from fingerfit.diagnosis.ranking import best_places
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.minimum import finest
@@ -77,6 +77,25 @@ def test_one_that_does_not_end_says_so(world):
     stiffening = next(one for one in ranking if one.candidate.effect.name == "stiffening")
     wider = widened(comparison.problem, comparison.base.values, trials._just_present(stiffening))
     assert not FirstPass(comparison).refit(wider, wider.settings.starts(), moves=2).converged
+
+
+def test_slopes_are_those_of_simulations_and_are_none(world, monkeypatch):
+    """Both are differences to one side, and wrong by a few of their steps. Those by the tangent leave no trace."""
+    comparison, ranking, _ = world
+    for one in ranking:
+        wider = widened(comparison.problem, comparison.base.values, trials._just_present(one))
+        start, known = wider.settings.starts(), set(wider.sims.iterdir())
+        way = Way(FirstPass(comparison), wider, start, {})
+        near = way.slopes(np.zeros(len(start)))
+        here = wider.ask(way.values(np.zeros(len(start)))).sim
+        assert wider.asked == {here} and set(wider.sims.iterdir()) <= known | {wider.sims / here}
+        assert way.run == (wider.sims / here not in known)
+        with monkeypatch.context() as patch:
+            patch.setattr(first_pass, "beside", lambda problem, here, guesses: [None] * len(guesses))
+            patch.setattr(first_pass, "STEP", NEAR)
+            whole = Way(FirstPass(comparison), wider, start, {}).slopes(np.zeros(len(start)))
+        assert len(wider.asked) == 1 + sum(name not in way._linear for name in start)
+        assert np.all(np.linalg.norm(near - whole, axis=0) < 10 * NEAR * np.linalg.norm(whole, axis=0))
 
 
 def test_near_the_truth_only_those_are_refitted_that_slopes_speak_for(world):
