@@ -13,7 +13,7 @@ run: setup  ## set up and identify the phantom study
 
 # a module's tests stay in one process, so that what they share is made once; tests/conftest.py puts long modules first
 # one thread of linear algebra for each of the processes, which are as many as the cores; another number if it is given
-TEST := OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} $(BIN)/python -m pytest -n $(CORES) --dist loadscope --no-loadscope-reorder --durations=25
+TEST := OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} $(BIN)/python -m pytest -n $(CORES) --dist loadscope --no-loadscope-reorder -rs --durations=25
 
 test: setup  ## set up and run the tests but the slow ones: about 5 minutes
 	$(TEST) -m 'not slow'

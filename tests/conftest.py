@@ -26,7 +26,7 @@ from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 ROOT = Path(__file__).resolve().parent.parent
 # What takes longest comes first, so that no process is left alone with it at the end.
-FIRST = ("workflow", "faults", "verification", "page")
+FIRST = ("cluster", "workflow", "faults", "verification", "page")
 LAYERS = (("top", 4.0), ("middle", 4.0), ("bottom", 4.0))
 MU = {"mu_top": 2.11e-2, "mu_middle": 3.57e-2, "mu_bottom": 6.56e-2}
 

@@ -76,8 +76,8 @@ def read_results(model: Path, test: int = 0) -> Results:
     StateError
         When there is no estimate, no diagnosis, or a file is damaged.
     """
-    diagnosed = [(name, "snakemake diagnose") for name in ("compare.npz", "diagnosis.npz", "diagnosis.json")]
-    for name, made in (("estimate.json", "snakemake"), *diagnosed):
+    diagnosed = [(name, "fingerfit run --diagnose") for name in ("compare.npz", "diagnosis.npz", "diagnosis.json")]
+    for name, made in (("estimate.json", "fingerfit run"), *diagnosed):
         if not (model / name).exists():
             raise StateError(f"{model / name}: is not there; `{made}` makes it")
     estimate = read_record(model / "estimate.json", "sim", "sim_mesh", "parameters")

@@ -1,7 +1,8 @@
 """A SLURM of one node on this machine: `python tests/cluster/slurm.py COMMAND` runs a command beside it, and ends it.
 
 It needs Debian's packages slurm-wlm and munge, no root and no configuration of the system: everything lies in a folder
-of its own, with its own key, socket and ports.
+of its own, with its own key, socket and ports. All processes that it started are ended by their numbers, also when it is
+itself killed. A machine that has a SLURM already is left alone.
 """
 
 from __future__ import annotations
@@ -22,8 +23,19 @@ from pathlib import Path
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scontrol", "scancel")
 CPUS = int(os.getenv("CLUSTER_CPUS", "4"))
 """Of the node, whatever the machine has: with 4 two jobs of two threads run side by side."""
-START = 30.0
+START = 60.0
 """Seconds that a program may take to answer first."""
+OTHERS = ("/etc/slurm/slurm.conf", "/etc/slurm-llnl/slurm.conf")
+"""Where a SLURM of the machine is configured; Debian's package brings none of them."""
+
+
+GUARD = "--guard"
+STEPD = "slurmstepd"
+"""What watches a job on its node."""
+
+
+class NotStarted(Exception):
+    """A program of SLURM did not start."""
 
 
 def which(name: str) -> str | None:
@@ -34,6 +46,41 @@ def which(name: str) -> str | None:
 def missing() -> list[str]:
     """Programs that are not installed."""
     return [name for name in PROGRAMS if which(name) is None]
+
+
+def why_not() -> str | None:
+    """Why there can be no SLURM of our own here, or none should be; None where there can."""
+    if absent := missing():
+        return f"not installed: {', '.join(absent)}: apt-get install slurm-wlm munge"
+    there = [path for path in (os.getenv("SLURM_CONF"), *OTHERS) if path and Path(path).exists()]
+    return f"this machine has a SLURM, which is left alone: {there[0]}" if there else None
+
+
+def processes(folder: Path) -> dict[int, str]:
+    """Programs of the cluster in a folder, its jobs and what was called beside it: their names by their numbers."""
+    found = {}
+    for path in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # of somebody else, or gone
+            name = (path / "comm").read_text().strip()
+            if name == STEPD:
+                # it writes its title over its environment; it has the log of its slurmd open
+                ours = any(str(file.readlink()).startswith(f"{folder}/") for file in (path / "fd").iterdir())
+            else:
+                # in the PATH of all others, and of nothing else
+                ours = f"{folder}/bin".encode() in (path / "environ").read_bytes()
+            if ours:
+                found[int(path.name)] = name
+    return found
+
+
+def end_all(folder: Path) -> None:
+    """End what is left of a cluster, and what that starts in the meantime."""
+    end = time.monotonic() + 10
+    while (left := processes(folder)) and time.monotonic() < end:
+        for number in left:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(number, signal.SIGKILL)
+        time.sleep(0.1)
 
 
 class Cluster:
@@ -70,6 +117,13 @@ class Cluster:
         key.chmod(0o400)
         for name in ("state", "spool"):
             (self.folder / name).mkdir()
+        # reads a pipe that ends with this process, however it ends
+        self._guard = subprocess.Popen(
+            [sys.executable, __file__, GUARD, str(self.folder), str(self._socket.parent)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
+        )
         try:
             # forced: a folder below /tmp is open to others, but not the key in it
             self._start("munged", "--foreground", "--force", f"--key-file={key}", f"--socket={self._socket}",
@@ -90,7 +144,7 @@ class Cluster:
         for name in ("slurmd", "slurmctld", "munged"):
             if name in self.running:
                 self._end(name, signal.SIGTERM)
-        shutil.rmtree(self._socket.parent, ignore_errors=True)
+        self._guard.communicate()
 
     def node_up(self) -> None:
         """Start the node and wait until it takes jobs."""
@@ -101,14 +155,11 @@ class Cluster:
     def node_down(self) -> None:
         """What a power cut does to the node: its daemon and all processes of its jobs end at once, without a word."""
         numbers = [self.running["slurmd"].pid]
-        for path in Path("/proc").glob("[0-9]*"):
-            with contextlib.suppress(OSError):  # of somebody else, or gone
-                environment, name = (path / "environ").read_bytes(), (path / "comm").read_text().strip()
+        for number, name in processes(self.folder).items():
+            with contextlib.suppress(OSError):
                 # jobs know their number, and their watchers have that name
-                if str(self.folder).encode() in environment and (
-                    name == "slurmstepd" or b"SLURM_JOB_ID=" in environment
-                ):
-                    numbers.append(int(path.name))
+                if name == STEPD or b"SLURM_JOB_ID=" in Path(f"/proc/{number}/environ").read_bytes():
+                    numbers.append(number)
         for number in numbers:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(number, signal.SIGKILL)
@@ -173,13 +224,18 @@ PartitionName=main Nodes={host} Default=YES MaxTime=INFINITE State=UP
             program = which(name)
             assert program is not None
             self.running[name] = subprocess.Popen(
-                [program, *options], env=self.environment, stdout=said, stderr=said, stdin=subprocess.DEVNULL
+                [program, *options],
+                env=self.environment,
+                stdout=said,
+                stderr=said,
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C is for us, who end it
             )
 
     def _wait(self, name: str, ready: Callable[[], bool]) -> None:
         if not self._within(START, lambda: ready() or self.running[name].poll() is not None) or not ready():
             said = (self.folder / f"{name}.said").read_text(errors="replace")
-            raise RuntimeError(f"{name} did not start:\n{said[-2000:]}")
+            raise NotStarted(f"{name} did not start:\n{said[-2000:]}")
 
     @staticmethod
     def _within(seconds: float, done: Callable[[], bool]) -> bool:
@@ -214,14 +270,26 @@ def _free_ports(count: int) -> list[int]:
     return ports
 
 
+def guard(folder: Path, socket: Path) -> int:
+    """Wait until the process that has a cluster is through with it, or gone; end what it left."""
+    sys.stdin.buffer.read()
+    end_all(folder)
+    shutil.rmtree(socket, ignore_errors=True)
+    return 0
+
+
 def main(command: list[str]) -> int:
     """Run a command beside a cluster; its exit code."""
-    if absent := missing():
-        print(f"not installed: {', '.join(absent)}: apt-get install slurm-wlm munge", file=sys.stderr)
+    if why := why_not():
+        print(why, file=sys.stderr)
         return 1
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: sys.exit(128 + number))
     with tempfile.TemporaryDirectory(prefix="slurm-") as folder, Cluster(Path(folder) / "one") as cluster:
         return subprocess.run(command or ["sinfo"], env=cluster.environment).returncode
 
 
 if __name__ == "__main__":
+    if sys.argv[1:2] == [GUARD]:
+        sys.exit(guard(*map(Path, sys.argv[2:])))
     sys.exit(main(sys.argv[1:]))

@@ -6,6 +6,7 @@ import contextlib
 import importlib.util
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -14,27 +15,26 @@ from pathlib import Path
 import pytest
 import yaml
 from one_layer import DESCRIPTION, SHARED
-from slurm import Cluster, missing
+from slurm import Cluster, NotStarted, processes, which, why_not
 
 from fingerfit.core.files import read_json
 from fingerfit.virtual.experiment import run_experiment
 
 ROOT = Path(__file__).resolve().parents[2]
-ABSENT = [
-    *missing(),
-    *(["snakemake-executor-plugin-slurm"] * (not importlib.util.find_spec("snakemake_executor_plugin_slurm"))),
-]
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(bool(ABSENT), reason=f"not installed: {', '.join(ABSENT)} (docs/cluster.md)"),
-]
-PATIENCE = 240
+NO_PLUGIN = not importlib.util.find_spec("snakemake_executor_plugin_slurm")
+WHY = why_not() or ("not installed: snakemake-executor-plugin-slurm: make cluster" if NO_PLUGIN else None)
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(WHY is not None, reason=f"{WHY} (docs/cluster.md)")]
+PATIENCE = 480
 """Seconds that may pass before something happens that SLURM looks for every half a minute."""
 
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
-    with Cluster(tmp_path_factory.mktemp("slurm") / "one") as running:
+    with contextlib.ExitStack() as stack:
+        try:
+            running = stack.enter_context(Cluster(tmp_path_factory.mktemp("slurm") / "one"))
+        except NotStarted as error:
+            pytest.skip(f"SLURM cannot run here: {error}")
         yield running
 
 
@@ -53,6 +53,7 @@ def here(tmp_path_factory):
 
 COMMAND = (sys.executable, "-P", "-m", "fingerfit", "run")
 SLURM = (*COMMAND, "--profile", "slurm")
+SOONER = "--slurm-init-seconds-before-status-checks"
 
 
 def environment(known):
@@ -83,7 +84,11 @@ def started(cluster, place, command, **more):
         finally:
             if running.poll() is None:
                 running.terminate()
-                running.wait(60)
+                try:
+                    running.wait(60)
+                except subprocess.TimeoutExpired:
+                    running.kill()
+                    running.wait()
 
 
 def wait(cluster, what):
@@ -132,7 +137,8 @@ def test_a_fit_and_a_diagnosis_are_those_of_this_machine(cluster, here, tmp_path
 def test_long_simulations_are_jobs_of_their_own(cluster, here, tmp_path):
     before = len(cluster.jobs())
     copied(here, tmp_path, "one")
-    profile = ("--workflow-profile", str(ROOT / "workflow/profiles/slurm"))
+    # the state of jobs is asked for sooner than the profile says: each of them is waited for
+    profile = ("--workflow-profile", str(ROOT / "workflow/profiles/slurm"), SOONER, "1")
     plain = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), *profile]
     with started(cluster, tmp_path, plain, FINGERFIT_LONG="0") as running:
         assert running.wait(PATIENCE) == 0, (tmp_path / "said").read_text()
@@ -204,3 +210,42 @@ def test_a_study_that_fails_stops_no_other_one(troubled):
     assert "Traceback" not in seen["said"]
     for name in ("cancelled", "late"):
         assert f"table: results/{name}/base/table.txt" in seen["said"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_nothing_is_left_of_a_cluster_that_is_interrupted(tmp_path, number):
+    """Its daemons, a job and its watcher, what waits for the job, and the folder of the socket."""
+    command = [sys.executable, str(ROOT / "tests/cluster/slurm.py"), "srun", "sleep", "600"]
+    known = {**os.environ, "TMPDIR": str(tmp_path)}
+    running = subprocess.Popen(command, env=known, start_new_session=True)
+    end = time.monotonic() + PATIENCE
+
+    def names():
+        return {name for folder in tmp_path.glob("slurm-*/one") for name in processes(folder).values()}
+
+    try:
+        while not names() >= {"munged", "slurmctld", "slurmd", "slurmstepd", "srun", "sleep"}:
+            assert running.poll() is None and time.monotonic() < end, names()
+            time.sleep(0.2)
+        (folder,) = tmp_path.glob("slurm-*/one")
+    finally:
+        os.kill(running.pid, number)
+    assert running.wait(60) in (128 + number, -signal.SIGKILL)
+    while processes(folder) or list(tmp_path.glob("munge-*")):
+        assert time.monotonic() < end
+        time.sleep(0.2)
+
+
+def test_a_slurm_of_the_machine_is_left_alone(tmp_path, monkeypatch):
+    (tmp_path / "slurm.conf").write_text("ClusterName=theirs\n", encoding="utf-8")
+    monkeypatch.setenv("SLURM_CONF", str(tmp_path / "slurm.conf"))
+    assert why_not() == f"this machine has a SLURM, which is left alone: {tmp_path}/slurm.conf"
+    done = subprocess.run([sys.executable, str(ROOT / "tests/cluster/slurm.py")], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{why_not()}\n")
+
+
+def test_a_program_that_does_not_start_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("slurm.which", lambda name: shutil.which("false") if name == "munged" else which(name))
+    with pytest.raises(NotStarted, match="munged did not start"), Cluster(tmp_path / "one"):
+        pass
+    assert processes(tmp_path / "one") == {}

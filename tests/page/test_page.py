@@ -118,19 +118,15 @@ def test_focus_is_seen_and_phones_have_buttons_for_thumbs(whole):
 
 
 def test_the_lines_to_type_are_understood(whole):
-    """By the programs that they start, as they stand on the page."""
-    from snakemake.cli import parse_args
-
+    """By the program that they start, as they stand on the page; an installed package has no Snakefile to call."""
     from fingerfit.cli import _parser
 
     add, again = (html.unescape(line) for line in re.findall(r'<code class="line">(.*?)</code>', whole))
-    assert shlex.split(add)[0] == "fingerfit" and shlex.split(again)[0] == "snakemake"
+    assert shlex.split(add)[0] == shlex.split(again)[0] == "fingerfit"
     asked = _parser().parse_args(shlex.split(add)[1:])
     assert asked.effect == "tilt" and str(asked.config) == "YOURS.yaml"
-    _, run = parse_args(shlex.split(again)[1:])
-    assert (
-        list(run.targets) == ["diagnose"] and int(run.cores) == 2 and [str(p) for p in run.configfile] == ["YOURS.yaml"]
-    )
+    run = _parser().parse_args(shlex.split(again)[1:])
+    assert run.diagnose and str(run.config) == "YOURS.yaml"
 
 
 def test_words_for_numbers_and_places(whole):

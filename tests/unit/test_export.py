@@ -301,7 +301,7 @@ def test_the_map_of_stiffness_and_the_candidates(made):
 
 def test_before_the_diagnosis_there_is_nothing_to_export(tmp_path, capsys):
     assert main(["export", str(tmp_path)]) == 1
-    assert "estimate.json: is not there; `snakemake` makes it" in capsys.readouterr().err
+    assert "estimate.json: is not there; `fingerfit run` makes it" in capsys.readouterr().err
     assert not (tmp_path / "export").exists()
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import SimpleITK as sitk
+import yaml
+from one_layer import DESCRIPTION
 
 from fingerfit.check.check import check_study
 from fingerfit.cli import main
@@ -247,6 +249,17 @@ def test_mistakes_are_one_line(tmp_path, monkeypatch, capsys, words, says):
     assert main(words) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"fingerfit: error: {says}")
+
+
+def test_an_experiment_tells_what_it_does_and_replaces_only_when_told(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("e.yaml").write_text(yaml.safe_dump(DESCRIPTION), encoding="utf-8")
+    words = ["experiment", "e.yaml", "--out", "one"]
+    for more, code in (([], 0), ([], 1), (["--force"], 0)):
+        assert main([*words, *more]) == code
+        said = [line[line.index(" s  ") + 4 :] for line in capsys.readouterr().out.splitlines()]
+        told = ["builtin: 1 steps on 16 nodes", "picture 1 of 2", "picture 2 of 2", "one: written"]
+        assert said == [f"experiment: {one}" for one in told if code == 0]
 
 
 def test_docs_are_written_only_where_it_is_told(capsys):

@@ -39,10 +39,13 @@ if os.environ.get("KILLED") in sys.orig_argv:
 
 
 def snakemake(place, *options, cores=1, **environment):
-    """What plain `snakemake` says in a project, and how it ends; `fingerfit` is that of the project."""
+    """What plain `snakemake` says in a project, and how it ends; `fingerfit` is that of the project.
+
+    Without `cores` those of the profile are taken.
+    """
     paths = os.pathsep.join(map(str, (place, place / "watch")))
     done = subprocess.run(
-        [str(Path(sys.executable).parent / "snakemake"), "--cores", str(cores), *options],
+        [str(Path(sys.executable).parent / "snakemake"), *(["--cores", str(cores)] if cores else []), *options],
         cwd=place, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1", **environment},
     )  # fmt: skip

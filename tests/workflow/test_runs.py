@@ -192,6 +192,20 @@ def test_reading_the_workflow_changes_nothing(place, studies, tmp_path, options)
     assert snapshot(place) == before
 
 
+def test_a_drawing_and_a_report_need_no_cores(place):
+    """What the report shows has a caption, and stands under its study and model."""
+    assert "digraph" in run(place, "--dag", cores=None)
+    run(place, "--report", "report.html", cores=None)
+    report = (place / "report.html").read_text(encoding="utf-8")
+    for words in (
+        "The mesh of model base at the steps",
+        "The constants of model base with",
+        "The course of the search",
+    ):
+        assert words in report
+    assert '"results/one": {"base": ["results/one/base/' in report
+
+
 def test_runs_that_would_share_results_are_refused(place):
     for runs, says in (
         (

@@ -100,7 +100,7 @@ def place_words(place: Mapping[str, float], told: Mapping[str, str], layers: Seq
 
 def commands(effect: str) -> tuple[str, str]:
     """The lines that add an effect and fit and diagnose again; the page does not know the name of the settings."""
-    return f"fingerfit add {effect} --config YOURS.yaml", "snakemake diagnose --cores 2 --configfile YOURS.yaml"
+    return f"fingerfit add {effect} --config YOURS.yaml", "fingerfit run --config YOURS.yaml --diagnose"
 
 
 def first_upper(text: str) -> str:
