@@ -99,7 +99,7 @@ SESSIONS = {
         "> mkdir data; printf 'machine: {file: ../machine.csv}\\n' > data/data.yaml; rm -r mine",
         "fingerfit new mine --from data/data.yaml",
     ],
-    "tests": ["make test", "> make test-all"],
+    "tests": ["make test", "make test-all"],
     "fast": ["make fast"],
     "cluster": ["make cluster"],
     "run": ["make run"],
