@@ -56,7 +56,7 @@ def around_best(
         sides = {role: values for role, values in sides.items() if role[0] == "+" or "+" + role[1:] not in sides}
     # the costly one first: it runs beside the others
     batch = [problem.ask(best, FINAL), problem.ask(best, ANCHOR)]
-    batch += [problem.ask(values, role) for role, values in sides.items()]
+    batch += [problem.ask(values, role, nearby=best) for role, values in sides.items()]
     if problem.observed.any():
         batch += _by_control(problem, best)
     return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=reason, slopes=slopes, rough=rough, **base)
@@ -64,7 +64,8 @@ def around_best(
 
 def _by_control(problem: InverseProblem, best: Mapping[str, float]) -> list[Asked]:
     """Slopes by the prescribed quantity: intervals and the diagnosis need them, a move seldom."""
-    return [problem.ask(best, "+control", 1.0 + STEP), problem.ask(best, "-control", 1.0 - STEP)]
+    gains = {"+control": 1.0 + STEP, "-control": 1.0 - STEP}
+    return [problem.ask(best, role, gain, nearby=best) for role, gain in gains.items()]
 
 
 def refine_round(problem: InverseProblem, last: Round) -> Round:

@@ -54,7 +54,7 @@ class BuiltinSolver:
     """
 
     name = "builtin"
-    capabilities = Capabilities(elements=frozenset(ELEMENTS), features=FEATURES)
+    capabilities = Capabilities(elements=frozenset(ELEMENTS), features=FEATURES, nearby=True)
 
     def __init__(self, averaged: bool = True) -> None:
         self.averaged = averaged
@@ -78,8 +78,10 @@ class BuiltinSolver:
                 prescribed[model.dof(node, axis)] = True
         model.system(prescribed)
 
-    def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
+    def solve(self, deck: Path, workdir: Path, threads: int = 1, nearby: Outcome | None = None) -> Outcome:
         """Solve a deck; nothing is written to `workdir`. Large systems are factorised by as many threads (PARDISO).
+
+        Where the path does not matter each step begins at that of the outcome of a deck with nearly the same numbers.
 
         Raises
         ------
@@ -101,7 +103,9 @@ class BuiltinSolver:
         top, every = (read.mesh.node_sets.get(name, default) for name, default in (("TOP", node), ("ALL", None)))
         # without what a deck adds to its mesh: nodes of walls
         nodes = len(read.mesh.points) if every is None else int(every.max()) + 1
-        for number, (asked, step) in enumerate(zip(read.steps, run_steps(read, deck, self.averaged), strict=False), 1):
+        begun = _every_node(nearby, read, node) if nearby is not None else None
+        steps = run_steps(read, deck, self.averaged, begun)
+        for number, (asked, step) in enumerate(zip(read.steps, steps, strict=False), 1):
             if not step.arrived:
                 status, message = DIVERGED, f"no equilibrium in step {number} of {len(read.steps)}"
                 break
@@ -119,6 +123,14 @@ class BuiltinSolver:
             message,
             tuple(iterations),
         )
+
+
+def _every_node(outcome: Outcome, deck: Deck, indenter: np.ndarray) -> np.ndarray:
+    """Displacements of an outcome at all nodes of a deck, shape (steps, nodes, dim), mm; nodes of walls rest."""
+    found = np.zeros((outcome.steps, *deck.mesh.points.shape))
+    found[:, : outcome.displacement.shape[1]] = outcome.displacement
+    found[:, indenter[0]] = outcome.indenter
+    return found
 
 
 def _indenter(deck: Deck, path: Path) -> np.ndarray:

@@ -1,0 +1,142 @@
+"""A simulation that begins at the solution of a guess nearby: the same answer in fewer iterations."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from blocks import STUDY
+from test_fingertip import MU, solve, write
+
+from fingerfit.anatomy.finger import finger_mesh
+from fingerfit.anatomy.fixtures import add_fixtures
+from fingerfit.anatomy.shape import Anatomy
+from fingerfit.core.errors import StateError
+from fingerfit.core.files import read_json
+from fingerfit.fit import problem as problems
+from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.refine import around_best
+from fingerfit.fit.rounds import NEARBY, Walk, check_deck, simulations
+from fingerfit.fit.simulate import begin
+from fingerfit.settings.config import load_settings
+from fingerfit.solvers.builtin import BuiltinSolver
+from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
+from fingerfit.testing.block import write_block
+
+FORCES = [0.05, 0.12]
+STIFFER = {name: 1.03 * value for name, value in MU.items()}
+
+
+@pytest.fixture(scope="module")
+def finger():
+    return add_fixtures(finger_mesh(size=4.0, element="C3D4"), (Anatomy().pulp_centre, 0.0))
+
+
+@pytest.fixture(scope="module")
+def softer(finger, tmp_path_factory):
+    return solve(tmp_path_factory.mktemp("softer"), finger, "force", FORCES)
+
+
+def both(folder, mesh, nearby, control="force", loads=FORCES, values=STIFFER, **how):
+    """The outcomes from rest and from nearby."""
+    deck = write(folder, mesh, control, loads, values=values, **how)
+    return BuiltinSolver().solve(deck, folder), BuiltinSolver().solve(deck, folder, nearby=nearby)
+
+
+@pytest.mark.parametrize("values", [STIFFER, {**MU, "indenter_place.x": 0.05}])
+def test_a_pushed_indenter_finds_the_same_equilibrium(finger, softer, tmp_path, values):
+    cold, warm = both(tmp_path, finger, softer, values=values)
+    assert warm.status == CONVERGED
+    for name in ("displacement", "reaction", "indenter"):
+        assert getattr(warm, name) == pytest.approx(getattr(cold, name), abs=1e-6)
+    assert sum(warm.iterations) < 0.7 * sum(cold.iterations)
+    # it is another solution than that of the guess nearby
+    assert np.abs(warm.displacement - softer.displacement).max() > 1e-3
+
+
+def test_what_is_too_far_off_is_solved_from_rest(finger, softer, tmp_path):
+    far = replace(softer, displacement=softer.displacement * 40.0)
+    cold, warm = both(tmp_path, finger, far)
+    assert warm.status == CONVERGED
+    assert warm.displacement == pytest.approx(cold.displacement, abs=1e-6)
+
+
+def test_with_friction_or_other_steps_it_begins_at_rest(finger, softer, tmp_path):
+    rubbed = {**STIFFER, "friction.coefficient": 0.3}
+    for nearby, values in ((softer, rubbed), (replace_steps(softer, 1), STIFFER)):
+        cold, warm = both(tmp_path, finger, nearby, values=values)
+        assert np.array_equal(warm.displacement, cold.displacement)
+        assert warm.iterations == cold.iterations
+
+
+def replace_steps(outcome, steps):
+    """An outcome that reached fewer steps."""
+    parts = {name: getattr(outcome, name)[:steps] for name in ("displacement", "reaction", "indenter", "iterations")}
+    return replace(outcome, status=DIVERGED, **parts)
+
+
+def test_a_glued_block_in_the_plane_begins_nearby(tmp_path):
+    deck = write_block(tmp_path, "displacement", [1.0, 2.0])
+    cold = BuiltinSolver().solve(deck, tmp_path)
+    warm = BuiltinSolver().solve(deck, tmp_path, nearby=cold)
+    assert warm.displacement == pytest.approx(cold.displacement, abs=1e-7)
+    assert sum(warm.iterations) <= 2
+
+
+CONFIG = """\
+study: study
+model:
+  material: {alpha: 1.4, poisson: 0.45}
+  mesh: {element: CPE8, across: 3, per_layer: 3}
+  parameters:
+    mu: {unit: MPa, start: 0.05, lower: 0.005, upper: 0.5}
+fit:
+  score: likelihood
+  stages:
+    - {name: grid, kind: grid, points: 3}
+"""
+
+
+@pytest.fixture
+def fit(tmp_path, monkeypatch):
+    """A fit whose simulations count as long."""
+    monkeypatch.setattr(problems, "SHORT", 0.0)
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study/study.yaml").write_text(
+        yaml.safe_dump({**STUDY, "noise": {"force": 0.02, "displacement": 1e-4}})
+    )
+    (tmp_path / "study/steps.csv").write_text("step,displacement,force\n1,0.5,1.0\n2,1.0,2.0\n")
+    (tmp_path / "config.yaml").write_text(CONFIG.replace("study: study", f"study: {tmp_path / 'study'}"))
+    return begin(load_settings(tmp_path / "config.yaml"), tmp_path / "results")[0]
+
+
+def around(fit):
+    base = {"number": 0, "solver": fit.solver, "meshes": {}, "best": {"values": {"mu": 0.05}, "score": None}}
+    return around_best(fit, base, {"mu": 0.05}, "a test")
+
+
+def test_slopes_begin_at_the_guess_between_them_and_are_named_so(fit, tmp_path):
+    batch = {asked.role: asked for asked in around(fit).batch}
+    middle = batch["anchor"]
+    assert not middle.nearby
+    assert batch["+mu"].nearby == batch["-mu"].nearby == middle.sim
+    assert batch["+mu"].sim != fit.ask(batch["+mu"].values).sim
+    solve_missing(fit, list(batch.values()), 2)
+    folder = fit.sims / batch["+mu"].sim
+    said = read_json(folder / "solver.json", kept=False)
+    assert said[NEARBY] == middle.sim
+    check_deck(folder / "deck.inp", said)
+    with pytest.raises(StateError, match="not what its name says"):
+        check_deck(folder / "deck.inp", {**said, NEARBY: batch["-mu"].sim})
+    inputs = Walk(fit.sims.parent, tmp_path).sim_inputs(batch["+mu"].sim)
+    assert inputs[-1] == str(fit.sims / middle.sim / "solution.npz")
+    assert len(Walk(fit.sims.parent, tmp_path).sim_inputs(middle.sim)) == 3
+    cold = fit.ask(batch["+mu"].values)
+    solve_missing(fit, [cold], 1)
+    ours, theirs = (Outcome.load(fit.sims / one.sim / "solution.npz") for one in (batch["+mu"], cold))
+    assert ours.displacement == pytest.approx(theirs.displacement, abs=1e-7)
+
+
+def test_short_simulations_and_solvers_that_cannot_begin_at_rest(fit, monkeypatch):
+    monkeypatch.setattr(problems, "SHORT", 1.0)
+    assert not any(asked.nearby for asked in simulations(around(fit).batch))
