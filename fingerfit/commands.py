@@ -116,7 +116,6 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseP
     from fingerfit.core.errors import InputError
     from fingerfit.core.files import check_kept
     from fingerfit.fit.joint import problem_of
-    from fingerfit.fit.kept import Kept
     from fingerfit.settings.choices import read_checked
     from fingerfit.study.data import Data
 
@@ -133,23 +132,16 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseP
         own["refined"] = path
     for path in (*args.mesh, *args.refined):
         check_kept(path)
-    data = [Data.load(path) for path in args.data]
-    kept = [Kept.beside(path, own) for path, own in zip(args.data, data, strict=True)]
-    return problem_of(settings, data, files, args.sims, kept)
+    return problem_of(settings, [Data.load(path) for path in args.data], files, args.sims, args.data)
 
 
 def propose(args: argparse.Namespace) -> None:
     """Score the last round and ask for the next guesses."""
     from fingerfit.fit.jobs import next_job
-    from fingerfit.fit.problem import FINAL
     from fingerfit.fit.rounds import Round
 
     last = Round.load(args.last) if args.last else None
-    problem = _fit(args)
-    current = next_job(problem, last, args.threads, bool(args.solve))
-    if current.stage == FINAL:  # the rounds that follow and the estimate use the same slopes
-        problem.keep(current.batch)
-    current.save(args.out)
+    next_job(_fit(args), last, args.threads, bool(args.solve)).save(args.out)
 
 
 def estimate(args: argparse.Namespace) -> None:

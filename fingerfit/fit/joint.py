@@ -29,7 +29,7 @@ def problem_of(
     data: Sequence[Data],
     mesh_files: Sequence[dict[str, Path]],
     sims: Path,
-    kept: Sequence[Kept | None] = (),
+    data_files: Sequence[Path] = (),
 ) -> InverseProblem:
     """The fit of a study: of its only test, or of all of them together.
 
@@ -42,10 +42,12 @@ def problem_of(
         Their meshes: ``search`` and, where there is one, ``refined``.
     sims : Path
         Folder of the simulations.
-    kept : sequence of Kept or None
-        Where predictions of each test are kept; nowhere when empty.
+    data_files : sequence of Path
+        Files of the measurements, beside which predictions are kept; without them nothing is kept.
     """
-    kept = kept or [None] * len(data)
+    kept: list[Kept | None] = [None] * len(data)
+    if data_files:
+        kept = [Kept.beside(file, own) for file, own in zip(data_files, data, strict=True)]
     if len(data) == 1:
         return InverseProblem(settings, data[0], mesh_files[0], sims, kept=kept[0])
     names = [test.test for test in settings.read_study().tests]

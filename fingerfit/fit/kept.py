@@ -1,7 +1,7 @@
 """Predictions of volumes that several jobs need: made once, kept on disk while the fit runs.
 
-The last rounds of a fit and its estimate use the same slopes. To warp five volumes takes seconds for each guess; to read
-them again takes a tenth of that.
+The last rounds of a fit and its estimate use the same slopes. To warp five volumes takes seconds for each guess; to
+read them again takes a tenth of that.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ and solved again there, until the steps are small (docs/decisions/0003-two-meshe
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,9 @@ CLOSE = 0.05
 NEARER = 0.01
 """The same in a model with effects, where constants and an effect may compensate each other: with relaxation the score
 fell along a valley, and an end at steps of 10 % left constants 15 % off (docs/decisions/0003-two-meshes.md)."""
+STILL = 0.005
+"""A move from the last solution that is this short, in the logarithm, needs no other one: what slopes do not know of it
+is of the order of its square, 0.001 %. A choice."""
 SOLUTIONS = 4
 """At most as many on the finest mesh, the costliest there are (docs/decisions/0003-two-meshes.md)."""
 
@@ -82,6 +86,8 @@ def refine_round(problem: InverseProblem, last: Round) -> Round:
             before = {"values": dict(found.base.values), "score": _score(problem, found), "fall": found.fall}
             rough = last.reason == ADDED and found.move > FAR and last.slopes + 1 < again
             return _slopes_again(problem, last, found.values, {"before": before, "trust": trust}, rough)
+    if last.stage == FINAL and found.move <= STILL and found.base == last.batch[-1]:
+        return replace(last, number=last.number + 1, stop=last.reason)
     asked = problem.ask(found.values, FINAL)
     known = list(last.batch)
     if all(asked.role != "+control" for asked in known):

@@ -16,9 +16,45 @@ import numpy as np
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.forward.score import Prediction
-from fingerfit.imaging.preprocess import smooth
+from fingerfit.imaging.preprocess import reach_of, smooth
 from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
 from fingerfit.study.data import Data
+
+IN_SPACE = 4
+"""Axes of the pictures of all steps in space: volumes are cut to where constants move them, which saves half a minute
+of an estimate (docs/decisions/0039-time-of-the-fingertip.md)."""
+
+Window = tuple[slice, ...]
+
+
+def _window(model: LinearModel, margin: int) -> Window:
+    """The part of a picture that the constants and the load move, and a margin of pixels: no other tells of them."""
+    moving: np.ndarray = np.zeros(model.base.pictures.shape[1:], dtype=bool)
+    for slope in [*model.slopes, *([model.control] if model.control else [])]:
+        moving |= slope.pictures.any(axis=0)
+    found = []
+    for axis, size in enumerate(moving.shape):
+        at = np.flatnonzero(moving.any(axis=tuple(k for k in range(moving.ndim) if k != axis)))
+        first, last = (at[0], at[-1]) if len(at) else (0, 0)
+        found.append(slice(max(0, int(first) - margin), min(size, int(last) + margin + 1)))
+    return tuple(found)
+
+
+def _cut(model: LinearModel, window: Window) -> LinearModel:
+    def cut(one: Prediction) -> Prediction:
+        return Prediction(np.ascontiguousarray(one.pictures[(slice(None), *window)]), one.response, one.points)
+
+    control = cut(model.control) if model.control else None
+    return LinearModel(cut(model.base), tuple(map(cut, model.slopes)), control, model.values)
+
+
+def _cut_map(way: BackwardMap, window: Window) -> BackwardMap:
+    place = np.array(np.unravel_index(way.pixel, way.shape))
+    low, high = (np.array([getattr(own, end) for own in window])[:, None] for end in ("start", "stop"))
+    inside = ((place >= low) & (place < high)).all(axis=0)
+    shape = tuple(own.stop - own.start for own in window)
+    pixel = np.ravel_multi_index(tuple((place - low)[:, inside]), shape)
+    return replace(way, pixel=pixel, index=way.index[inside], element=way.element[inside], shape=shape)
 
 
 class Replicates:
@@ -50,7 +86,13 @@ class Replicates:
         seed: int | Sequence[int],
         threads: int = 1,
     ) -> None:
-        self.model, self.data, self.maps, self.kind, self.bins = model, data, maps, kind, bins
+        self.data, self.kind, self.bins, self.share = data, kind, bins, 1.0
+        if kind != "nmi" and data.measured.ndim == IN_SPACE:
+            window = _window(model, reach_of(data.smooth))
+            if kind == "ssd":  # a mean over all pixels
+                self.share = float(np.prod([own.stop - own.start for own in window])) / data.measured[0].size
+            model, maps = _cut(model, window), [_cut_map(way, window) for way in maps]
+        self.model, self.maps = model, maps
         self.rng, self._pool = np.random.default_rng(seed), ThreadPoolExecutor(threads)
 
     def draw(self) -> Objective:
@@ -81,7 +123,7 @@ class Replicates:
             points_displacement=base.points + self._points_noise(),
             **responses,
         )
-        return self.model.objective(self.kind, repeated, self.bins, offset)
+        return self.model.objective(self.kind, repeated, self.bins, offset).times(self.share)
 
     def _gauss(self, shape: tuple[int, ...], spread: float | np.ndarray) -> np.ndarray:
         return self.rng.normal(0.0, spread, shape) if np.any(spread) else np.zeros(shape)
