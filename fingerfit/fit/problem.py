@@ -179,11 +179,20 @@ class InverseProblem:
         return self._names[key]
 
     @cached_property
+    def long(self) -> bool:
+        """Whether a simulation takes longer than is worth a job of its own."""
+        mesh = self.meshes[SEARCH]
+        return expected_seconds(self.settings.solver, mesh.dim, len(mesh.points)) > SHORT
+
+    @property
+    def beside(self) -> int:
+        """How many simulations can run beside another one."""
+        return self.settings.fit.batch - 1
+
+    @cached_property
     def begins_nearby(self) -> bool:
         """Whether simulations of slopes begin at the solution between them: long ones, of a solver that can."""
-        solver, mesh = self.settings.solver, self.meshes[SEARCH]
-        can = get_solver(solver).capabilities.nearby
-        return can and expected_seconds(solver, mesh.dim, len(mesh.points)) > SHORT
+        return self.long and get_solver(self.settings.solver).capabilities.nearby
 
     def own(self, values: Mapping[str, float]) -> dict[str, float]:
         """What a guess of all tests is in this one: without numbers of other tests, and effects that it cannot have."""

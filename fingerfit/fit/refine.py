@@ -60,15 +60,20 @@ def around_best(
         sides = {role: values for role, values in sides.items() if role[0] == "+" or "+" + role[1:] not in sides}
     # the costly one first: it runs beside the others
     batch = [problem.ask(best, FINAL), problem.ask(best, ANCHOR)]
-    batch += [problem.ask(values, role, nearby=best) for role, values in sides.items()]
+    # the last ones fill the processors while the guess is solved that the others begin at
+    begin = [best] * max(0, len(sides) - problem.beside) + [None] * problem.beside
+    batch += [problem.ask(values, role, nearby=at) for (role, values), at in zip(sides.items(), begin, strict=False)]
     if problem.observed.any():
         batch += _by_control(problem, best)
     return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=reason, slopes=slopes, rough=rough, **base)
 
 
 def _by_control(problem: InverseProblem, best: Mapping[str, float]) -> list[Asked]:
-    """Slopes by the prescribed quantity: intervals and the diagnosis need them, a move seldom."""
-    gains = {"+control": 1.0 + STEP, "-control": 1.0 - STEP}
+    """Slopes by the prescribed quantity: intervals and the diagnosis need them, a move seldom.
+
+    Of long simulations by one side: the noise of that quantity need not be known to the percent.
+    """
+    gains = {"+control": 1.0 + STEP} | ({} if problem.long else {"-control": 1.0 - STEP})
     return [problem.ask(best, role, gain, nearby=best) for role, gain in gains.items()]
 
 

@@ -171,7 +171,8 @@ class Body:
     def __init__(self, sims, truth=0.030, lost=(), folded=()):
         self.sims, self.truth, self.lost, self.folded = sims, truth, lost, folded
         self.settings = SimpleNamespace(parameters=lambda: PARAMETERS[:1])
-        self.mesh_names, self.exact = {SEARCH: SEARCH, REFINED: REFINED}, False
+        self.mesh_names, self.exact, self.long = {SEARCH: SEARCH, REFINED: REFINED}, False, False
+        self.beside = 1
         self.observed, self.priors = np.zeros(1, dtype=bool), Priors.of(PARAMETERS[:1])
 
     def as_counted(self, prediction):
@@ -291,15 +292,17 @@ def test_rough_slopes_at_an_upper_bound_are_those_below(tmp_path):
     assert roles(around_best(Body(tmp_path), base, best, ADDED, rough=True)) == ["-mu_top", "anchor", "final"]
 
 
-def test_slopes_by_the_control_are_asked_for_once_at_the_end(tmp_path):
+@pytest.mark.parametrize(("long", "sides"), [(False, "+-"), (True, "+")])
+def test_slopes_by_the_control_are_asked_for_once_at_the_end(tmp_path, long, sides):
     problem, best = Body(tmp_path), {"mu_top": 0.026}
+    problem.long = long
     base = {"number": 0, "solver": {}, "meshes": {}, "best": {"values": best, "score": None}}
     last, seen = around_best(problem, base, best, "tolerances met"), []
     while last.stop is None:
         seen.append("+control" in roles(last))
         last = refine_round(problem, last)
     assert not seen[0]
-    assert [roles(last).count(sign + "control") for sign in "+-"] == [1, 1]
+    assert [role for role in roles(last) if role.endswith("control")] == [sign + "control" for sign in sides]
     with pytest.raises(StateError, match="prescribed quantity"):
         LinearModel(*(None,) * 4).by_control(np.zeros(1), None)
 

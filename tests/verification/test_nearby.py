@@ -119,7 +119,10 @@ def test_slopes_begin_at_the_guess_between_them_and_are_named_so(fit, tmp_path):
     batch = {asked.role: asked for asked in around(fit).batch}
     middle = batch["anchor"]
     assert not middle.nearby
-    assert batch["+mu"].nearby == batch["-mu"].nearby == middle.sim
+    assert batch["+mu"].nearby == middle.sim
+    # one is solved beside the guess: with fit.batch 2 a processor would wait
+    assert not batch["-mu"].nearby
+    assert batch["-mu"].sim == fit.ask(batch["-mu"].values).sim
     assert batch["+mu"].sim != fit.ask(batch["+mu"].values).sim
     solve_missing(fit, list(batch.values()), 2)
     folder = fit.sims / batch["+mu"].sim
