@@ -26,10 +26,11 @@ def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int)
     batch = [a for a in every if not (problem.sims / a.sim / "solution.npz").exists()]
     missing = write_folders(problem.sims.parent, batch, problem.solver, problem.mesh_paths)
     nearby = {a.sim: a.nearby for a in batch}
+    pairs = [(sim, nearby.get(sim, "")) for sim in missing]
     solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
     # first those that others begin at
     for begins in (False, True):
-        side_by_side(solve, [(sim, nearby[sim]) for sim in missing if bool(nearby[sim]) is begins], threads)
+        side_by_side(solve, [pair for pair in pairs if bool(pair[1]) is begins], threads)
     return len(missing)
 
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from seeds import generator, seed_of
 
 from fingerfit.fit import kept as keeping
 from fingerfit.fit import replicates
@@ -41,14 +42,14 @@ def prediction_of(rng, background=0.25):
 @pytest.fixture
 def prepared(tmp_path, monkeypatch):
     monkeypatch.setattr(keeping, "MANY", 1)
-    data = data_of(np.random.default_rng(1))
+    data = data_of(generator(1))
     data.save(tmp_path / "prepared.npz")
     return tmp_path / "prepared.npz", data
 
 
 def test_a_prediction_is_read_as_it_was_kept(prepared):
     file, data = prepared
-    one = prediction_of(np.random.default_rng(2))
+    one = prediction_of(generator(2))
     kept = Kept.beside(file, data)
     assert kept.load("a") is None
     kept.save("a", one, True)
@@ -66,7 +67,7 @@ def test_others_are_removed_and_in_the_end_all(prepared):
     file, data = prepared
     kept = Kept.beside(file, data)
     for key in "abc":
-        kept.save(key, prediction_of(np.random.default_rng(2)), False)
+        kept.save(key, prediction_of(generator(2)), False)
     kept.only(["b", "d"])
     assert [kept.load(key) is not None for key in "abcd"] == [False, True, False, False]
     forget(file)
@@ -77,8 +78,8 @@ def test_others_are_removed_and_in_the_end_all(prepared):
 def test_what_is_damaged_or_of_other_measurements_is_made_again(prepared):
     file, data = prepared
     kept = Kept.beside(file, data)
-    kept.save("a", prediction_of(np.random.default_rng(2)), False)
-    data_of(np.random.default_rng(3)).save(file)
+    kept.save("a", prediction_of(generator(2)), False)
+    data_of(generator(3)).save(file)
     assert Kept.beside(file, data).load("a") is None
     one = next(kept.folder.iterdir())
     one.write_bytes(one.read_bytes()[:-200])
@@ -93,14 +94,14 @@ def test_small_pictures_are_not_kept(prepared, monkeypatch):
 
 def shifts(data, model, maps, seed, kind):
     """Best constants of repetitions, shape (repetitions, 2)."""
-    drawn = Replicates(model, data, maps, kind, 16, seed)
+    drawn = Replicates(model, data, maps, kind, 16, seed_of(seed))
     return drawn, np.array([drawn.draw().gradient(np.zeros(2)) for _ in range(200)])
 
 
 @pytest.mark.parametrize("kind", ["ssd", "likelihood"])
 def test_volumes_are_cut_to_what_moves(monkeypatch, kind):
     """Noise elsewhere tells nothing: gradients have the same mean and spread."""
-    rng = np.random.default_rng(4)
+    rng = generator(4)
     data = data_of(rng)
     slopes = tuple(prediction_of(rng, 0.0) for _ in range(2))
     model = LinearModel(prediction_of(rng), slopes, prediction_of(rng, 0.0), {})
