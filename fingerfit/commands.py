@@ -31,8 +31,8 @@ def simulate(args: argparse.Namespace) -> None:
     """Solve one deck."""
     from fingerfit.core.errors import StateError
     from fingerfit.core.files import read_record
-    from fingerfit.fit.rounds import check_deck
-    from fingerfit.solvers.registry import get_solver
+    from fingerfit.fit.rounds import NEARBY, check_deck
+    from fingerfit.solvers.registry import get_solver, solve_deck
 
     wanted = read_record(args.solver, "name", kept=False)
     if not isinstance(wanted["name"], str):
@@ -42,7 +42,8 @@ def simulate(args: argparse.Namespace) -> None:
     if {key: wanted.get(key) for key in found} != found:
         raise StateError(f"{args.solver}: asks for {wanted}; here is {found}: run the workflow again")
     check_deck(args.deck, wanted)
-    outcome = solver.solve(args.deck, args.out.parent, args.threads)
+    nearby = args.out.parent.parent / wanted[NEARBY] / "solution.npz" if NEARBY in wanted else None
+    outcome = solve_deck(solver, args.deck, args.threads, nearby)
     outcome.save(args.out)
     print(f"{outcome.status}: {outcome.message}", file=sys.stderr)
 
@@ -131,7 +132,7 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseP
         own["refined"] = path
     for path in (*args.mesh, *args.refined):
         check_kept(path)
-    return problem_of(settings, [Data.load(path) for path in args.data], files, args.sims)
+    return problem_of(settings, [Data.load(path) for path in args.data], files, args.sims, args.data)
 
 
 def propose(args: argparse.Namespace) -> None:
@@ -147,6 +148,7 @@ def estimate(args: argparse.Namespace) -> None:
     """Constants with their standard errors."""
     from fingerfit.core.files import keep_json, write_text
     from fingerfit.fit.estimate import estimate_of, table_of
+    from fingerfit.fit.kept import forget
     from fingerfit.fit.rounds import Round, asked_for
 
     problem, last = _fit(args), Round.load(args.last)
@@ -154,6 +156,7 @@ def estimate(args: argparse.Namespace) -> None:
     found = estimate_of(problem, last, args.threads, asked_for(args.last))
     write_text(args.table, table_of(found))
     keep_json(args.out, found)
+    forget(args.data[0])
 
 
 def plot(args: argparse.Namespace) -> None:

@@ -143,6 +143,33 @@ class LoadPath:
             size = how.first if how.fixed else min(size if keep > 0 else 2 * size, how.largest)
         return True, total
 
+    def jump(self, load: Load, u: np.ndarray, relaxed: bool = False) -> tuple[bool, int]:
+        """Go to a load in one increment from displacements nearby, where the path does not matter.
+
+        Where that finds no equilibrium, all is as before.
+
+        Parameters
+        ----------
+        load : Load
+        u : ndarray, shape (size,)
+            Displacements close to the equilibrium, mm.
+        relaxed : bool
+            As of `Increments`.
+
+        Returns
+        -------
+        arrived : bool
+        iterations : int
+        """
+        self.system.begin(0.0, relaxed)
+        state, used = self._newton.equilibrium(self.state, self.load, load, u[self.system.free], TOLERANCE)
+        if state is None:
+            return False, used
+        self.system.commit(state.u, 0.0, relaxed)
+        self._earlier, self._before = self._before, (self.state, self.load)
+        self.state, self.load = state, load
+        return True, used
+
     def _predict(self, load: Load) -> np.ndarray | None:
         """Unknowns continued on the curve through the last states; None where there is only one."""
         if self._before is None:

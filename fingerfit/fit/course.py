@@ -34,7 +34,10 @@ def next_round(problem: InverseProblem, last: Round | None, threads: int = 1) ->
     """
     if last is not None and last.stage in (SENSITIVITY, FINAL):
         problem.predict_all(last.batch, threads)
-        return refine_round(problem, last)
+        current = refine_round(problem, last)
+        if current.stage == FINAL:  # the rounds that follow and the estimate use the same slopes
+            problem.keep(current.batch)
+        return current
     parameters = problem.settings.parameters()
     if last is None and problem.settings.model.effects:
         # a model with effects starts where the one without them stopped

@@ -112,7 +112,8 @@ def _repetitions(problem: InverseProblem, best: Minimum, threads: int) -> Callab
     how, makers = problem.settings.fit, []
     for n, (test, model, asked) in enumerate(zip(problem.every, best.model.every, best.base.every, strict=True)):
         maps, seed = test.synthesis(asked).maps, [how.seed, n] if n else how.seed
-        makers.append(Replicates(model, test.as_counted(model.base).data, maps, how.score, how.bins, seed, threads))
+        noisy = test.as_counted(model.base).data
+        makers.append(Replicates(model, noisy, maps, how.score, how.bins, seed, threads, how.replicates))
     if len(makers) == 1:
         return makers[0].draw
 

@@ -11,11 +11,9 @@ from fingerfit.core.processes import side_by_side
 from fingerfit.fit.course import next_round
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round, simulations, write_folders
-from fingerfit.solvers.cost import BUILTIN, expected_seconds
-from fingerfit.solvers.registry import get_solver
+from fingerfit.solvers.cost import BUILTIN, SHORT, expected_seconds
+from fingerfit.solvers.registry import get_solver, solve_deck
 
-SHORT = 1.0
-"""Seconds of a simulation that is not worth a job of its own, whose start takes 0.3 s (benchmarks/phantom.md)."""
 ITERATIONS = 10
 """Iterations of a search that one job makes at most: a line is told every few seconds, and not much is lost when it is
 ended. A choice."""
@@ -27,14 +25,22 @@ def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int)
     problem.asked.update(a.sim for a in every)
     batch = [a for a in every if not (problem.sims / a.sim / "solution.npz").exists()]
     missing = write_folders(problem.sims.parent, batch, problem.solver, problem.mesh_paths)
+    nearby = {a.sim: a.nearby for a in batch}
+    pairs = [(sim, nearby.get(sim, "")) for sim in missing]
     solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
-    side_by_side(solve, missing, threads)
+    # first those that others begin at
+    for begins in (False, True):
+        side_by_side(solve, [pair for pair in pairs if bool(pair[1]) is begins], threads)
     return len(missing)
 
 
-def _solve(sims: Path, solver: str, limit: int | None, sim: str) -> None:
+def _solve(sims: Path, solver: str, limit: int | None, asked: tuple[str, str]) -> None:
+    sim, nearby = asked
     folder = sims / sim
-    get_solver(solver, limit).solve(folder / "deck.inp", folder, 1).save(folder / "solution.npz")
+    found = solve_deck(
+        get_solver(solver, limit), folder / "deck.inp", 1, sims / nearby / "solution.npz" if nearby else None
+    )
+    found.save(folder / "solution.npz")
 
 
 def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: bool = True) -> Round:

@@ -12,6 +12,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import digest
+from fingerfit.fit.kept import Kept
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.problem import SEARCH, InverseProblem
@@ -24,7 +25,11 @@ if TYPE_CHECKING:
 
 
 def problem_of(
-    settings: Settings, data: Sequence[Data], mesh_files: Sequence[dict[str, Path]], sims: Path
+    settings: Settings,
+    data: Sequence[Data],
+    mesh_files: Sequence[dict[str, Path]],
+    sims: Path,
+    data_files: Sequence[Path] = (),
 ) -> InverseProblem:
     """The fit of a study: of its only test, or of all of them together.
 
@@ -37,12 +42,19 @@ def problem_of(
         Their meshes: ``search`` and, where there is one, ``refined``.
     sims : Path
         Folder of the simulations.
+    data_files : sequence of Path
+        Files of the measurements, beside which predictions are kept; without them nothing is kept.
     """
+    kept: list[Kept | None] = [None] * len(data)
+    if data_files:
+        kept = [Kept.beside(file, own) for file, own in zip(data_files, data, strict=True)]
     if len(data) == 1:
-        return InverseProblem(settings, data[0], mesh_files[0], sims)
+        return InverseProblem(settings, data[0], mesh_files[0], sims, kept=kept[0])
     names = [test.test for test in settings.read_study().tests]
-    made = zip(data, mesh_files, names, strict=True)
-    return JointProblem.of([InverseProblem(settings, own, files, sims, test=name) for own, files, name in made])
+    made = zip(data, mesh_files, names, kept, strict=True)
+    return JointProblem.of(
+        [InverseProblem(settings, own, files, sims, test=name, kept=there) for own, files, name, there in made]
+    )
 
 
 @dataclass(frozen=True)
@@ -116,6 +128,11 @@ class JointProblem(InverseProblem):
         """Keep the predictions of all guesses that have a solution."""
         for n, test in enumerate(self.tests):
             test.predict_all([asked.every[n] for asked in batch], processes)
+
+    def keep(self, batch: Sequence[Asked]) -> None:
+        """Those of each test."""
+        for n, test in enumerate(self.tests):
+            test.keep([asked.every[n] for asked in batch])
 
     def fit_to_data(self, prediction: Any) -> float:
         """Score of all tests together: the sum of their negative log likelihoods."""

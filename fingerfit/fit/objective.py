@@ -54,6 +54,12 @@ class Objective:
             lambda delta: -2.0 * factor * columns.T @ away(delta),
         )
 
+    def times(self, factor: float) -> Objective:
+        """A multiple of the score."""
+        if factor == 1.0:
+            return self
+        return Objective(lambda delta: factor * self.value(delta), lambda delta: factor * self.gradient(delta))
+
     def along(self, chosen: np.ndarray, start: np.ndarray) -> Objective:
         """From `start` along the chosen coordinates alone, which are numbers of axes."""
 

@@ -17,6 +17,7 @@ from fingerfit.core.processes import side_by_side
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
 from fingerfit.fit.discrepancy import Discrepancy
 from fingerfit.fit.intervals import SURE
+from fingerfit.fit.kept import Kept
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import Priors, unit
@@ -30,6 +31,7 @@ from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.model.observation import Observation
 from fingerfit.search.stages import LEAST_SQUARES
 from fingerfit.solvers.contract import Outcome
+from fingerfit.solvers.cost import SHORT, expected_seconds
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
 from fingerfit.study.several import of_test
@@ -64,6 +66,8 @@ class InverseProblem:
         Which test of the study it is of, where there are several (`fingerfit.fit.joint`).
     counted : bool
         Whether the noise of the data is the one that they count with beside an error of the model.
+    kept : Kept, optional
+        Where predictions are kept that the next jobs need, too.
     """
 
     settings: Settings
@@ -73,8 +77,10 @@ class InverseProblem:
     asked: set[str] = field(default_factory=set, repr=False, compare=False)
     test: str = ""
     counted: bool = False
+    kept: Kept | None = field(default=None, repr=False, compare=False)
     _predictions: dict[str, Prediction] = field(default_factory=dict, repr=False, compare=False)
     _folded: dict[str, bool] = field(default_factory=dict, repr=False, compare=False)
+    _names: dict[str, str] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def study(self) -> Study:
@@ -141,6 +147,7 @@ class InverseProblem:
         gain: float = 1.0,
         study: Study | None = None,
         mesh: str | None = None,
+        nearby: Mapping[str, float] | None = None,
     ) -> Asked:
         """Deck and name of the simulation of a guess.
 
@@ -154,11 +161,38 @@ class InverseProblem:
             Another one than was measured.
         mesh : str, optional
             Another one than the role has.
+        nearby : mapping, optional
+            A guess on the same mesh at whose solution a long simulation begins, where the solver can.
         """
         mesh = mesh or (REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH)
         study, name = with_gain(study or self.study, gain), self.mesh_names[mesh]
         deck = make_deck(self.settings, study, self.meshes[mesh], name, self.own(values), self.effects)
-        return Asked(dict(values), simulation_name(deck, self.solver), self.mesh_names[mesh], deck, role)
+        begun = self._name(nearby, mesh) if nearby is not None and self.begins_nearby else ""
+        asked = Asked(dict(values), "", name, deck, role, nearby=begun)
+        return replace(asked, sim=simulation_name(deck, asked.solved_by(self.solver)))
+
+    def _name(self, values: Mapping[str, float], mesh: str) -> str:
+        """Name of the simulation of a guess; kept, because each slope asks for that of its middle."""
+        key = json.dumps([values, mesh], sort_keys=True)
+        if key not in self._names:
+            self._names[key] = self.ask(values, mesh=mesh).sim
+        return self._names[key]
+
+    @cached_property
+    def long(self) -> bool:
+        """Whether a simulation takes longer than is worth a job of its own."""
+        mesh = self.meshes[SEARCH]
+        return expected_seconds(self.settings.solver, mesh.dim, len(mesh.points)) > SHORT
+
+    @property
+    def beside(self) -> int:
+        """How many simulations can run beside another one."""
+        return self.settings.fit.batch - 1
+
+    @cached_property
+    def begins_nearby(self) -> bool:
+        """Whether simulations of slopes begin at the solution between them: long ones, of a solver that can."""
+        return self.long and get_solver(self.settings.solver).capabilities.nearby
 
     def own(self, values: Mapping[str, float]) -> dict[str, float]:
         """What a guess of all tests is in this one: without numbers of other tests, and effects that it cannot have."""
@@ -251,11 +285,34 @@ class InverseProblem:
         wanted = {_key(asked) for asked in batch}
         for key in self._predictions.keys() - wanted:
             del self._predictions[key]
-        new = list({_key(asked): asked for asked in batch if _key(asked) not in self._predictions}.values())
         self.seen({})  # what is read here is not read again by each process
+        self._read_kept(batch)
+        new = list({_key(asked): asked for asked in batch if _key(asked) not in self._predictions}.values())
         for asked, made in zip(new, side_by_side(self._synthesis, new, processes), strict=True):
             if made is not None:
                 self._predictions[_key(asked)], self._folded[_key(asked)] = made.prediction, made.folded
+
+    def _read_kept(self, batch: Sequence[Asked]) -> None:
+        for asked in batch:
+            key = _key(asked)
+            if self.kept is None or key in self._predictions or not self._keeps(asked):
+                continue
+            found = self.kept.load(key)
+            if found is not None:
+                self._predictions[key], self._folded[key] = found
+
+    def _keeps(self, asked: Asked) -> bool:
+        """Whether a prediction is kept: the formulas of effects on the observation are no part of its name."""
+        return self.seen(asked.values) is None
+
+    def keep(self, batch: Sequence[Asked]) -> None:
+        """Keep the predictions of guesses that were made for the jobs that follow, and no others."""
+        if self.kept is None:
+            return
+        by_key = {_key(asked): asked for asked in batch if self._keeps(asked)}
+        self.kept.only(by_key)
+        for key in by_key.keys() & self._predictions.keys():
+            self.kept.save(key, self._predictions[key], self._folded[key])
 
     def score(self, prediction: Prediction, values: Mapping[str, float]) -> float:
         """Score of a guess and its prediction, priors included."""

@@ -8,6 +8,7 @@ and solved again there, until the steps are small (docs/decisions/0003-two-meshe
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,9 @@ CLOSE = 0.05
 NEARER = 0.01
 """The same in a model with effects, where constants and an effect may compensate each other: with relaxation the score
 fell along a valley, and an end at steps of 10 % left constants 15 % off (docs/decisions/0003-two-meshes.md)."""
+STILL = 0.005
+"""A move from the last solution that is this short, in the logarithm, needs no other one: what slopes do not know of it
+is of the order of its square, 0.001 %. A choice."""
 SOLUTIONS = 4
 """At most as many on the finest mesh, the costliest there are (docs/decisions/0003-two-meshes.md)."""
 
@@ -56,15 +60,21 @@ def around_best(
         sides = {role: values for role, values in sides.items() if role[0] == "+" or "+" + role[1:] not in sides}
     # the costly one first: it runs beside the others
     batch = [problem.ask(best, FINAL), problem.ask(best, ANCHOR)]
-    batch += [problem.ask(values, role) for role, values in sides.items()]
+    # the last ones fill the processors while the guess is solved that the others begin at
+    begin = [best] * max(0, len(sides) - problem.beside) + [None] * problem.beside
+    batch += [problem.ask(values, role, nearby=at) for (role, values), at in zip(sides.items(), begin, strict=False)]
     if problem.observed.any():
         batch += _by_control(problem, best)
     return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=reason, slopes=slopes, rough=rough, **base)
 
 
 def _by_control(problem: InverseProblem, best: Mapping[str, float]) -> list[Asked]:
-    """Slopes by the prescribed quantity: intervals and the diagnosis need them, a move seldom."""
-    return [problem.ask(best, "+control", 1.0 + STEP), problem.ask(best, "-control", 1.0 - STEP)]
+    """Slopes by the prescribed quantity: intervals and the diagnosis need them, a move seldom.
+
+    Of long simulations by one side: the noise of that quantity need not be known to the percent.
+    """
+    gains = {"+control": 1.0 + STEP} | ({} if problem.long else {"-control": 1.0 - STEP})
+    return [problem.ask(best, role, gain, nearby=best) for role, gain in gains.items()]
 
 
 def refine_round(problem: InverseProblem, last: Round) -> Round:
@@ -81,6 +91,8 @@ def refine_round(problem: InverseProblem, last: Round) -> Round:
             before = {"values": dict(found.base.values), "score": _score(problem, found), "fall": found.fall}
             rough = last.reason == ADDED and found.move > FAR and last.slopes + 1 < again
             return _slopes_again(problem, last, found.values, {"before": before, "trust": trust}, rough)
+    if last.stage == FINAL and found.move <= STILL and found.base == last.batch[-1]:
+        return replace(last, number=last.number + 1, stop=last.reason)
     asked = problem.ask(found.values, FINAL)
     known = list(last.batch)
     if all(asked.role != "+control" for asked in known):

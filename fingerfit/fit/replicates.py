@@ -6,9 +6,10 @@ force or displacement and on the quantities measured beside; its score is the ve
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,70 @@ import numpy as np
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.forward.score import Prediction
-from fingerfit.imaging.preprocess import smooth
+from fingerfit.imaging.preprocess import reach_of, smooth
 from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
 from fingerfit.study.data import Data
+
+IN_SPACE = 4
+"""Axes of the pictures of all steps in space: volumes are cut to where constants move them, which saves half a minute
+of an estimate (docs/decisions/0039-time-of-the-fingertip.md)."""
+
+Window = tuple[slice, ...]
+
+
+def _window(model: LinearModel, margin: int) -> Window:
+    """The part of a picture that the constants and the load move, and a margin of pixels: no other tells of them."""
+    moving: np.ndarray = np.zeros(model.base.pictures.shape[1:], dtype=bool)
+    for slope in [*model.slopes, *([model.control] if model.control else [])]:
+        moving |= slope.pictures.any(axis=0)
+    found = []
+    for axis, size in enumerate(moving.shape):
+        at = np.flatnonzero(moving.any(axis=tuple(k for k in range(moving.ndim) if k != axis)))
+        first, last = (at[0], at[-1]) if len(at) else (0, 0)
+        found.append(slice(max(0, int(first) - margin), min(size, int(last) + margin + 1)))
+    return tuple(found)
+
+
+def _cut(model: LinearModel, window: Window) -> LinearModel:
+    def cut(one: Prediction) -> Prediction:
+        return Prediction(np.ascontiguousarray(one.pictures[(slice(None), *window)]), one.response, one.points)
+
+    control = cut(model.control) if model.control else None
+    return LinearModel(cut(model.base), tuple(map(cut, model.slopes)), control, model.values)
+
+
+def _cut_map(way: BackwardMap, window: Window) -> BackwardMap:
+    place = np.array(np.unravel_index(way.pixel, way.shape))
+    low, high = (np.array([getattr(own, end) for own in window])[:, None] for end in ("start", "stop"))
+    inside = ((place >= low) & (place < high)).all(axis=0)
+    shape = tuple(own.stop - own.start for own in window)
+    pixel = np.ravel_multi_index(tuple((place - low)[:, inside]), shape)
+    return replace(way, pixel=pixel, index=way.index[inside], element=way.element[inside], shape=shape)
+
+
+@dataclass(frozen=True)
+class _Noise:
+    """Noise of one repetition.
+
+    Parameters
+    ----------
+    control : ndarray, shape (steps,)
+        Relative, of the prescribed quantity.
+    before : ndarray or None
+        Of the picture before compression, not smoothed.
+    during : list of ndarray
+        Of those during compression, not smoothed.
+    response : ndarray, shape (responses,)
+        N or mm.
+    points : ndarray, shape (points, dim)
+        mm.
+    """
+
+    control: np.ndarray
+    before: np.ndarray | None
+    during: list[np.ndarray]
+    response: np.ndarray
+    points: np.ndarray
 
 
 class Replicates:
@@ -37,7 +99,9 @@ class Replicates:
     seed : int or sequence of int
         Of the noise: the same input gives the same digits, whatever the threads.
     threads : int
-        Pictures that are warped and smoothed beside each other.
+        Repetitions that are made beside each other.
+    count : int
+        How many are drawn: no more are begun ahead.
     """
 
     def __init__(
@@ -49,39 +113,49 @@ class Replicates:
         bins: int,
         seed: int | Sequence[int],
         threads: int = 1,
+        count: int = 1,
     ) -> None:
-        self.model, self.data, self.maps, self.kind, self.bins = model, data, maps, kind, bins
+        self.data, self.kind, self.bins, self.share = data, kind, bins, 1.0
+        if kind != "nmi" and data.measured.ndim == IN_SPACE:
+            window = _window(model, reach_of(data.smooth))
+            if kind == "ssd":  # a mean over all pixels
+                self.share = float(np.prod([own.stop - own.start for own in window])) / data.measured[0].size
+            model, maps = _cut(model, window), [_cut_map(way, window) for way in maps]
+        self.model, self.maps = model, maps
         self.rng, self._pool = np.random.default_rng(seed), ThreadPoolExecutor(threads)
+        self._left, self._threads, self._begun = count, threads, deque[Future[Objective]]()
 
     def draw(self) -> Objective:
         """Score of one repetition as a function of delta, shape (parameters,)."""
+        while not self._begun or (self._left > 0 and len(self._begun) < self._threads):
+            self._begun.append(self._pool.submit(self._objective, self._noise()))
+            self._left -= 1
+        return self._begun.popleft().result()
+
+    def _noise(self) -> _Noise:
+        """All noise of a repetition; drawn by one thread, so that digits do not depend on their number."""
         data, base = self.data, self.model.base
-        relative = self._control_noise()
-        shift = self.model.by_control(relative, data)
-        pictures = shift.pictures
-        measured = base.pictures
+        control, before, during = self._control_noise(), None, list[np.ndarray]()
         if data.measured.size:
-            noise = spline_coefficients(self._gauss(data.before.shape, data.picture_noise))
-            # beside each other, while the noise of the others is drawn
-            warped = [self._pool.submit(self._warped, noise, way) for way in self.maps]
-            fresh = [self._gauss(picture.shape, data.picture_noise) for picture in base.pictures]
-            smoothed = [self._pool.submit(smooth, one, data.smooth) for one in fresh]
-            pictures = pictures + np.array([one.result() for one in warped])
-            measured = measured + np.array([one.result() for one in smoothed])
+            before = self._gauss(data.before.shape, data.picture_noise)
+            during = [self._gauss(picture.shape, data.picture_noise) for picture in base.pictures]
+        response = self._gauss(base.response.shape, data.response[1])
+        response = response + base.response * self._gauss((1,), data.response_gain)
+        return _Noise(control, before, during, response, self._points_noise())
+
+    def _objective(self, noise: _Noise) -> Objective:
+        data, base = self.data, self.model.base
+        shift = self.model.by_control(noise.control, data)
+        pictures, measured = shift.pictures, base.pictures
+        if noise.before is not None:
+            carried = spline_coefficients(noise.before)
+            pictures = pictures + np.array([self._warped(carried, way) for way in self.maps])
+            measured = measured + np.array([smooth(one, data.smooth) for one in noise.during])
         offset = Prediction(pictures, shift.response, shift.points)
-        response, spread = data.response
-        drawn = np.where(np.isfinite(response), base.response, np.nan)
-        drawn = drawn + self._gauss(drawn.shape, spread)
-        drawn = drawn + base.response * self._gauss((1,), data.response_gain)
-        along, lateral = data.split(drawn)
+        along, lateral = data.split(np.where(np.isfinite(data.response[0]), base.response, np.nan) + noise.response)
         responses: dict[str, Any] = {data.response_name(0)[0]: along, "lateral_force": lateral}
-        repeated = replace(
-            data,
-            measured=measured,
-            points_displacement=base.points + self._points_noise(),
-            **responses,
-        )
-        return self.model.objective(self.kind, repeated, self.bins, offset)
+        repeated = replace(data, measured=measured, points_displacement=base.points + noise.points, **responses)
+        return self.model.objective(self.kind, repeated, self.bins, offset).times(self.share)
 
     def _gauss(self, shape: tuple[int, ...], spread: float | np.ndarray) -> np.ndarray:
         return self.rng.normal(0.0, spread, shape) if np.any(spread) else np.zeros(shape)

@@ -69,6 +69,8 @@ def is_named(deck: Path, text: str, solver: Mapping[str, Any]) -> bool:
     return not _NAME.fullmatch(name) or simulation_name(text, identity) == name
 
 
+NEARBY = "nearby"
+"""Key of ``solver.json`` for the simulation whose solution is begun at; part of the name, as the solver is."""
 _NAME = re.compile(r"[0-9a-f]{20}")
 
 
@@ -91,6 +93,8 @@ class Asked:
         mesh.
     tests : tuple of Asked
         In a study with several tests, the simulation of each; `sim` then names all of them together.
+    nearby : str
+        Name of the simulation at whose solution the solver begins; nothing: from rest.
     """
 
     values: dict[str, float]
@@ -99,15 +103,20 @@ class Asked:
     deck: str
     role: str = "search"
     tests: tuple[Asked, ...] = ()
+    nearby: str = ""
 
     @property
     def every(self) -> tuple[Asked, ...]:
         """The simulations of the guess: one for each test."""
         return self.tests or (self,)
 
+    def solved_by(self, solver: Mapping[str, Any]) -> dict[str, Any]:
+        """What makes the answer beside the deck: the identity of the solver, and the solution that it begins at."""
+        return {**solver, **({NEARBY: self.nearby} if self.nearby else {})}
+
     def plain(self) -> dict[str, Any]:
-        """As JSON has it; without tests where there is one."""
-        own = {key: value for key, value in self.__dict__.items() if key != "tests"}
+        """As JSON has it; without tests where there is one, and without a simulation nearby where there is none."""
+        own = {key: value for key, value in self.__dict__.items() if key != "tests" and (value or key != "nearby")}
         return own | ({"tests": [one.plain() for one in self.tests]} if self.tests else {})
 
     @classmethod
@@ -249,7 +258,7 @@ def write_folders(
         if not (folder / "deck.inp").exists():
             write_text(folder / "deck.inp", asked.deck)
         if not (folder / "solver.json").exists():
-            write_json(folder / "solver.json", {**solver, "includes": [f"{asked.mesh}.inp"]})
+            write_json(folder / "solver.json", {**asked.solved_by(solver), "includes": [f"{asked.mesh}.inp"]})
     return list(dict.fromkeys(asked.sim for asked in simulations(batch)))
 
 
@@ -284,13 +293,15 @@ class Walk:
         return write_folders(self.study, current.everything, current.solver, meshes)
 
     def sim_inputs(self, sim: str) -> list[str]:
-        """Deck, identity of the solver and mesh of a simulation; nothing where they are not written."""
+        """Files of a simulation: deck, solver, mesh and solution nearby; none where they are not written."""
         folder = self.study / "sims" / sim
         if not (folder / "solver.json").exists():
             return []
-        includes = read_record(folder / "solver.json", "includes", kept=False)["includes"]
+        about = read_record(folder / "solver.json", "includes", kept=False)
+        nearby = [str(self.study / "sims" / about[NEARBY] / "solution.npz")] if NEARBY in about else []
         return [
             str(folder / "deck.inp"),
             str(folder / "solver.json"),
-            *[str(self.study / "meshes" / name) for name in includes],
+            *[str(self.study / "meshes" / name) for name in about["includes"]],
+            *nearby,
         ]

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fingerfit.core.errors import FingerfitError
-from fingerfit.fit.jobs import SHORT
 from fingerfit.imaging.pictures import shape_of
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import Settings
-from fingerfit.solvers.cost import BUILTIN, expected_seconds
+from fingerfit.solvers.cost import BUILTIN, SHORT, expected_seconds
 from fingerfit.study.reader import load_study
 
 BASE = 600

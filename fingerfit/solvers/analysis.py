@@ -74,8 +74,20 @@ def model_of(deck: Deck, path: Path, averaged: bool = True) -> Model:
     return model
 
 
-def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepResult]:
+def run_steps(deck: Deck, path: Path, averaged: bool = True, nearby: np.ndarray | None = None) -> Iterator[StepResult]:
     """Solve a deck step by step, up to the first step that does not converge.
+
+    Parameters
+    ----------
+    deck : Deck
+    path : Path
+        Of the deck, for messages.
+    averaged : bool
+        As of `fingerfit.solvers.builtin.BuiltinSolver`.
+    nearby : ndarray, shape (steps, nodes, dim), optional
+        Displacements at the end of each step of a deck with nearly the same numbers, mm. Each step then begins with
+        these, moved by what was different one step before; where that finds no equilibrium, it is gone through as
+        without them.
 
     Raises
     ------
@@ -84,14 +96,21 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True) -> Iterator[StepRes
     """
     model = model_of(deck, path, averaged)
     loading: LoadPath | None = None
-    for step in deck.steps:
+    if nearby is not None and not (len(nearby) == len(deck.steps) and _has_no_path(model)):
+        nearby = None
+    for number, step in enumerate(deck.steps):
         prescribed = prescribed_in(model, step)
         if loading is None:
             loading = _start(model, model.system(prescribed))
         elif not np.array_equal(prescribed, loading.system.prescribed):
             loading.change(model.system(prescribed))
         with np.errstate(all="ignore"):
-            arrived, used = loading.advance(_path(model, step, loading.load), _increments(deck, step))
+            path_of_step, arrived, used = _path(model, step, loading.load), False, 0
+            if nearby is not None:
+                arrived, used = loading.jump(path_of_step(1.0), _beside(loading, nearby, number), step.relaxed)
+            if not arrived:
+                arrived, more = loading.advance(path_of_step, _increments(deck, step))
+                used += more
         shape, nodal = deck.mesh.points.shape, model.nodal
         state = loading.state
         yield StepResult(arrived, state.u[:nodal].reshape(shape), state.internal[:nodal].reshape(shape), used)
@@ -113,6 +132,21 @@ def load_at_end(model: Model, step: DeckStep) -> Load:
     """What a step with finite strain has reached at its end; the model gets its pressures and temperatures."""
     zero = np.zeros(model.size)
     return _path(model, step, Load(zero, zero))(1.0)
+
+
+def _has_no_path(model: Model) -> bool:
+    """Whether an equilibrium depends on the load alone, and displacements of nodes say all: nothing sticks, relaxes or
+    turns."""
+    sticks = any(not getattr(term, "slides", True) for term in model.terms)
+    return not (sticks or model.rigid or any(step.viscous or step.fixed for step in model.deck.steps))
+
+
+def _beside(loading: LoadPath, nearby: np.ndarray, number: int) -> np.ndarray:
+    """Displacements to begin a step with, shape (size,), mm."""
+    u = loading.state.u.copy()
+    known = nearby[number].size
+    u[:known] += nearby[number].ravel() - (nearby[number - 1].ravel() if number else 0.0)
+    return u
 
 
 def _start(model: Model, system: System) -> LoadPath:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from fingerfit.core.folders import PACKAGE
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Capabilities, Outcome
 from fingerfit.solvers.needs import FEATURES
+
+if TYPE_CHECKING:
+    from fingerfit.deck.content import Deck
 
 # all that `solve` can reach, and this file; held against the imports by a test, because to follow them takes longer
 # than many a solve
@@ -50,7 +53,7 @@ class BuiltinSolver:
     """
 
     name = "builtin"
-    capabilities = Capabilities(elements=frozenset(ELEMENTS), features=FEATURES)
+    capabilities = Capabilities(elements=frozenset(ELEMENTS), features=FEATURES, nearby=True)
 
     def __init__(self, averaged: bool = True) -> None:
         self.averaged = averaged
@@ -70,8 +73,10 @@ class BuiltinSolver:
         model = model_of(read, deck, self.averaged)
         model.system(prescribed_in(model, read.steps[0]))
 
-    def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
+    def solve(self, deck: Path, workdir: Path, threads: int = 1, nearby: Outcome | None = None) -> Outcome:
         """Solve a deck; nothing is written to `workdir`. Large systems are factorised by as many threads (PARDISO).
+
+        Where the path does not matter each step begins at that of the outcome of a deck with nearly the same numbers.
 
         Raises
         ------
@@ -90,7 +95,9 @@ class BuiltinSolver:
         displacement, reaction, moved, iterations = [], [], [], []
         message, status = f"{len(read.steps)} steps", CONVERGED
         silent = not any(step.printed for step in read.steps)
-        for number, (asked, step) in enumerate(zip(read.steps, run_steps(read, deck, self.averaged), strict=False), 1):
+        begun = _every_node(nearby, read, watched.indenter) if nearby is not None else None
+        steps = run_steps(read, deck, self.averaged, begun)
+        for number, (asked, step) in enumerate(zip(read.steps, steps, strict=False), 1):
             if not step.arrived:
                 status, message = DIVERGED, f"no equilibrium in step {number} of {len(read.steps)}"
                 break
@@ -108,3 +115,11 @@ class BuiltinSolver:
             message,
             tuple(iterations),
         )
+
+
+def _every_node(outcome: Outcome, deck: Deck, indenter: int) -> np.ndarray:
+    """Displacements of an outcome at all nodes of a deck, shape (steps, nodes, dim), mm; nodes of walls rest."""
+    found = np.zeros((outcome.steps, *deck.mesh.points.shape))
+    found[:, : outcome.displacement.shape[1]] = outcome.displacement
+    found[:, indenter] = outcome.indenter
+    return found

@@ -120,11 +120,15 @@ class Capabilities:
         ``force``, ``displacement`` or both.
     features : frozenset of str
         Some of `fingerfit.solvers.needs.FEATURES`: materials, constraints, contact and loads beside these.
+    nearby : bool
+        Whether `Solver.solve` takes the outcome of a deck with nearly the same numbers and begins there
+        (`SolverNearby`).
     """
 
     elements: frozenset[str]
     control: frozenset[str] = field(default_factory=lambda: frozenset({"force", "displacement"}))
     features: frozenset[str] = frozenset()
+    nearby: bool = False
 
 
 class Solver(Protocol):
@@ -150,4 +154,15 @@ class Solver(Protocol):
 
         Raises SolverError when it could not be run at all, was stopped, or left a damaged answer
         (`fingerfit.solvers.answer` helps to tell). An adapter that runs a program has an attribute `time_limit`, in s.
+        """
+
+
+class SolverNearby(Solver, Protocol):
+    """What is more of an adapter whose capabilities have `nearby`."""
+
+    def solve(self, deck: Path, workdir: Path, threads: int = 1, nearby: Outcome | None = None) -> Outcome:
+        """As of `Solver`; begins at the outcome of a deck with nearly the same numbers.
+
+        The answer is the one from rest but for the tolerance of the equilibrium. Where it cannot begin there, it begins
+        at rest.
         """

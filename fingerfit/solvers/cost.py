@@ -7,6 +7,8 @@ import math
 BUILTIN = "builtin"
 PLANE, SPACE = 5e-4, 3e-3
 """Seconds of a simulation for each node: benchmarks/solver.md and, for 7000 nodes, benchmarks/indentation.md."""
+SHORT = 1.0
+"""Seconds of a simulation that is not worth a job of its own, whose start takes 0.3 s (benchmarks/phantom.md)."""
 EXTERNAL = 10
 """How much longer another program takes than the built-in solver: 4 to 84 times in the same tables."""
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 from fingerfit.core.errors import FingerfitError
-from fingerfit.solvers.contract import Solver
+from fingerfit.solvers.contract import Outcome, Solver, SolverNearby
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoints
@@ -44,6 +45,19 @@ def get_solver(name: str, time_limit: float | None = None) -> Solver:
     if time_limit is not None and hasattr(solver, "time_limit"):
         solver.time_limit = time_limit
     return solver
+
+
+def solve_deck(solver: Solver, deck: Path, threads: int, nearby: Path | None = None) -> Outcome:
+    """Run a deck in its folder, from rest or from the solution of another one in a file.
+
+    Raises
+    ------
+    StateError
+        When that solution is missing or damaged.
+    """
+    if nearby is None:
+        return solver.solve(deck, deck.parent, threads)
+    return cast(SolverNearby, solver).solve(deck, deck.parent, threads, Outcome.load(nearby))
 
 
 def _made(name: str) -> Solver:

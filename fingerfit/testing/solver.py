@@ -16,6 +16,7 @@ import re
 import shutil
 import time
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from fingerfit.core.errors import FingerfitError, InputError, SolverError
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import read_deck
 from fingerfit.mesh.elements import ELEMENTS
-from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome, Solver
+from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome, Solver, SolverNearby
 from fingerfit.solvers.needs import FEATURES
 from fingerfit.testing.block import CHANGES, SIZE, homogeneous_force, write_block
 from fingerfit.testing.damage import DAMAGES, Format, recorder, replay, script
@@ -113,6 +114,15 @@ class SolverConformance:
         pushed = solver.solve(write_block(tmp_path, "force", (-moved.reaction[:, 1]).tolist()), tmp_path)
         assert pushed.indenter[:, 1] == pytest.approx([-0.7, -1.5], rel=10 * self.tolerance)
         assert pushed.displacement == pytest.approx(moved.displacement, abs=15 * self.tolerance)
+
+    def test_one_that_begins_nearby_has_the_answer_from_rest(self, solver: Solver, tmp_path: Path) -> None:
+        if not solver.capabilities.nearby:
+            return  # it is never given one
+        near = solver.solve(write_block(tmp_path, "displacement", [0.97, 1.94]), tmp_path)
+        deck = write_block(tmp_path, "displacement", [1.0, 2.0])
+        rest, begun = solver.solve(deck, tmp_path), cast(SolverNearby, solver).solve(deck, tmp_path, 1, near)
+        assert begun.displacement == pytest.approx(rest.displacement, abs=2 * 10 * self.tolerance)
+        assert begun.reaction[:, 1] == pytest.approx(rest.reaction[:, 1], rel=10 * self.tolerance)
 
     def test_it_agrees_with_the_built_in_solver(self, solver: Solver, tmp_path: Path) -> None:
         from fingerfit.solvers.builtin import BuiltinSolver

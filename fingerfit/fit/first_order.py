@@ -18,13 +18,13 @@ def beside(problem: InverseProblem, here: Asked, guesses: Sequence[Asked]) -> li
     Returns
     -------
     list
-        None where a guess has to be simulated: see `fingerfit.solvers.nearby.answers`; with any other solver than the
+        None where a guess has to be simulated: see `fingerfit.solvers.first_order.answers`; with any other solver than the
         built-in one, with several tests, and on another mesh.
     """
     nothing: list[Outcome | None] = [None] * len(guesses)
     if problem.settings.solver != BUILTIN or len(problem.every) > 1:
         return nothing
-    from fingerfit.solvers.nearby import answers
+    from fingerfit.solvers.first_order import answers
 
     folder = problem.sims / here.sim
     found = answers(folder, here.deck, Outcome.load(folder / "solution.npz"), [one.deck for one in guesses])

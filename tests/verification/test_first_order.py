@@ -1,0 +1,150 @@
+"""Answers to first order beside a known one, against differences of whole simulations."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import LAYERS, MU, ROOT, phantom
+
+from fingerfit.core.files import write_text
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.deck.render import render_deck
+from fingerfit.mesh.blocks import layered_block
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.scales import bound
+from fingerfit.solvers.first_order import answers
+from fingerfit.solvers.registry import get_solver
+
+EFFECTS = bound(catalogue(), {"width": 12.0, "height": 12.0, "force": 66.0, "duration": 140.0})
+CONTROLS = {"force": [20.0, 40.0], "displacement": [0.8, 1.6]}
+BASE = {**MU, "alpha": 1.4, "poisson": 0.49}
+STEP = 0.02
+"""Of the steps below, and half of it."""
+
+CASES = {
+    "modulus": ({}, "mu_middle", 0.0357),
+    "compressible": ({"poisson": 0.45}, "poisson", 0.45),
+    "exponent": ({}, "alpha", 1.4),
+    "tilt": ({"tilt.slope": 0.01}, "tilt.slope", 0.08),
+    "sideways": ({"sideways.moved": 0.1}, "sideways.moved", 1.2),
+    "base slip": ({"base_slip.compliance": 3.0}, "base_slip.compliance", 3.0),
+    "indenter slip": ({"indenter_slip.compliance": 3.0}, "indenter_slip.compliance", 3.0),
+    "swelling": ({"swelling.volume": 0.05}, "swelling.volume", 0.3),
+    "stress at the beginning": ({"prestretch.stretch": 0.05}, "prestretch.stretch", 0.2),
+    "load at the beginning": ({"state_probe.load": 0.1}, "state_probe.load", 0.45),
+    "place of an inclusion": (
+        {"inclusion.contrast": 1.0, "inclusion.across": 0.4, "inclusion.along": 0.5}, "inclusion.across", 0.9
+    ),
+    "border of layers": ({"interface.down": 0.5, "interface.border": 1.0}, "interface.down", 1.5),
+    "nodes": ({"nodes": 0.1}, "nodes", 1.0),
+}  # fmt: skip
+"""Values, the one that moves, and what its step is a share of."""
+
+
+def written(folder, values, control, element):
+    """The text of a deck, whose mesh is written; ``nodes`` lowers the border in the middle, mm."""
+    mesh, down = layered_block(12.0, LAYERS, 4, 2, element), values.get("nodes", 0.0)
+    points = mesh.points.copy()
+    points[:, 1] -= down * np.sin(np.pi * points[:, 1] / 12.0)
+    mesh = replace(mesh, points=points)
+    write_text(folder / f"{element}-{down:.6f}.inp", format_mesh(mesh))
+    study = phantom(control, CONTROLS[control])
+    study = replace(study, steps=tuple(replace(step, time=10.0 * step.number) for step in study.steps))
+    own = {name: value for name, value in (BASE | values).items() if name != "nodes"}
+    context = deck_context(study, mesh, f"{element}-{down:.6f}.inp", own, {}, EFFECTS)
+    return render_deck("block.inp.j2", context, [ROOT / "templates"])
+
+
+def solved(folder, deck):
+    write_text(folder / "deck.inp", deck)
+    return get_solver("builtin").solve(folder / "deck.inp", folder)
+
+
+def flat(outcome):
+    """Displacements in mm and, in units that make them as large, reactions."""
+    return np.concatenate([outcome.displacement.ravel(), outcome.reaction.ravel() / 20.0])
+
+
+def slopes(folder, case, control, element, share):
+    """By differences of whole simulations and of answers to first order, with steps of a share to both sides."""
+    values, name, size = CASES[case]
+    at = (BASE | values)[name]
+    here, *sides = (
+        written(folder, values | {name: at + part * share * size}, control, element) for part in (0.0, 1.0, -1.0)
+    )
+    ahead, behind = (flat(solved(folder, side)) for side in sides)
+    first, second = map(flat, answers(folder, here, solved(folder, here), sides))
+    return (ahead - behind) / (2 * share), (first - second) / (2 * share)
+
+
+def off(folder, case, control, element="CPE8H"):
+    """Largest difference of both slopes, relative to the largest slope, with the step and with half of it."""
+    found = []
+    for share in (STEP, STEP / 2):
+        whole, near = slopes(folder, case, control, element, share)
+        found.append(np.abs(whole - near).max() / np.abs(whole).max())
+    return found
+
+
+def falls(found):
+    """With the square of the step, to a quarter; what is below that square itself is no error.
+
+    There the places of elements are rounded to four decimals, so that half a step is not half a change.
+    """
+    return found[0] < 0.2 and (found[1] < 0.3 * found[0] or found[1] < (STEP / 2) ** 2)
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize("case", CASES)
+def test_slopes_are_those_of_whole_simulations(tmp_path, case, control):
+    assert falls(off(tmp_path, case, control))
+
+
+@pytest.mark.parametrize("element", ["CPE4", "CPE4H", "CPE3", "CPE6H"])
+@pytest.mark.parametrize("case", ["modulus", "compressible", "tilt", "swelling", "nodes"])
+def test_elements_with_unknowns_of_their_own(tmp_path, case, element):
+    assert falls(off(tmp_path, case, "displacement", element))
+
+
+def test_what_has_not_moved_stays(tmp_path):
+    here = written(tmp_path, {}, "force", "CPE8H")
+    known = solved(tmp_path, here)
+    (found,) = answers(tmp_path, here, known, [here])
+    assert np.abs(found.displacement - known.displacement).max() < 1e-12
+    assert np.abs(found.reaction - known.reaction).max() < 1e-9
+    assert np.array_equal(found.indenter, found.displacement[:, 88]) and found.steps == known.steps
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"relaxation.share": 0.3, "relaxation.time": 20.0}, {"wall.share": 0.5, "wall.gap": 0.3, "wall.side": 0.0}],
+)
+def test_an_answer_that_depends_on_its_way_is_none(tmp_path, values):
+    here = written(tmp_path, values, "displacement", "CPE8H")
+    moved = written(tmp_path, values | {"mu_top": 1.01 * MU["mu_top"]}, "displacement", "CPE8H")
+    assert answers(tmp_path, here, solved(tmp_path, here), [moved]) == [None]
+
+
+def test_other_unknowns_need_a_simulation(tmp_path):
+    """Held at the base or not, and one step more; what is beside them is answered all the same."""
+    here = written(tmp_path, {}, "force", "CPE8H")
+    others = [{"base_slip.compliance": 0.3}, {"state_probe.load": 0.1}, {"mu_top": 1.01 * MU["mu_top"]}]
+    found = answers(
+        tmp_path, here, solved(tmp_path, here), [written(tmp_path, own, "force", "CPE8H") for own in others]
+    )
+    assert found[:2] == [None, None] and found[2] is not None
+
+
+def test_an_answer_of_another_deck_is_none(tmp_path):
+    here, other = (written(tmp_path, {"mu_top": mu}, "force", "CPE8H") for mu in (0.02, 0.021))
+    assert answers(tmp_path, here, solved(tmp_path, other), [other]) == [None]
+    known = solved(tmp_path, here)
+    short = replace(known, **{n: getattr(known, n)[:1] for n in ("displacement", "reaction", "indenter")})
+    assert answers(tmp_path, here, short, [other]) == [None]
+    assert answers(tmp_path, here, replace(known, status="diverged"), [other]) == [None]
+
+
+def test_a_deck_that_is_not_understood_is_left_to_its_simulation(tmp_path):
+    here = written(tmp_path, {}, "force", "CPE8H")
+    assert answers(tmp_path, here, solved(tmp_path, here), [here + "*NONSENSE\n"]) == [None]
