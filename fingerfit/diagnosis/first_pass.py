@@ -18,9 +18,9 @@ from fingerfit.core.errors import StateError
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.ranking import LIKELY, Ranked, Refitted
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.fit.first_order import beside
 from fingerfit.fit.intervals import bound_of
 from fingerfit.fit.jobs import solve_missing
-from fingerfit.fit.first_order import beside
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved

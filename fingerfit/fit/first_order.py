@@ -18,8 +18,8 @@ def beside(problem: InverseProblem, here: Asked, guesses: Sequence[Asked]) -> li
     Returns
     -------
     list
-        None where a guess has to be simulated: see `fingerfit.solvers.first_order.answers`; with any other solver than the
-        built-in one, with several tests, and on another mesh.
+        None where a guess has to be simulated: see `fingerfit.solvers.first_order.answers`; with any other solver than
+        the built-in one, with several tests, and on another mesh.
     """
     nothing: list[Outcome | None] = [None] * len(guesses)
     if problem.settings.solver != BUILTIN or len(problem.every) > 1:
