@@ -278,7 +278,7 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
         With one line for each that cannot be read, or whose formulas or part name what is not there.
     """
     folder = Path(settings.study) / "effects"
-    known = effects_of(Path(settings.study))
+    known, whole = effects_of(Path(settings.study)), effects_of(Path(settings.study), whole=True)
     problems: list[FingerfitError] = [
         InputError(part, "file", "no .yaml beside it", f"{name}, or no such part")
         for part in sorted(folder.glob("*.inp.j2"))
@@ -291,9 +291,9 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
         problems += _strange_blocks(effect, path, named)
         lacking = unmet(effect, study, mesh.dim, settings.finer(study))
         try:
-            use = (
-                f"needs {' and '.join(lacking)}: not tested here" if lacking else _tried(settings, study, mesh, effect)
-            )
+            use = f"needs {' and '.join(lacking)}: not tested here"
+            if not lacking:
+                use = _tried(settings, study, mesh, effect, whole[path.stem])
         except InputError as error:
             own = error.where == f"effect {effect.name}"
             problems.append(InputError(path, error.field, error.found, error.expected) if own else error)
@@ -313,8 +313,8 @@ def _strange_blocks(effect: Effect, path: Path, known: list[str]) -> Iterator[In
             yield InputError(where, field, f"block {block}", "a block of the deck: " + ", ".join(known))
 
 
-def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
-    """What an effect at its trial size changes."""
+def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect, whole: Effect) -> str:
+    """What an effect at its trial size changes; `whole`, it has the formulas for the other control, too."""
     sizes = {effect.key(p.name): p.null + p.step for p in effect.parameters}
     values = {**of_test(settings.starts(), study.test), **effect.places()[0], **sizes}
     found = []
@@ -322,12 +322,13 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> str:
         found.append("the deck")
         _taken(settings, study, mesh, effect, values)
     place_of(effect, values, mesh)
-    seen = Observation.of([effect], values, mesh.body, len(study.steps))
+    seen = Observation.of([whole], values, mesh.body, len(study.steps))
     if seen is not None:
         seen.shift(1, mesh.body[:1])
         seen.intensity(np.zeros(1), 1, *mesh.body[:1].T)
         for name in ("force", "displacement"):
             seen.response(np.zeros(len(study.steps)), name)
+    if effect.observes:
         found.append(", ".join(effect.observes))
     return f"changes {' and '.join(found)}" if found else "changes nothing in this study: not tested here"
 

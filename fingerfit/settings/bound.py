@@ -18,8 +18,14 @@ from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.study import Study
 
 
-def effects_of(folder: Path) -> dict[str, Effect]:
+def effects_of(folder: Path, whole: bool = False) -> dict[str, Effect]:
     """All effects that are known in a study; with their shares as they are where there is no study to be read.
+
+    Parameters
+    ----------
+    folder : Path
+    whole : bool
+        Whether they keep what the control of the study leaves without meaning.
 
     Raises
     ------
@@ -30,7 +36,7 @@ def effects_of(folder: Path) -> dict[str, Effect]:
     if not file.is_file():
         return known
     sizes, regions, control = _of_study(file, _stamps(file.parent))
-    return {**region_effects(regions), **bound(known, dict(sizes), control)}
+    return {**region_effects(regions), **bound(known, dict(sizes), "" if whole else control)}
 
 
 @functools.cache
