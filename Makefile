@@ -49,7 +49,7 @@ cluster: .venv/cluster  ## install what runs studies on SLURM (docs/cluster.md)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-cluster.lock
 	touch $@
 
-fingertip: fast fingertip-data  ## identify both tissues of the virtual fingertip: 4 to 6 minutes
+fingertip: fast fingertip-data  ## identify both tissues of the virtual fingertip: 4 minutes
 	$(BIN)/snakemake --cores $(CORES) --configfile $(FINGERTIP)/config.yaml
 
 benchmark: setup  ## make benchmarks/*.md again: about an hour, needs ccx
