@@ -327,10 +327,10 @@ def _plainer(one: Refit, best: Refit, clearly: float) -> bool:
     Patches say the one and pixels the other, in steps that were fitted and in those that were not: a sharp edge has an
     error of the mesh that smooth shapes with more numbers can make up for.
     """
-    nearer = one.fitted < best.fitted - clearly
-    known = one.held_out is not None and best.held_out is not None
-    if known:
-        nearer = nearer and float(one.held_out or 0.0) < float(best.held_out or 0.0) - clearly
+    errors = [(one.fitted, best.fitted)]
+    if one.held_out is not None and best.held_out is not None:
+        errors.append((one.held_out, best.held_out))
+    nearer = all(own < other - clearly for own, other in errors)
     return nearer and one.numbers < best.numbers and explains(one)
 
 

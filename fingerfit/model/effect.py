@@ -176,16 +176,16 @@ class Effect:
     def under(self, control: str) -> Effect:
         """The same as it acts where `control`, ``force`` or ``displacement``, is prescribed and the other one measured.
 
-        What it changes of the measured one, and shows of the prescribed one, falls away. One that then changes no deck
-        acts on the observation.
+        What it changes of the measured one, and shows of the prescribed one, falls away. One of which
+        only what it shows is left acts on the observation.
         """
         measured = "displacement" if control == "force" else "force"
         changes = {what: formula for what, formula in self.changes.items() if what != measured}
         observes = {what: formula for what, formula in self.observes.items() if what != control}
         if (len(changes), len(observes)) == (len(self.changes), len(self.observes)):
             return self
-        still = changes or self.part or self.fills or self.replaces
-        return replace(self, changes=changes, observes=observes, acts=self.acts if still else OBSERVATION)
+        shown_alone = observes and not (changes or self.part or self.fills or self.replaces)
+        return replace(self, changes=changes, observes=observes, acts=OBSERVATION if shown_alone else self.acts)
 
     def bound(self, scales: Mapping[str, float]) -> Effect:
         """The same with its shares as numbers, as far as what they are shares of is known (`scales`).

@@ -38,7 +38,7 @@ from fingerfit.virtual.truth import BRIGHTEST, Truth
 
 FULL_SCALE = 4000.0
 """Stored intensity of 1."""
-MEASURED = ("force", "displacement")
+LOADING = ("force", "displacement")
 """What instruments show of the loading."""
 
 
@@ -137,7 +137,7 @@ def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
 def _in_the_body(known: Mapping[str, Effect]) -> dict[str, Effect]:
     """Effects without what they change of force and displacement: the body has the true ones, instruments others."""
     return {
-        name: replace(e, changes={key: formula for key, formula in e.changes.items() if key not in MEASURED})
+        name: replace(e, changes={key: formula for key, formula in e.changes.items() if key not in LOADING})
         for name, e in known.items()
     }
 

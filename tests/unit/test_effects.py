@@ -651,6 +651,14 @@ def test_what_instruments_show_is_the_same_whichever_of_both_is_prescribed(value
         assert (text != deck(of=study(prescribed, read))) == changes == effects[name].simulated
 
 
+def test_an_effect_that_a_control_leaves_nothing_changes_no_deck_and_shows_nothing():
+    """So it is refused as any other that changes nothing, and is no effect on the observation."""
+    gain = BY_DISPLACEMENT["force_gain"]
+    assert not gain.changes and not gain.observes
+    assert gain.acts == EFFECTS["force_gain"].acts
+    assert gain.simulated
+
+
 # --- formulas
 
 
