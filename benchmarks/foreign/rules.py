@@ -91,12 +91,12 @@ RULES = (
          {"share": (0.35, 0.6)}),
     Rule("tilt", ("indenter",), "tilt", ("growing", "settling", "late"), 0.005, 0.06, {}, BOTH),
     Rule("curved indenter", ("indenter",), None, ("round", "hollow"), 0.05, 0.8),
-    Rule("sideways motion", ("indenter",), None, ("growing", "late"), 0.03, 0.6, {}, BOTH),
+    Rule("sideways motion", ("indenter",), "sideways", ("growing", "late"), 0.03, 0.6, {}, BOTH),
     Rule("wall", ("indenter",), "wall", ("right", "left", "both"), 0.01, 5.0, {"gap": (0.02, 0.06)}),
     # loading and time
     Rule("relaxation", ("loading", "material"), "relaxation", ("one term", "power law"), 0.15, 0.8,
          {"time": (5.0, 60.0)}, setting={"schedule": ("uneven",)}),
-    Rule("ageing", ("loading", "material"), None, ("all", "one layer"), 0.1, 1.5, {"layer": (0.0, 1.0)}, BOTH),
+    Rule("ageing", ("loading", "material"), "ageing", ("all", "one layer"), 0.1, 1.5, {"layer": (0.0, 1.0)}, BOTH),
     Rule("force offset", ("loading", "observation"), "force_offset", ("constant", "guide"), 0.02, 0.3, {}, BOTH,
          setting=FORCE),
     Rule("onset", ("loading", "observation"), "onset", ("constant", "settling"), 0.01, 0.08, {}, BOTH, setting=FORCE),
@@ -111,7 +111,7 @@ RULES = (
     Rule("interface", ("geometry",), "interface", ("moved", "inclined", "waved"), 0.03, 0.12, {"which": (0.0, 1.0)},
          BOTH, 2,
          LAYERED),
-    Rule("outline", ("geometry",), None, ("tapered", "bulging", "sheared", "wider"), 0.02, 0.12, {}, BOTH, 2),
+    Rule("outline", ("geometry",), "outline", ("tapered", "bulging", "sheared", "wider"), 0.02, 0.12, {}, BOTH, 2),
     # observation
     Rule("shift", ("observation",), "misregistration", ("constant",), 0.05, 0.6, {"direction": (0.0, 360.0)},
          setting={"seen": ("pictures",)}),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 FAMILY = {
+    "ageing": "loading",
     "band": "structure",
     "base_probe": "base",
     "base_slip": "base",
@@ -20,6 +21,7 @@ FAMILY = {
     "bone_mobility": "base",
     "coarse_mesh": "numerics",
     "compressibility": "material",
+    "debonding": "base",
     "distorted_pictures": "observation",
     "ellipse": "structure",
     "exponential": "material",
@@ -72,8 +74,12 @@ FAMILY = {
 PROBES = {name for name in FAMILY if name.endswith("_probe")}
 """Effects that stand for a family: *of no known form* is not the name of a member."""
 IN_SPACE = {"misregistration": "misregistration_in_space", "inclusion": "inclusion_in_space"}
-ALIKE = {"stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"}}
-"""Members that are as right: other laws of the same stiffening, an inclusion of any shape."""
+ALIKE = {
+    "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"}, "base_slip": {"debonding"},
+    "bias_field": {"uneven_brightness"},
+}  # fmt: skip
+"""Members that are as right: other laws of the same stiffening, an inclusion of any shape, a base that is loose from an
+edge on, brightness that is uneven in another form."""
 CLOSE = 0.05
 """Share of a constant within which it is right."""
 TRACE = 0.5

@@ -79,8 +79,8 @@ def deck_context(
     -------
     dict
         ``title, law, mesh, dim, quadratic, thickness, control, boundary, steps, way, rail, swells, increment, top,
-        indenter, layers, effects, parts, follows, beside``, ``values`` for templates with parameters of their own, and
-        what templates may call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block,
+        indenter, layers, effects, parts, follows, work, beside``, ``values`` for templates with parameters of their
+        own, and what templates may call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block,
         ``areas(set)``, ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``,
         ``nodes(set)``, ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for
         the centre of a sphere that touches it from above, ``ball(centre, radius, count)`` and
@@ -96,7 +96,7 @@ def deck_context(
         _layer(number, len(study.layer_names), name, values, material, present, law)
         for number, name in enumerate(study.layer_names, 1)
     ]
-    increment = changed_by("increment", 1.0, {}, present, values)
+    increment, follows = changed_by("increment", 1.0, {}, present, values), _follows(mesh, indenter, present, values)
     steps, way = loading_steps(study, mesh, present, values), direction(study, mesh.dim)
     numbers = itertools.count(TWINS)  # of one part after the other
     return {
@@ -121,7 +121,8 @@ def deck_context(
         "parts": [effect.part for effect in present if effect.part],
         "fills": lambda block: [effect.fills[block] for effect in present if block in effect.fills],
         "replaced": lambda block: any(block in effect.replaces for effect in present),
-        "follows": _follows(mesh, indenter, present, values),
+        "follows": follows,
+        "work": _work(mesh, follows),
         "beside": {axis: float(changed_by(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
         "areas": lambda name: areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
@@ -164,6 +165,18 @@ def _follows(mesh: Mesh, indenter: int, present: list[Effect], values: Mapping[s
     aside = mesh.points[top, 0] - mesh.points[indenter, 0]
     share = np.broadcast_to(changed_by("follow", np.ones(len(top)), {"aside": aside}, present, values), len(top))
     return {int(node) + 1: float(one) for node, one in zip(top, share, strict=True)}
+
+
+def _work(mesh: Mesh, follows: Mapping[int, float]) -> float:
+    """Factor on the force at the indenter's node, which holds the others that go a share of its way.
+
+    It does the work of all their forces, which add up to the force that is prescribed: the mean share, exact where the
+    pressure is even.
+    """
+    if not follows:
+        return 1.0
+    weights = dict(areas(mesh, mesh.node_sets["TOP"], 1.0))
+    return float(np.average([follows[node] for node in weights], weights=list(weights.values())))
 
 
 def _layer(

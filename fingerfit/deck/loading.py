@@ -54,13 +54,13 @@ def loading_steps(
                 "aside": sorted(_aside(study, None, before).items()),
             }
         )
-    for k, step in enumerate(study.steps, 1):
+    for k, (step, now) in enumerate(zip(study.steps, study.now, strict=True), 1):
         period = None
         if step.time is not None:
             period, last = step.time - last, step.time
         entry: dict[str, Any] = {"force": step.force, "displacement": step.displacement, "period": period}
         entry["temperature"] = warm[k]
-        names = {"k": k, "n": count, "time": step.time or 0.0, "largest": largest}
+        names = {"k": k, "n": count, "now": now, "time": step.time or 0.0, "largest": largest}
         if entry[control] is not None:
             entry[control] = float(changed_by(control, entry[control], names, present, values)) + before
         aside = _aside(study, step, entry["displacement"])
@@ -77,12 +77,10 @@ def _swelling(study: Study, mesh: Mesh, present: Sequence[Effect], values: Mappi
     count = len(study.steps)
     if not any("swelling" in effect.changes for effect in present):
         return np.zeros((count + 1, 1))
-    times = [0.0, *(step.time or 0.0 for step in study.steps)]
-    timed = all(step.time is not None for step in study.steps) and times[-1] > 0
     low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
     found = np.zeros((count + 1, len(mesh.points)))
-    for k, time in enumerate(times):
-        names = {**places(mesh.points, low, high), "k": k, "n": count, "now": time / times[-1] if timed else k / count}
+    for k, now in enumerate((0.0, *study.now)):
+        names = {**places(mesh.points, low, high), "k": k, "n": count, "now": now}
         for effect in present:
             volume = changed_by("swelling", 0.0, names, [effect], values)
             if np.min(volume) <= -1:

@@ -266,7 +266,7 @@ class Comparison:
         now = {**effect.null(), **self.problem.own(values)}
         further = {**now, effect.key(name): now[effect.key(name)] + parameter.step}
         before, after = (
-            Observation((effect,), guess, points.min(axis=0), points.max(axis=0), len(data.step))
+            Observation((effect,), guess, points.min(axis=0), points.max(axis=0), self.problem.study.now)
             for guess in (now, further)
         )
         frame = Picture(data.before, data.spacing, data.origin, data.direction)

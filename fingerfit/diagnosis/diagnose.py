@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -105,7 +105,13 @@ class Diagnosis:
     untestable: dict[str, InputError]
 
 
-def diagnose(problem: InverseProblem, last: Round, everything: Everything, threads: int = 1) -> Diagnosis:
+def diagnose(
+    problem: InverseProblem,
+    last: Round,
+    everything: Everything,
+    threads: int = 1,
+    intervals: Mapping[str, Sequence[float]] | None = None,
+) -> Diagnosis:
     """Diagnose a fitted model.
 
     Parameters
@@ -117,6 +123,9 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
         Prepared with all pictures, fitted or not; of a study with several tests that of each.
     threads : int
         Simulations beside each other.
+    intervals : mapping, optional
+        Lower and upper end of the 95 % interval of each constant, as the estimate has them: what moves none of them out
+        of it is a trace.
     """
     found = _test_all(problem, last, everything, threads)
     run, refits = found.run, dict[str, Refit]()
@@ -149,7 +158,8 @@ def diagnose(problem: InverseProblem, last: Round, everything: Everything, threa
     estimate = minimum(problem, last).values
     own = {name: estimate[name] for name in problem.settings.model.parameters}
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
-    verdict = traced(verdict, score_test, ranking, refits, base, problem.settings.fit.tolerance, tests)
+    tolerance = problem.settings.fit.tolerance
+    verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, intervals)
     measurements = list[tuple[str, float]]()
     further, more = identification(found.comparison, threads)
     run += more

@@ -114,13 +114,15 @@ def traced(
     base: Refit,
     tolerance: float,
     tests: int,
+    intervals: Mapping[str, Sequence[float]] | None = None,
 ) -> Verdict:
     """The verdict, but *adequate* where the model explains the data and what is named does not matter or is not likely.
 
-    With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance,
-    or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`. It is
-    likely when the odds for it, against the model that explains the data without it, are more than `SURE`; before it
-    was seen, each of those that were tested had an equal share of what speaks for any of them.
+    With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance
+    and out of the interval that the model without it has given, or lowers the error on held-out steps (on fitted ones,
+    where there are no others) by more than `MATTERS`. It is likely when the odds for it, against the model that
+    explains the data without it, are more than `SURE`; before it was seen, each of those that were tested had an equal
+    share of what speaks for any of them.
 
     Parameters
     ----------
@@ -136,6 +138,8 @@ def traced(
         Share of a constant.
     tests : int
         How many effects, and places of them, were tested.
+    intervals : mapping, optional
+        Lower and upper end of the 95 % interval of each constant of the model without the effects.
     """
     if verdict.kind not in ("missing", "indistinguishable") or not explains(score_test):
         return verdict
@@ -144,8 +148,9 @@ def traced(
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     odds = max(one.odds(spread) for one in named) - float(np.log(max(tests, 1)))
     text = "the model explains the measurements to within their noise; "
-    if not any(_matters(refits[name], base, tolerance) for name in verdict.effects):
-        text += f"beyond chance, but a trace that moves no constant by more than {100 * tolerance:g} %: {names}"
+    if not any(_matters(refits[name], base, tolerance, intervals or {}) for name in verdict.effects):
+        far = "out of its interval" if intervals else f"by more than {100 * tolerance:g} %"
+        text += f"beyond chance, but a trace that moves no constant {far}: {names}"
     elif odds < SURE:
         text += f"a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
     else:
@@ -153,8 +158,13 @@ def traced(
     return Verdict("adequate", (), text, verdict.threshold)
 
 
-def _matters(refit: Refit, base: Refit, tolerance: float) -> bool:
-    changes = [abs(refit.values[name] - value) > tolerance * abs(value) for name, value in base.values.items()]
+def _matters(refit: Refit, base: Refit, tolerance: float, intervals: Mapping[str, Sequence[float]]) -> bool:
+    def moves(name: str, value: float) -> bool:
+        low, high = intervals.get(name, (value, value))
+        reach = tolerance * abs(value)
+        return not min(low, value - reach) <= refit.values[name] <= max(high, value + reach)
+
+    changes = [moves(name, value) for name, value in base.values.items()]
     known = base.held_out is not None and refit.held_out is not None
     before, after = (base.held_out, refit.held_out) if known else (base.fitted, refit.fitted)
     return any(changes) or float(before or 0.0) - float(after or 0.0) > MATTERS

@@ -26,39 +26,43 @@ class Observation:
         The guess.
     low, high : ndarray, shape (dim,)
         Corners of the undeformed body, mm.
-    steps : int
-        Number of steps of the study.
+    now : tuple of float
+        Share of the test that is over at each step of the study, as `Study.now`.
     """
 
     effects: tuple[Effect, ...]
     values: Mapping[str, float]
     low: np.ndarray
     high: np.ndarray
-    steps: int
+    now: tuple[float, ...]
 
     @classmethod
     def of(
-        cls, effects: Iterable[Effect], values: Mapping[str, float], points: np.ndarray, steps: int
+        cls, effects: Iterable[Effect], values: Mapping[str, float], points: np.ndarray, now: tuple[float, ...]
     ) -> Observation | None:
         """Those that are present; None where there is none. `points` are those of the body, mm."""
         present = tuple(effect for effect in effects if effect.observes and effect.present(values))
-        return cls(present, values, points.min(axis=0), points.max(axis=0), steps) if present else None
+        return cls(present, values, points.min(axis=0), points.max(axis=0), now) if present else None
 
     def shift(self, k: int, at: np.ndarray) -> np.ndarray:
         """How far from where they are the picture at the k-th step shows places, mm, shape (..., dim) as theirs."""
-        names = {"k": k, "n": self.steps, **places(at, self.low, self.high)}
+        names = {**self._step(k), **places(at, self.low, self.high)}
         axes = [f"shift_{axis}" for axis in "xyz"[: len(self.low)]]
         zero: np.ndarray = np.zeros(at.shape[:-1])
         return np.stack([np.broadcast_to(self._apply(axis, zero, names), zero.shape) for axis in axes], axis=-1)
 
     def intensity(self, picture: np.ndarray, k: int, *at: np.ndarray) -> np.ndarray:
         """A picture at the k-th step as the scanner shows it; `at`, x, y[, z] in mm, have its shape."""
-        names = {"k": k, "n": self.steps, **places(np.stack(at, axis=-1), self.low, self.high)}
+        names = {**self._step(k), **places(np.stack(at, axis=-1), self.low, self.high)}
         return np.asarray(self._apply("intensity", picture, names))
 
     def response(self, values: np.ndarray, name: str) -> np.ndarray:
         """Measured ``force`` or ``displacement`` by step."""
-        return np.asarray(self._apply(name, values, {"k": np.arange(1, len(values) + 1), "n": self.steps}))
+        names = {"k": np.arange(1, len(values) + 1), "n": len(self.now), "now": np.array(self.now[: len(values)])}
+        return np.asarray(self._apply(name, values, names))
+
+    def _step(self, k: int) -> dict[str, float]:
+        return {"k": k, "n": len(self.now), "now": self.now[k - 1] if k else 0.0}
 
     def _apply(self, what: str, value: Any, names: Mapping[str, Any]) -> Any:
         for effect in self.effects:

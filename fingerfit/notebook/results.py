@@ -13,7 +13,7 @@ from fingerfit.core.files import check_kept
 from fingerfit.diagnosis.diagnose import Diagnosis, Everything, added
 from fingerfit.diagnosis.diagnose import diagnose as diagnosis_of
 from fingerfit.diagnosis.ranking import summary
-from fingerfit.fit.estimate import estimate_of
+from fingerfit.fit.estimate import estimate_of, intervals_of
 from fingerfit.fit.joint import problem_of
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
@@ -236,7 +236,8 @@ def load_result(folder: Path | str) -> Result:
 
 def diagnose(result: Result, threads: int = 1) -> Found:
     """Which effect a fitted model lacks."""
-    return Found(diagnosis_of(result.problem, result.last, result.everything, threads))
+    intervals = intervals_of(result.estimate)
+    return Found(diagnosis_of(result.problem, result.last, result.everything, threads, intervals))
 
 
 def add(result: Result, found: Found, name: str, threads: int = 1) -> Result:

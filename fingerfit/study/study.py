@@ -236,6 +236,15 @@ class Study:
         return self.tests or (self,)
 
     @property
+    def now(self) -> tuple[float, ...]:
+        """Share of the test that is over at each step: of its time, of its steps where times are not known."""
+        times = [step.time for step in self.steps]
+        last = times[-1] if times else None
+        if last is None or not last > 0 or None in times:
+            return tuple(k / len(self.steps) for k in range(1, len(self.steps) + 1))
+        return tuple((time or 0.0) / last for time in times)
+
+    @property
     def region_names(self) -> list[str]:
         """Names of the regions of all tests."""
         return list(dict.fromkeys(region.name for test in self.every for region in test.body.regions))

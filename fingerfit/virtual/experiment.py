@@ -128,10 +128,10 @@ def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
         outcome = _run(truth, replace(study, control="force", steps=loaded), mesh, included, folder, threads)
         outcome = since_first_picture(outcome, len(steps))
     moved = -outcome.indenter[:, -1]
-    seen = Observation.of(_present(truth), truth.values, mesh.body, len(steps))
+    seen = Observation.of(_present(truth), truth.values, mesh.body, study.now)
     if seen is not None:
         moved, force = seen.response(moved, "displacement"), seen.response(force, "force")
-    return Solved(_as_measured(truth, force), *take_pictures(truth, mesh, outcome, seen), moved)
+    return Solved(_as_measured(truth, force, study.now), *take_pictures(truth, mesh, outcome, seen), moved)
 
 
 def _in_the_body(known: Mapping[str, Effect]) -> dict[str, Effect]:
@@ -185,14 +185,14 @@ def _in_description(truth: Truth, folder: Path, included: str, error: InputError
     return InputError(truth.path, field, found, error.expected)
 
 
-def _as_measured(truth: Truth, force: np.ndarray) -> np.ndarray:
+def _as_measured(truth: Truth, force: np.ndarray, now: tuple[float, ...]) -> np.ndarray:
     """What a sensor shows where effects only tell, in a straight line, the force that is there from the one shown.
 
     Shares of the largest force are of the largest one that is there.
     """
     count = len(force)
-    names = {"k": np.arange(1, count + 1), "n": count, "time": np.array(truth.time or [0.0] * count)}
-    names["largest"] = np.abs(force).max()
+    names = {"k": np.arange(1, count + 1), "n": count, "now": np.array(now), "largest": np.abs(force).max()}
+    names["time"] = np.array(truth.time or [0.0] * count)
     for effect in _present(truth):
         if "force" in effect.changes and "force" not in effect.observes:
             own = effect.own(truth.values)

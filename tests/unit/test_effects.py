@@ -345,6 +345,27 @@ def test_springs_stand_for_their_areas(name, edge, tmp_path, plain):
     assert np.abs(outcome.displacement[-1, side, 0]).max() > 0.01
 
 
+def test_a_base_that_is_loose_everywhere_slips_and_one_that_is_loose_on_the_left_is_held_on_the_right(tmp_path):
+    """A share s of the spring gives way by s / (1 - s) of a layer of the lowest material, as high as the body is wide."""
+    share, base, x = 0.75, MESH.node_sets["BOTTOM"], MESH.points[:, 0]
+    everywhere = {"debonding.left": share, "debonding.right": share, "debonding.extent": 0.95}
+    loose = cards(deck(everywhere), r"SPRING, ELSET=LOOSE_BASE_\d+")
+    compliance = {"base_slip.compliance": share / (1 - share) * 12.0 / MU["mu_bottom"]}
+    slips = cards(deck(compliance), r"SPRING, ELSET=BASE_SLIP_\d+")
+    assert [block[1][0] for block in loose] == pytest.approx([block[1][0] for block in slips], rel=1e-5)
+    on_the_left = {"debonding.left": 0.99, "debonding.right": 0.0, "debonding.extent": 0.5}
+    moved = np.abs(solve(deck(on_the_left), tmp_path).displacement[-1, :, 0])
+    left, right = base[x[base] < 0.4 * 12.0], base[x[base] > 0.6 * 12.0]
+    assert moved[left].max() > 100 * moved[right].max()
+
+
+@pytest.mark.parametrize("curve", [0.01, -0.01])
+def test_the_pressure_under_a_curved_indenter_adds_up_to_nearly_the_force(curve, tmp_path):
+    """Nodes that go further or less far would else do another work than the force: 18 and 12 % off."""
+    outcome = solve(deck({"indenter_probe.curve": curve}), tmp_path)
+    assert -outcome.reaction[:, 1] == pytest.approx(FORCES, rel=0.08)
+
+
 def test_the_last_node_of_a_slipping_indenter_does_not_run_ahead(tmp_path):
     """Alone it moved inwards, against all others, ten times as far as on the finest meshes."""
     mesh = layered_block(12.0, LAYERS, 8, 3, "CPE8H", 4.0)
@@ -536,7 +557,9 @@ def test_what_shrinks_to_nothing_is_refused():
 
 
 def observation(**values):
-    return Observation.of(EFFECTS.values(), {k.replace("__", "."): v for k, v in values.items()}, MESH.points, 4)
+    return Observation.of(
+        EFFECTS.values(), {k.replace("__", "."): v for k, v in values.items()}, MESH.points, (0.25, 0.5, 0.75, 1.0)
+    )
 
 
 def test_nothing_observed_is_none():
@@ -600,7 +623,11 @@ def test_the_probe_of_the_observation_does_what_its_members_do():
 
 def test_positions_count_from_the_body(rng):
     moved = Observation(
-        (EFFECTS["bias_field"],), {"bias_field.across": 0.1}, np.array([5.0, 7.0]), np.array([17.0, 19.0]), 4
+        (EFFECTS["bias_field"],),
+        {"bias_field.across": 0.1},
+        np.array([5.0, 7.0]),
+        np.array([17.0, 19.0]),
+        (0.25, 0.5, 0.75, 1.0),
     )
     one = np.ones((1, 1))
     for x, factor in ((5.0, 0.95), (11.0, 1.0), (17.0, 1.05)):
@@ -615,7 +642,7 @@ def test_onset():
 
 def test_the_probe_of_loading_does_what_its_members_do():
     def given(values):
-        seen = Observation.of(EFFECTS.values(), values, MESH.points, 2)
+        seen = Observation.of(EFFECTS.values(), values, MESH.points, (0.5, 1.0))
         read = np.array([1.0, 2.0])
         return cards(deck(values), "CLOAD"), read if seen is None else seen.response(read, "displacement")
 
@@ -633,7 +660,13 @@ def test_the_probe_of_loading_does_what_its_members_do():
 
 @pytest.mark.parametrize(
     "values",
-    [{"force_offset.offset": 0.8}, {"onset.offset": 0.15}, {"soft_frame.most": 0.2}, {"nonlinear_sensor.bend": 0.004}],
+    [
+        {"force_offset.offset": 0.8},
+        {"onset.offset": 0.15},
+        {"soft_frame.most": 0.2},
+        {"nonlinear_sensor.bend": 0.004},
+        {"ageing.change": 0.2},
+    ],
 )
 def test_what_instruments_show_is_the_same_whichever_of_both_is_prescribed(values):
     """The true values of a prescribed quantity, seen through the same instrument, are those that were prescribed."""
@@ -644,7 +677,7 @@ def test_what_instruments_show_is_the_same_whichever_of_both_is_prescribed(value
         card = "CLOAD" if prescribed == "force" else "BOUNDARY"
         text = deck(values, of=study(prescribed, read))
         true = -np.array([block[-1][-1] for block in cards(text.partition("*STEP")[2], card) if block[-1][1] == 2])
-        seen = Observation.of([other[name]], values, MESH.points, 2)
+        seen = Observation.of([other[name]], values, MESH.points, (0.5, 1.0))
         shown = true if seen is None else seen.response(true, prescribed)
         assert shown == pytest.approx(read, rel=1e-9)
         changes = prescribed in effects[name].changes

@@ -487,6 +487,18 @@ def test_what_does_not_matter_is_a_trace(found, misfit, value, held_out, kind):
     assert verdict.effects == (("tilt",) if kind == "missing" else ())
 
 
+@pytest.mark.parametrize(("value", "kind"), [(0.106, "adequate"), (0.109, "missing"), (0.094, "missing")])
+def test_what_moves_no_constant_out_of_its_interval_is_a_trace(value, kind):
+    """An interval that has the constant of the model with the effect in it was right about it."""
+    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
+    base, intervals = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1}), {"mu_top": [0.096, 0.108]}
+    refits = {"tilt": Refit(60.0, 99, 0.98, 0.98, {"mu_top": value})}
+    named = Verdict("missing", ("tilt",), "", 12.0)
+    verdict = traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20, intervals)
+    assert verdict.kind == kind
+    assert ("moves no constant out of its interval" in verdict.sentence) == (kind == "adequate")
+
+
 def test_without_held_out_steps_the_fitted_ones_tell():
     score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
     base = Refit(100.0, 100, 1.0, None, {"mu_top": 0.1})
