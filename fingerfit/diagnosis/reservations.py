@@ -26,10 +26,14 @@ LOUD = 1.5
 
 
 def of_family(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked]) -> Verdict:
-    """The verdict with the family of what it names; where it names nothing, that which is likeliest behind it."""
-    family = next(
-        (one.candidate.effect.family for one in ranking if one.candidate.effect.name in verdict.effects[:1]), ""
-    )
+    """The verdict with the family of what it names; where it names nothing, that which is likeliest behind it.
+
+    Of a probe it also says which known effect comes nearest.
+    """
+    named = next((one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects[:1]), None)
+    family = named.family if named else ""
+    if named and named.probe:
+        verdict = replace(verdict, sentence=verdict.sentence + _nearest(score_test, ranking, family))
     if verdict.kind != "unexplained" or score_test.freedom < 1:
         return replace(verdict, family=family)
     for family, (one, odds) in families(score_test, ranking).items():
@@ -39,6 +43,16 @@ def of_family(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked]
             text = f"{verdict.sentence}; most of it may lie in {FAMILIES[family]} ({100 * share:.0f} %)"
             return replace(verdict, family=family, sentence=text)
     return verdict
+
+
+def _nearest(score_test: ScoreTest, ranking: Sequence[Ranked], family: str) -> str:
+    """The known effect of a family that explains most, in words; empty where none explains any."""
+    members = [one for one in ranking if one.candidate.effect.family == family and not one.candidate.effect.probe]
+    best = max(members, key=lambda one: one.finding.fall, default=None)
+    share = best.finding.fall / max(score_test.misfit - score_test.freedom, 1.0) if best else 0.0
+    if best is None or round(100 * share) < 1:
+        return ""
+    return f"; of known effects {best.candidate.effect.title} comes nearest ({100 * min(share, 1.0):.0f} %)"
 
 
 def largest_part(

@@ -77,6 +77,15 @@ def test_a_verdict_has_the_family_of_what_it_names():
     assert verdict == replace(decide(score_test, ranking, refits, TESTS), family="base")
 
 
+@pytest.mark.parametrize(
+    ("share", "said"), [(0.4, "; of known effects slip or compliance at the base comes nearest (40 %)"), (0.0, "")]
+)
+def test_of_a_probe_the_nearest_known_effect_is_said(share, said):
+    score_test, ranking = ranked(share)
+    verdict = of_family(Verdict("missing", ("base_probe",), "missing", 1.0), score_test, ranking)
+    assert verdict.sentence == f"missing{said}"
+
+
 def test_what_is_unexplained_has_the_likeliest_family():
     score_test, ranking = ranked(0.5)
     verdict = of_family(Verdict("unexplained", (), "unexplained", 1.0), score_test, ranking)
