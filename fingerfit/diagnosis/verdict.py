@@ -314,11 +314,14 @@ def _worse(score_test: ScoreTest) -> float:
 
 
 def _rival(one: Refit, best: Refit) -> bool:
-    """Whether a refit cannot be told from the best one: by odds, or because both explain the data well enough."""
+    """Whether a refit cannot be told from the best one: by odds, or because both explain the data well enough.
+
+    What the best one leaves beyond its noise is an error of models; a difference as small may be one as well.
+    """
     behind = one.level - best.level
     if behind < RIVAL * max(1.0, best.misfit / max(best.freedom, 1)):
         return True
-    return explains(one) and behind < NEAR * one.freedom
+    return explains(one) and explains(best) and behind < max(NEAR * one.freedom, best.misfit - best.freedom)
 
 
 def _plainer(one: Refit, best: Refit, clearly: float) -> bool:

@@ -487,6 +487,18 @@ def test_what_does_not_matter_is_a_trace(found, misfit, value, held_out, kind):
     assert verdict.effects == (("tilt",) if kind == "missing" else ())
 
 
+@pytest.mark.parametrize(("left", "behind", "rivals"), [(1150.0, 100.0, 2), (1150.0, 160.0, 1), (1005.0, 100.0, 1)])
+def test_what_the_best_leaves_beyond_its_noise_is_an_error_as_large_as_a_difference(left, behind, rivals):
+    world = World(size=1003)
+    score_test = world.score_test(60.0 * world.signal(0))
+    ranking = world.ranking(score_test, skin=world.signal(0), split_layer=world.signal(0))
+    refits = {
+        "split_layer": Refit(left, 1000, 1.0, 1.0, {}, numbers=2),
+        "skin": Refit(left + behind, 1000, 1.0, 1.0, {}, numbers=2),
+    }
+    assert len(decide(score_test, ranking, refits, TESTS).effects) == rivals
+
+
 @pytest.mark.parametrize(("value", "kind"), [(0.106, "adequate"), (0.109, "missing"), (0.094, "missing")])
 def test_what_moves_no_constant_out_of_its_interval_is_a_trace(value, kind):
     """An interval that has the constant of the model with the effect in it was right about it."""
