@@ -163,6 +163,8 @@ class DeckStep:
     ----------
     displacement : dict
         Prescribed displacements in mm by (node, axis).
+    kept : set
+        Those of them that stay what they are when the step begins, whatever is prescribed (``*BOUNDARY, FIXED``).
     force : dict
         Concentrated forces in N by (node, axis).
     pressure : dict
@@ -200,6 +202,7 @@ class DeckStep:
     relaxed: bool = False
     sudden: bool | None = None
     temperature: dict[NodeAxis, float] = field(default_factory=dict)
+    kept: set[NodeAxis] = field(default_factory=set)
     finite: bool = True
     printed: bool = False
 

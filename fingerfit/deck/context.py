@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.changed import changed_by
-from fingerfit.deck.loading import direction, loading_steps, rail
+from fingerfit.deck.loading import direction, from_rest, loading_steps, rail
 from fingerfit.deck.patch import ball, half_tube
 from fingerfit.deck.questions import (
     areas,
@@ -79,9 +79,9 @@ def deck_context(
     -------
     dict
         ``title, law, mesh, dim, quadratic, thickness, control, boundary, steps, way, rail, swells, increment, top,
-        indenter, layers, effects, parts, follows, work, beside``, ``values`` for templates with parameters of their
-        own, and what templates may call: ``fills(block)`` and ``replaced(block)`` for what effects do to a block,
-        ``areas(set)``, ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``,
+        indenter, layers, effects, parts, follows, work, from_rest, beside``, ``values`` for templates with parameters
+        of their own, and what templates may call: ``fills(block)`` and ``replaced(block)`` for what effects do to a
+        block, ``areas(set)``, ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``,
         ``nodes(set)``, ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for
         the centre of a sphere that touches it from above, ``ball(centre, radius, count)`` and
         ``half_tube(axis, radius, count)`` of bricks.
@@ -123,6 +123,7 @@ def deck_context(
         "replaced": lambda block: any(block in effect.replaces for effect in present),
         "follows": follows,
         "work": _work(mesh, follows),
+        "from_rest": from_rest(study, present),
         "beside": {axis: float(changed_by(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
         "areas": lambda name: areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),

@@ -35,23 +35,38 @@ def _aside(study: Study, step: Step | None, moved: float) -> dict[int, float]:
     return {AXES.index(axis) + 1: getattr(step, f"displacement_{axis}") for axis in study.moved_sideways if step}
 
 
+def from_rest(study: Study, present: Sequence[Effect]) -> bool:
+    """Whether an indenter under given displacements goes on from where a force before the first picture has left it."""
+    held = study.control == "displacement" and not study.direction
+    return held and any("before" in effect.changes for effect in present)
+
+
+def _largest(study: Study, what: str) -> float:
+    return max((abs(getattr(step, what) or 0.0) for step in study.steps), default=0.0)
+
+
 def loading_steps(
     study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float]
 ) -> list[dict[str, Any]]:
-    """Prescribed quantities of the deck's steps; what was before the first picture is a step of its own."""
+    """Prescribed quantities of the deck's steps; what was before the first picture is a step of its own.
+
+    In that step the indenter is pushed by a force, or by none, also where displacements are prescribed afterwards: it
+    then goes on from where it came to rest (`from_rest`). An indenter on its way along a direction stays where it is.
+    """
     control, count = study.control, len(study.steps)
-    largest = max((abs(getattr(step, control) or 0.0) for step in study.steps), default=0.0)
-    before = float(changed_by("before", 0.0, {"largest": largest}, present, values))
+    resting = from_rest(study, present)
+    largest, most = (_largest(study, what) for what in (control, "force" if resting else control))
+    before = float(changed_by("before", 0.0, {"largest": most}, present, values))
     swelling = _swelling(study, mesh, present, values)
     warm = [temperature(row) for row in swelling] if swelling.any() else [[]] * (count + 1)
     found, last = [], 0.0
     if any("before" in effect.changes for effect in present) or swelling[0].any():
         found.append(
             {
-                control: before,
+                **({"force": before, "displacement": 0.0} if resting else {control: before}),
                 "period": None,
                 "temperature": warm[0],
-                "aside": sorted(_aside(study, None, before).items()),
+                "aside": sorted(_aside(study, None, 0.0 if resting else before).items()),
             }
         )
     for k, (step, now) in enumerate(zip(study.steps, study.now, strict=True), 1):
@@ -62,7 +77,9 @@ def loading_steps(
         entry["temperature"] = warm[k]
         names = {"k": k, "n": count, "now": now, "time": step.time or 0.0, "largest": largest}
         if entry[control] is not None:
-            entry[control] = float(changed_by(control, entry[control], names, present, values)) + before
+            entry[control] = float(changed_by(control, entry[control], names, present, values)) + (
+                0.0 if resting else before
+            )
         aside = _aside(study, step, entry["displacement"])
         if any("displacement_x" in effect.changes for effect in present):
             names["share"] = abs(getattr(step, control) or 0.0) / (largest or 1.0)

@@ -30,6 +30,7 @@ def on_step(reading: Reading, card: Card) -> None:
     last = reading.steps[-1] if reading.steps else DeckStep(dict(reading.fixed))
     reading.step = DeckStep(_ends(reading, last, "U", last.displacement), _ends(reading, last, "F", last.force))
     reading.step.temperature = _ends(reading, last, "T", last.temperature)
+    reading.step.kept = set(last.kept)
     reading.step.finite = finite
     reading.step.printed = last.printed
     before = reading.pressures[-1] if reading.pressures else {}
@@ -95,12 +96,15 @@ def _curve(reading: Reading, card: Card) -> str | None:
 
 
 def on_boundary(reading: Reading, card: Card) -> None:
-    card.allow("OP", "TYPE", "AMPLITUDE")
+    card.allow("OP", "TYPE", "AMPLITUDE", "FIXED")
     if card.options.get("TYPE", "DISPLACEMENT").upper() != "DISPLACEMENT":
         raise card.error(card.options["TYPE"], "DISPLACEMENT")
-    step, curve = reading.step, _curve(reading, card)
+    step, curve, kept = reading.step, _curve(reading, card), card.flag("FIXED")
     if step is not None:
         _renew(reading, card, step.displacement)
+        step.kept &= step.displacement.keys()
+    if kept and step is None:
+        raise card.error("FIXED before any step", "it in a step, of what moved in the steps before it")
     target = step.displacement if step else reading.fixed
     for line, row in card.rows():
         if len(row) < 2:
@@ -114,9 +118,13 @@ def on_boundary(reading: Reading, card: Card) -> None:
             if last < first:
                 raise card.error(row, "a last axis not below the first", line)
             axes, value = tuple(range(first, last + 1)), card.number(row[3], line) if len(row) > 3 else 0.0
+        if kept and value:
+            raise card.error(row, "no value where FIXED keeps what there is", line)
         for node in reading.nodes(card, row[0], line):
             for axis in axes:
                 target[node, axis] = value
+                if step is not None:
+                    (step.kept.add if kept else step.kept.discard)((node, axis))
                 _remember(reading, card, "U", (node, axis), curve)
                 if value and axis > 1:
                     # zero is what a node without this axis has anyway

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -195,9 +195,13 @@ class _Writer:
         yield ("*VISCO" if step.viscous else "*STATIC") + options
         yield f"{_text(step.increment * step.period)}, {_text(step.period)}, , {_text(step.largest * step.period)}"
         curves = {kind: {key: name for (k, key), name in step.curve.items() if k == kind} for kind in "UFTP"}
-        held = self._ends(before, "U", before.displacement)
-        operation, prescribed = _operation(step.displacement, held, curves["U"])
+        held = self._ends(before, "U", _without(before.displacement, before.kept | step.kept))
+        operation, prescribed = _operation(_without(step.displacement, step.kept), held, curves["U"])
+        kept = dict.fromkeys(sorted(step.kept if operation else step.kept - before.kept), 0.0)
         yield from self._grouped("BOUNDARY", operation, prescribed, curves["U"])
+        if kept:
+            yield "*BOUNDARY, FIXED"
+            yield from (_row(self.label[node], axis + 1, axis + 1) for node, axis in kept)
         operation, forces = _operation(step.force, self._ends(before, "F", before.force), curves["F"])
         yield from self._grouped("CLOAD", operation, forces, curves["F"])
         operation, warm = _operation(step.temperature, self._ends(before, "T", before.temperature), curves["T"])
@@ -247,6 +251,10 @@ class _Writer:
 
 def _changed(now: Mapping[Any, float], before: Mapping[Any, float], curve: Mapping[Any, str]) -> dict[Any, float]:
     return {key: value for key, value in now.items() if key in curve or before.get(key) != value}
+
+
+def _without(values: Mapping[Any, float], left_out: Collection[Any]) -> dict[Any, float]:
+    return {key: value for key, value in values.items() if key not in left_out}
 
 
 def _operation(

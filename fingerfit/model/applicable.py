@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fingerfit.model.effect import Effect
+from fingerfit.model.formulas import names_in
 from fingerfit.study.study import Study
 
 IN_WORDS = {
@@ -50,6 +51,10 @@ def unmet(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
     found = [IN_WORDS[need] for need in effect.needs if need not in there]
     if effect.control and effect.control != study.control:
         found.append(f"a prescribed {effect.control}")
+    pushes = {p.name for p in effect.parameters} <= names_in(effect.changes.get("before", "0"))
+    if pushes and study.control == "displacement" and (study.body.width is None or study.direction):
+        # only the deck of a block goes on from where a force has left the indenter
+        found.append("a prescribed force")
     if "indenter" in effect.replaces and study.on_a_rail:
         found.append("an indenter that is not on a rail")
     return found or [f"{formula} of the study" for formula in dict.fromkeys(effect.shares_of.values())]

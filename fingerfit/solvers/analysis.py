@@ -15,6 +15,9 @@ from fingerfit.fem.path import Increments, LoadPath
 from fingerfit.fem.system import System
 from fingerfit.solvers.model import Model
 
+_HARDLY = 1e-8
+"""Strain whose square is lost in rounding."""
+
 
 @dataclass(frozen=True)
 class Watched:
@@ -150,7 +153,10 @@ def _beside(loading: LoadPath, nearby: np.ndarray, number: int) -> np.ndarray:
 
 
 def _start(model: Model, system: System) -> LoadPath:
-    """At rest; residuals are measured by the forces of initial stresses, and by those that keep it from swelling."""
+    """At rest; residuals are measured by the forces of initial stresses, and by those that keep it from swelling.
+
+    Where these come to nothing, and where nothing is done at first, by those of a strain that rounding hardly knows.
+    """
     deck, begun, floor = model.deck, model.temperature, 0.0
     states = [begun] if deck.stress or deck.strain else []
     if model.expands:
@@ -158,6 +164,12 @@ def _start(model: Model, system: System) -> LoadPath:
     for state in [*states, begun]:
         model.warm(state)
         if evaluation := system.evaluate(np.zeros(system.size), tangent=False) if states else None:
+            floor = max(floor, float(np.abs(evaluation.internal).max()))
+    first = deck.steps[0]
+    if states or not any((*first.displacement.values(), *first.force.values(), *first.pressure.values())):
+        hardly = np.zeros(system.size)
+        hardly[: model.nodal] = _HARDLY * deck.mesh.points.ravel()
+        if evaluation := system.evaluate(hardly, tangent=False):
             floor = max(floor, float(np.abs(evaluation.internal).max()))
     return LoadPath(system, floor)
 
@@ -185,7 +197,7 @@ def _path(model: Model, step: DeckStep, before: Load) -> Callable[[float], Load]
             dof = model.dof(node, axis)
             if dof < 0:
                 continue
-            end[dof] = value
+            end[dof] = begun[dof] if kind == "U" and (node, axis) in step.kept else value
             name = step.curve.get((kind, (node, axis)))
             if name is not None:
                 factors.append((dof, *amplitudes[name]))

@@ -99,7 +99,8 @@ def verify(outcome: Outcome, deck: Deck, what: str) -> Outcome:
             raise SolverError(
                 f"{what}: damaged: node {label} of a body of {size:.4g} mm moved by {largest:.4g} mm in result {number}"
             )
-        given = {key: value for key, value in step.displacement.items() if ("U", key) not in step.curve}
+        follows = {key for kind, key in step.curve if kind == "U"} | step.kept
+        given = {key: value for key, value in step.displacement.items() if key not in follows}
         off = DIGITS * max([size, *map(abs, given.values())])
         for (node, axis), value in given.items():
             if node < len(moved) and axis < moved.shape[1] and abs(moved[node, axis] - value) > off:

@@ -241,8 +241,12 @@ class Model:
 
     def _never_turned(self) -> set[tuple[int, int]]:
         """Nodes and axes that are held at 0 in all steps."""
-        steps = [step.displacement for step in self.deck.steps]
-        return {key for key in steps[0] if all(step.get(key) == 0.0 for step in steps)}
+        steps = self.deck.steps
+        return {
+            key
+            for key in steps[0].displacement
+            if all(step.displacement.get(key) == 0.0 and key not in step.kept for step in steps)
+        }
 
     def _tie(self, slave: int, masters: list[tuple[int, float]]) -> None:
         if slave in self.ties:

@@ -1,14 +1,19 @@
 """Effects that make no sense in a study are refused before anything runs, each with one line."""
 
+from dataclasses import replace
+
 import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
+from conftest import phantom
 
 from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError
 from fingerfit.diagnosis.ladder import add
-from fingerfit.model.applicable import IN_WORDS, MEASURED
+from fingerfit.model.applicable import IN_WORDS, MEASURED, unmet
+from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import NEEDS
+from fingerfit.model.scales import bound
 from fingerfit.provenance import stages
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import load_settings
@@ -17,7 +22,6 @@ REFUSED = {
     "friction": "friction, which changes nothing in the deck of this study; expected an effect on what block.inp.j2 has",
     "relaxation": "relaxation, which needs a time at every step;",
     "inclusion_in_space": "inclusion_in_space, which needs pictures or measured points and a body in space;",
-    "preload": "preload, which needs a prescribed force;",
     "coarse_mesh": "an effect that is no part of a model; expected a finer model.mesh and model.refined",
     "load_step": "an effect that is no part of a model; expected smaller increments in the template",
 }
@@ -54,6 +58,16 @@ def test_add_refuses_it(folder, name):
     assert str(caught.value).startswith(f"{config}: model.effects.{name}: found {REFUSED[name]}")
     assert "\n" not in str(caught.value)
     assert config.read_text(encoding="utf-8") == before
+
+
+@pytest.mark.parametrize(
+    ("width", "control", "lacks"), [(12.0, "displacement", False), (None, "displacement", True), (None, "force", False)]
+)
+def test_only_a_block_goes_on_by_displacements_from_where_a_force_has_left_it(width, control, lacks):
+    given = phantom(control, [1.0])
+    given = replace(given, body=replace(given.body, width=width))
+    effect = bound(catalogue(), {"force": 20.0})["preload"]
+    assert unmet(effect, given, 2, True) == (["a prescribed force"] if lacks else [])
 
 
 @pytest.mark.parametrize("name", REFUSED)

@@ -485,6 +485,36 @@ def test_preload_counts_from_the_first_picture(tmp_path, plain):
     assert since_first_picture(plain, 2) is plain
 
 
+@pytest.mark.parametrize(
+    "values",
+    [{"preload.force": 4.0}, {"swollen.volume": 0.05}, {"prestretch.stretch": 0.05}, {"state_probe.swollen": 0.05}],
+)
+def test_under_displacements_it_goes_on_from_where_a_force_has_left_it(values, tmp_path):
+    """The forces that are found, prescribed in its place, find the same displacements; so does CalculiX (next test)."""
+    outcome = solve(deck(values, of=study("displacement", [0.5, 1.0])), tmp_path)
+    assert (outcome.status, outcome.steps) == (CONVERGED, 3)
+    assert outcome.indenter[1:, 1] - outcome.indenter[0, 1] == pytest.approx([-0.5, -1.0])
+    assert -outcome.reaction[0, 1] == pytest.approx(values.get("preload.force", 0.0), abs=1e-6)
+    forces = list(outcome.reaction[0, 1] - outcome.reaction[1:, 1])
+    pushed = solve(deck(values, of=study("force", forces)), tmp_path)
+    assert pushed.displacement == pytest.approx(outcome.displacement, abs=1e-6)
+
+
+def test_calculix_goes_on_from_there_as_well(tmp_path, needs_ccx):
+    mesh = layered_block(12.0, LAYERS, 4, 2, "CPE8")
+    text = deck({"preload.force": 4.0}, of=study("displacement", [0.5, 1.0]), mesh=mesh)
+    ours = solve(text, tmp_path, mesh)
+    theirs = get_solver("calculix").solve(tmp_path / "deck.inp", tmp_path)
+    assert theirs.displacement == pytest.approx(ours.displacement, abs=2e-6)  # seven digits in its .dat
+
+
+def test_with_nothing_before_it_rests(tmp_path):
+    """No force is known that a share could be of: the first step does nothing at all."""
+    outcome = solve(deck({"state_probe.load": 0.1}, of=study("displacement", [0.5, 1.0])), tmp_path)
+    assert (outcome.status, outcome.steps) == (CONVERGED, 3)
+    assert np.abs(outcome.displacement[0]).max() < 1e-12
+
+
 def test_swelling_follows_time_or_steps(tmp_path, plain):
     """Temperatures are stretches less 1: their cube is the change of volume."""
     text = deck({"swelling.volume": 0.05})

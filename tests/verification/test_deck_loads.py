@@ -7,6 +7,7 @@ from solving import solve_deck
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.reader import read_deck
+from fingerfit.deck.write import format_deck
 
 SQUARE = f"""{RECTANGLE}*ELEMENT, TYPE=CPE4, ELSET=E
 1, 1, 2, 3, 4
@@ -74,6 +75,30 @@ def test_new_loads_replace_those_of_earlier_steps_only(run, keyword):
     assert alone == pytest.approx(only, abs=1e-8)
 
 
+def test_what_is_fixed_stays_where_forces_have_left_it(run):
+    """ABAQUS and CalculiX: *BOUNDARY, FIXED holds what there is when the step begins, until something else is said."""
+    pushed = step("*CLOAD", "3, 1, 0.1")
+    _, wanted = run(SQUARE + pushed)
+    held = step("*BOUNDARY, FIXED", "3, 1, 1", "*CLOAD", "3, 1, 0.")
+    _, found = run(SQUARE + pushed + held + step("*DLOAD", "E, P3, 0.01"))
+    assert found[2, 0] == pytest.approx(wanted[2, 0], rel=1e-12)
+    assert found[3, 1] != pytest.approx(wanted[3, 1], rel=1e-3)
+    deck, found = run(SQUARE + pushed + held + step("*BOUNDARY", "3, 1, 1, 0.02"))
+    assert found[2, 0] == pytest.approx(0.02, rel=1e-12)
+    assert [one.kept for one in deck.steps] == [set(), {(2, 0)}, set()]
+    free = step("*BOUNDARY, OP=NEW", "1, 1, 2", "2, 2", "*CLOAD", "3, 1, 0.1")
+    _, found = run(SQUARE + pushed + held + step("*BOUNDARY", "3, 1, 1, 0.02") + free)
+    assert found == pytest.approx(wanted, abs=1e-8)
+
+
+def test_a_deck_with_what_is_fixed_is_written_and_read_again(run):
+    text = SQUARE + step("*CLOAD", "3, 1, 0.1") + step("*BOUNDARY, FIXED", "3, 1, 1") + step("*CLOAD", "4, 1, 0.1")
+    deck, wanted = run(text)
+    again, found = run(format_deck(deck))
+    assert [one.kept for one in again.steps] == [one.kept for one in deck.steps] == [set(), {(2, 0)}, {(2, 0)}]
+    assert found == pytest.approx(wanted, abs=1e-12)
+
+
 def test_pressures_on_elements_and_on_surfaces_are_let_go_one_by_one(run):
     both = step("*DLOAD", "E, P2, 0.2", "*DSLOAD", "UP, P, 0.1")
     deck, _ = run(SQUARE + both + step("*DLOAD, OP=NEW"))
@@ -91,6 +116,7 @@ AXES = {
     "BOUNDARY 7 to 9": (step("*BOUNDARY", "4, 7, 9"), "line 22, .BOUNDARY: found axis 7"),
     "BOUNDARY to 9": (step("*BOUNDARY", "4, 1, 9"), "line 22, .BOUNDARY: found axis 9"),
     "BOUNDARY backwards": (step("*BOUNDARY", "4, 2, 1"), "line 22, .BOUNDARY: .*not below the first"),
+    "BOUNDARY FIXED": (step("*BOUNDARY, FIXED", "4, 1, 1, 0.5"), "line 22, .BOUNDARY: .*no value where FIXED keeps"),
     "BOUNDARY 6": (step("*BOUNDARY", "4, 6, 6, 0.1"), "line 22, .BOUNDARY: found axis 6 of node 4"),
     "EQUATION 0": ("*EQUATION\n2\n3, 0, 1., 4, 1, -1.\n" + step(), "line 21, .EQUATION: found axis 0"),
     "EQUATION 3": ("*EQUATION\n2\n3, 3, 1., 4, 3, -1.\n" + step(), "line 21, .EQUATION: found axis 3 of node 3"),
