@@ -101,7 +101,7 @@ class FitSettings(Keys):
         ge=0,
         lt=1,
         description="Share by which a constant may change without mattering: an effect that is beyond chance, but moves"
-        " no constant by more, is a trace, and the model adequate without it.",
+        " no constant by more and out of its 95 % interval, is a trace, and the model adequate without it.",
     )
     discrepancy: Literal["none", "estimate"] = Field(
         default="none",
