@@ -223,9 +223,14 @@ def _alone_in_blocks(effects: tuple[Effect, ...], where: Path | str) -> tuple[Ef
 
 
 def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> bool:
-    """Whether the deck with an effect at its trial sizes differs from that without it."""
+    """Whether the deck with an effect at its trial sizes differs from that without it.
+
+    No two constants are alike there, as they often are at the start: a border between equal layers may lie anywhere.
+    """
     known = effects_of(Path(settings.study))
-    start = of_test(settings.starts(), study.test)
+    own = [p for p in settings.parameters() if p.name in settings.model.parameters]
+    apart = {p.name: p.lower + (p.start - p.lower) * (1.0 - 0.01 * n) for n, p in enumerate(own)}
+    start = of_test({**settings.starts(), **apart}, study.test)
     sizes = [effect.null(), *(with_effect(effect, {}, p.name) for p in effect.parameters)]
     without, *decks = (make_deck(settings, study, mesh, "mesh", {**start, **size}, known) for size in sizes)
     return any(deck != without for deck in decks)

@@ -98,6 +98,15 @@ def test_those_that_make_sense_are_taken(folder):
     stages.check_model(load_settings(folder / "mine.yaml"))
 
 
+def test_constants_that_start_alike_hide_no_border(folder):
+    """A border between equal layers may lie anywhere; the search starts with equal ones."""
+    one = {"unit": "MPa", "start": 0.1, "lower": 0.001, "upper": 1.0, "log": True}
+    config = {"study": "study", "model": {**MODEL, "parameters": {"mu_top": one, "mu_bottom": one}}, "fit": FIT}
+    (folder / "mine.yaml").write_text(yaml.safe_dump(config))
+    assert "added interface" in add(folder / "mine.yaml", "interface")
+    stages.check_model(load_settings(folder / "mine.yaml"))
+
+
 @pytest.mark.parametrize(
     ("effect", "number", "value", "bounds"),
     [("tilt", "slope", 3, "-0.08 to 0.08"), ("skin", "thickness", 9, "0.133333 to 1.66667"), ("fibres", "stiffness", -1, "0 to 30")],
