@@ -44,6 +44,7 @@ from fingerfit.diagnosis.verdict import (
     Verdict,
     decide,
     ended_well,
+    excess,
     explained_share,
     explains,
     generalising,
@@ -139,7 +140,7 @@ def diagnose(
         by_halved_mesh(found.comparison, score_test, threads) if unexplained and not outline.off else (0.0, 0)
     )
     run += more
-    coarse = by_mesh > 0.0 and by_mesh > LARGEST * (score_test.misfit - score_test.freedom)
+    coarse = by_mesh > 0.0 and by_mesh > LARGEST * excess(score_test)
     # of a body of another shape, and of one that is not solved well, refits say nothing
     for _ in range(0 if coarse or (outline.off and unexplained) else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)

@@ -167,20 +167,28 @@ def good(freedom: int) -> float:
     return max(GOOD, float(chdtri(max(freedom, 1), LEVEL)) / max(freedom, 1))
 
 
-def explains(one: ScoreTest | Refit) -> bool:
-    """Whether a model explains the data: all values together, and those few that all of a step have in common."""
+def explains(one: ScoreTest | Refit, level: float = LEVEL) -> bool:
+    """Whether a model explains the data: all values together, and those few that all of a step have in common.
+
+    Of these chance alone leaves more with a probability of `level`.
+    """
     whole = one.misfit <= good(one.freedom) * max(one.freedom, 1)
-    return whole and one.common_misfit <= _common_limit(one)
+    return whole and one.common_misfit <= _common_limit(one, level)
 
 
-def _common_limit(one: ScoreTest | Refit) -> float:
+def excess(one: ScoreTest | Refit) -> float:
+    """Misfit beyond what noise leaves on average: of all values, or of those that all of a step have in common."""
+    return max(one.misfit - one.freedom, one.common_misfit - one.common_freedom)
+
+
+def _common_limit(one: ScoreTest | Refit, level: float) -> float:
     """Of chance; where all other values differ by more than their noise, which `good` allows, of as much more."""
     from scipy.special import chdtri
 
     if not one.common_freedom:
         return 0.0
     spread = (one.misfit - one.common_misfit) / max(one.freedom - one.common_freedom, 1)
-    return float(chdtri(one.common_freedom, LEVEL)) * max(1.0, spread)
+    return float(chdtri(one.common_freedom, level)) * max(1.0, spread)
 
 
 def explained_share(score_test: ScoreTest, refit: Refit) -> float:
@@ -237,7 +245,8 @@ def decide(
         text = "there are as many constants as measured values: missing effects cannot be tested"
         return Verdict("unexplained", (), text, 0.0)
     limit = threshold(score_test, ranking, tests)
-    adequate = explains(score_test)
+    # where no effect explains it, what is left must be as sure as each of these effects would have to be
+    adequate = explains(score_test, LEVEL / max(tests, 1))
     by_name = {one.candidate.effect.name: one for one in ranking}
     refitted, refits = refits, generalising(score_test, refits, held_out)
     tried = [name for name in by_name if name in refits]

@@ -20,6 +20,7 @@ from fingerfit.diagnosis.verdict import (
     Verdict,
     decide,
     ended_well,
+    excess,
     explains,
     half_explained,
     threshold,
@@ -485,6 +486,20 @@ def test_what_does_not_matter_is_a_trace(found, misfit, value, held_out, kind):
     assert verdict.kind == (found if kind == "missing" else kind)
     assert ("tilt of the indenter" in verdict.sentence) == (kind == "adequate")
     assert verdict.effects == (("tilt",) if kind == "missing" else ())
+
+
+@pytest.mark.parametrize(
+    ("common", "tests", "kind"), [(50.0, 100, "adequate"), (50.0, 1, "unexplained"), (70.0, 100, "unexplained")]
+)
+def test_where_no_effect_explains_it_what_is_left_must_be_as_sure_as_an_effect(common, tests, kind):
+    """Chance leaves 47 of 27 values once in a hundred times, 62 once in ten thousand."""
+    score_test = SimpleNamespace(misfit=900.0, freedom=1000, common_misfit=common, common_freedom=27)
+    assert decide(score_test, [], {}, tests).kind == kind
+
+
+def test_the_excess_is_that_of_all_values_or_of_what_a_step_has_in_common():
+    assert excess(SimpleNamespace(misfit=900.0, freedom=1000, common_misfit=50.0, common_freedom=27)) == 23.0
+    assert excess(SimpleNamespace(misfit=1300.0, freedom=1000, common_misfit=50.0, common_freedom=27)) == 300.0
 
 
 @pytest.mark.parametrize(("left", "behind", "rivals"), [(1150.0, 100.0, 2), (1150.0, 160.0, 1), (1005.0, 100.0, 1)])
