@@ -508,6 +508,15 @@ def test_calculix_goes_on_from_there_as_well(tmp_path, needs_ccx):
     assert theirs.displacement == pytest.approx(ours.displacement, abs=2e-6)  # seven digits in its .dat
 
 
+def test_a_wall_is_beside_it_then_too(tmp_path):
+    values = {"swollen.volume": 0.05, "wall.share": 0.5, "wall.gap": 0.1}
+    free, stopped = (
+        solve(deck(given, of=study("displacement", [0.5, 1.0])), tmp_path)
+        for given in ({"swollen.volume": 0.05}, values)
+    )
+    assert stopped.displacement[-1, :, 0].min() > 0.8 * free.displacement[-1, :, 0].min()  # its left side
+
+
 def test_with_nothing_before_it_rests(tmp_path):
     """No force is known that a share could be of: the first step does nothing at all."""
     outcome = solve(deck({"state_probe.load": 0.1}, of=study("displacement", [0.5, 1.0])), tmp_path)
