@@ -228,13 +228,12 @@ def profile(args: argparse.Namespace) -> None:
 
 def discover(args: argparse.Namespace) -> None:
     """Fit, diagnose and add effects until the model is adequate."""
-    import functools
-
+    from fingerfit.core.progress import say
     from fingerfit.diagnosis.ladder import discover
     from fingerfit.settings.config import load_settings
 
     load_settings(args.config)  # what is wrong with it is said here in one line, not by the workflow
-    discover(args.config, args.cores, functools.partial(print, flush=True))
+    discover(args.config, args.cores, say)
 
 
 def effects(args: argparse.Namespace) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -15,6 +16,20 @@ _LOG = logging.getLogger("fingerfit.progress")
 def tell(text: str) -> None:
     """Say what was done, to whoever listens: see `Progress.working`."""
     _LOG.info(text)
+
+
+def say(*lines: str, error: bool = False) -> None:
+    """Print lines on the standard output, or that of errors, and go on without a word once nobody reads it any more.
+
+    A handler of messages that raises would leave Snakemake waiting for ever.
+    """
+    stream = sys.stderr if error else sys.stdout
+    try:
+        print(*lines, sep="\n", end="\n" * bool(lines), file=stream, flush=True)
+    except BrokenPipeError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 class Progress:
@@ -34,7 +49,7 @@ class Progress:
     def line(self, text: str) -> None:
         """Say something, above the bar."""
         if self._bar is None:
-            print(text, flush=True)
+            say(text)
         else:
             self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
 

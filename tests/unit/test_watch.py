@@ -2,8 +2,14 @@
 
 import logging
 import os
+import subprocess
+import sys
+import tempfile
 import time
+from pathlib import Path
 from types import SimpleNamespace
+
+import pytest
 
 from fingerfit.core.progress import Progress, tell
 from fingerfit.fit.rounds import Asked, Round
@@ -99,3 +105,19 @@ def test_what_is_told_is_said_in_plain_lines_where_there_is_no_terminal(capsys):
     assert capsys.readouterr().out == "     0 s  diagnose: tried tilt\n"
     tell("nobody listens")
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("error", [False, True])
+def test_it_goes_on_without_a_word_once_nobody_reads_it(error):
+    """As after `| head -1`, or where a connection was lost: a handler that raised left Snakemake waiting for ever."""
+    line = f"from fingerfit.core.progress import say; [say(str(n), error={error}) for n in range(3)]; open('done', 'w')"
+    with tempfile.TemporaryDirectory() as folder:
+        ends = {"stderr": subprocess.PIPE} if error else {"stdout": subprocess.PIPE}
+        with subprocess.Popen(
+            [sys.executable, "-c", f"input(); {line}"], cwd=folder, stdin=subprocess.PIPE, **ends
+        ) as it:
+            (it.stderr if error else it.stdout).close()
+            it.stdin.write(b"\n")
+            it.stdin.close()
+            assert it.wait() == 0
+        assert Path(folder, "done").exists()

@@ -1,7 +1,6 @@
 import os
 import re
 import sys
-from functools import partial
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -9,7 +8,7 @@ from snakemake.logging import logger
 
 from fingerfit.core.errors import FingerfitError
 from fingerfit.core.folders import CLONE, PACKAGE
-from fingerfit.core.progress import Progress
+from fingerfit.core.progress import Progress, say
 from fingerfit.fit.rounds import Walk
 from fingerfit.provenance import runs
 from fingerfit.provenance.ending import end_at_once, end_when_told
@@ -53,8 +52,8 @@ PROGRESS = Progress()
 if workflow.is_main_process and workflow.modifier.is_main_snakefile():
     QUIET = {"RULES", "ALL"} & {about.name for about in workflow.output_settings.quiet or ()}
     # of a job of a cluster the log holds what is said: it is read as the logs of other jobs are
-    say = partial(print, MARK.rstrip()) if os.getenv("FINGERFIT_STUDY") else print
-    FAILURES = Failures(partial(say, file=sys.stderr, flush=True))
+    marked = MARK if os.getenv("FINGERFIT_STUDY") else ""
+    FAILURES = Failures(lambda line: say(marked + line, error=True))
     if QUIET:
         for handler in list(logger.handlers):
             handler.addFilter(FAILURES.shown)
@@ -105,7 +104,7 @@ def run_of(wildcards):
     for one in (BY_FOLDER.get(run.below), run):
         if one and one.folder not in HELD and runs_now():
             HELD[one.folder], lines = one.begin()
-            print(*lines, sep="\n", end="\n" * bool(lines), file=sys.stderr)
+            say(*lines, error=True)
         elif one and one.folder not in HELD and workflow.is_main_process and workflow.dryrun:
             HELD[one.folder] = one.in_order()
     return run
@@ -364,5 +363,5 @@ def finished():
     """The tables of all models, and what to open."""
     PROGRESS.stop()
     if not DISCOVERS:  # whose last model has shown its own
-        print(*runs.shown(RUNS), sep="\n", flush=True)
+        say(*runs.shown(RUNS))
     end_at_once()
