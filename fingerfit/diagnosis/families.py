@@ -18,10 +18,11 @@ SURE = 4.6
 def nominated(
     score_test: ScoreTest, ranking: Sequence[Ranked], falls: Mapping[str, float] | None = None
 ) -> list[Ranked]:
-    """The ranking with either the members of a family or its probe.
+    """The ranking with the members of a family, or its probe, or both.
 
     A probe imitates all of its members. One of them is the answer where it does most of what the probe does; else there
-    is something in the family that has no member.
+    is something in the family that has no member. Where the probe is surely likelier all the same, refits of both tell:
+    what is there may have another form, or a number of the member may end at its bound.
 
     Parameters
     ----------
@@ -35,16 +36,28 @@ def nominated(
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     probes = {one.candidate.effect.family: one for one in ranking if one.candidate.effect.probe}
 
+    def of(family: str) -> list[Ranked]:
+        return [one for one in ranking if one.candidate.effect.family == family and one is not probes[family]]
+
     def stands(family: str) -> bool:
-        probe = probes[family]
-        members = [one for one in ranking if one.candidate.effect.family == family and one is not probe]
+        probe, members = probes[family], of(family)
         limit = ENOUGH * probe.finding.fall
         members = [one for one in members if known.get(one.candidate.effect.name, np.inf) >= limit]
         beyond = all(one.finding.fall < limit for one in members)
         return beyond and all(one.odds(spread) < probe.odds(spread) for one in members)
 
+    def likelier(family: str) -> bool:
+        best = max((one.odds(spread) for one in of(family)), default=-np.inf)
+        return probes[family].odds(spread) - best > SURE
+
     standing = {family: stands(family) for family in probes}
-    return [one for one in ranking if one.candidate.effect.probe == standing.get(one.candidate.effect.family, False)]
+    beside = {family for family in probes if likelier(family)}
+    return [
+        one
+        for one in ranking
+        if one.candidate.effect.probe == standing.get(family := one.candidate.effect.family, False)
+        or (one.candidate.effect.probe and family in beside)
+    ]
 
 
 def families(score_test: ScoreTest, ranking: Sequence[Ranked]) -> dict[str, tuple[Ranked, float]]:

@@ -29,7 +29,7 @@ WORSE, WORSE_OF_FEW = 0.02, 0.2
 values."""
 MATTERS = 0.05
 """Fall of the error, in noise floors, by which an effect matters that moves no constant."""
-TRIED = 3
+TRIED = 4
 """Effects that are refitted at once."""
 
 

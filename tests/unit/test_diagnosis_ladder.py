@@ -206,9 +206,9 @@ def test_without_the_parents_estimate_it_is_one_line(config):
 
 def test_effects_with_all_their_numbers_need_no_estimate_before(config):
     plain = load_settings(config).starts()
-    write_text(config, with_effects(effects="  effects:\n    tilt: {slope: 0.01}\n    base_slip: {compliance: 3}\n"))
+    write_text(config, with_effects(effects="  effects:\n    tilt: {slope: 0.01}\n    base_slip: {share: 0.1}\n"))
     found = stages.warm(load_settings(config)).starts()
-    assert found == plain | {"tilt.slope": 0.01, "base_slip.compliance": 3}
+    assert found == plain | {"tilt.slope": 0.01, "base_slip.share": 0.1}
 
 
 def test_the_search_starts_at_the_parents_estimate(config, tmp_path):

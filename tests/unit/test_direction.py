@@ -170,7 +170,7 @@ def moved_aside(folder, **effects):
 @pytest.mark.parametrize(
     ("firm", "loose"),
     [
-        ({"indenter_slip.compliance": 0.01}, {"indenter_slip.compliance": 1e9}),
+        ({"indenter_slip.share": 1e-5}, {"indenter_slip.share": 0.99}),
         ({"indenter_probe.left": 1e-5, "indenter_probe.right": 1e-5}, {"indenter_probe.left": 0.99, "indenter_probe.right": 0.99}),
     ],
     ids=["slip", "probe"],

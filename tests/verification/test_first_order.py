@@ -28,8 +28,8 @@ CASES = {
     "exponent": ({}, "alpha", 1.4),
     "tilt": ({"tilt.slope": 0.01}, "tilt.slope", 0.08),
     "sideways": ({"sideways.moved": 0.1}, "sideways.moved", 1.2),
-    "base slip": ({"base_slip.compliance": 3.0}, "base_slip.compliance", 3.0),
-    "indenter slip": ({"indenter_slip.compliance": 3.0}, "indenter_slip.compliance", 3.0),
+    "base slip": ({"base_slip.share": 0.016}, "base_slip.share", 0.016),
+    "indenter slip": ({"indenter_slip.share": 0.005}, "indenter_slip.share", 0.005),
     "swelling": ({"swelling.volume": 0.05}, "swelling.volume", 0.3),
     "stress at the beginning": ({"prestretch.stretch": 0.05}, "prestretch.stretch", 0.2),
     "load at the beginning": ({"state_probe.load": 0.1}, "state_probe.load", 0.45),
@@ -95,10 +95,18 @@ def falls(found):
     return found[0] < 0.2 and (found[1] < 0.3 * found[0] or found[1] < (STEP / 2) ** 2)
 
 
+RESTING = {"stress at the beginning", "load at the beginning"}
+"""Under displacements these have nodes of their own, and a place that they come to rest at."""
+
+
 @pytest.mark.parametrize("control", CONTROLS)
 @pytest.mark.parametrize("case", CASES)
 def test_slopes_are_those_of_whole_simulations(tmp_path, case, control):
-    assert falls(off(tmp_path, case, control))
+    if case in RESTING and control == "displacement":
+        here = written(tmp_path, CASES[case][0], control, "CPE8H")
+        assert answers(tmp_path, here, solved(tmp_path, here), [here]) == [None]
+    else:
+        assert falls(off(tmp_path, case, control))
 
 
 @pytest.mark.parametrize("element", ["CPE4", "CPE4H", "CPE3", "CPE6H"])
@@ -129,7 +137,7 @@ def test_an_answer_that_depends_on_its_way_is_none(tmp_path, values):
 def test_other_unknowns_need_a_simulation(tmp_path):
     """Held at the base or not, and one step more; what is beside them is answered all the same."""
     here = written(tmp_path, {}, "force", "CPE8H")
-    others = [{"base_slip.compliance": 0.3}, {"state_probe.load": 0.1}, {"mu_top": 1.01 * MU["mu_top"]}]
+    others = [{"base_slip.share": 0.0016}, {"state_probe.load": 0.1}, {"mu_top": 1.01 * MU["mu_top"]}]
     found = answers(
         tmp_path, here, solved(tmp_path, here), [written(tmp_path, own, "force", "CPE8H") for own in others]
     )

@@ -30,7 +30,7 @@ LENGTHS = {
     **{f"geometry_probe.{name}": LARGER for name in ("upper", "lower", "incline", "bend", "third", "fourth")},
 }  # fmt: skip
 SIZES = {
-    **LENGTHS, "base_slip.compliance": LARGER, "indenter_slip.compliance": LARGER,
+    **LENGTHS,
     "preload.force": FORCE, "force_offset.offset": FORCE,
     "loading_probe.load": FORCE, "loading_probe.midway": FORCE, "nonlinear_sensor.bend": 1 / FORCE,
     "indenter_probe.slope": 1 / LARGER, "indenter_probe.curve": 1 / LARGER**2,
