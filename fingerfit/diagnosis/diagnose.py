@@ -30,6 +30,7 @@ from fingerfit.diagnosis.reservations import (
     far_off,
     largest_part,
     of_family,
+    signal_of,
     too_coarse,
     traced,
     untried,
@@ -160,7 +161,8 @@ def diagnose(
     own = {name: estimate[name] for name in problem.settings.model.parameters}
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
     tolerance = problem.settings.fit.tolerance
-    verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, intervals)
+    signal = signal_of(found.comparison)
+    verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, intervals, signal)
     measurements = list[tuple[str, float]]()
     further, more = identification(found.comparison, threads)
     run += more

@@ -16,9 +16,12 @@ from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, thres
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE, Effect
+from fingerfit.study.several import AT
 
 LARGEST = 0.5
 """Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
+FORM = 0.1
+"""Share of an effect's signal by which its form may be off from what is there. A choice (decision 19)."""
 SURELY = 3.0
 """Standard deviations of chance."""
 LOUD = 1.5
@@ -129,6 +132,7 @@ def traced(
     tolerance: float,
     tests: int,
     intervals: Mapping[str, Sequence[float]] | None = None,
+    signal: float = 0.0,
 ) -> Verdict:
     """The verdict, but *adequate* where the model explains the data and what is named does not matter or is not likely.
 
@@ -136,7 +140,8 @@ def traced(
     and out of the interval that the model without it has given, or lowers the error on held-out steps (on fitted ones,
     where there are no others) by more than `MATTERS`. It is likely when the odds for it, against the model that
     explains the data without it, are more than `SURE`; before it was seen, each of those that were tested had an equal
-    share of what speaks for any of them.
+    share of what speaks for any of them. Nor is it where what it explains is no more than the form of the effects that
+    the model has may be off by.
 
     Parameters
     ----------
@@ -154,6 +159,8 @@ def traced(
         How many effects, and places of them, were tested.
     intervals : mapping, optional
         Lower and upper end of the 95 % interval of each constant of the model without the effects.
+    signal : float
+        Misfit that the effects of the model explain: `signal_of`.
     """
     if verdict.kind not in ("missing", "indistinguishable") or not explains(score_test):
         return verdict
@@ -167,9 +174,32 @@ def traced(
         text += f"beyond chance, but a trace that moves no constant {far}: {names}"
     elif odds < SURE:
         text += f"a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
+    elif max(refits[name].fall for name in verdict.effects) < FORM**2 * signal:
+        text += f"a trace, no more than what the form of the model's own effects may be off by: {names}"
     else:
         return verdict
     return Verdict("adequate", (), text, verdict.threshold)
+
+
+def signal_of(comparison: Comparison) -> float:
+    """Misfit that a model would have without the numbers of its effects, by slopes, the constants following."""
+    problem, score_test = comparison.problem, comparison.score_test
+    parameters, values = problem.settings.parameters(), comparison.base.values
+    amounts = {
+        effect.key(number.name): number.null
+        for effect in map(problem.effects.get, problem.settings.model.effects)
+        if effect is not None
+        for number in effect.parameters
+    }
+    names = [p.name.partition(AT)[0] for p in parameters]
+    free = [n for n, name in enumerate(names) if name in problem.settings.model.parameters]
+    signal = np.zeros(len(score_test.left))
+    for n, (parameter, name) in enumerate(zip(parameters, names, strict=True)):
+        if name in amounts and not parameter.log:
+            signal += score_test.own[:, n] * (values[parameter.name] - amounts[name]) / parameter.scale
+    constants = score_test.own[:, free]
+    left = signal - constants @ np.linalg.lstsq(constants, signal, rcond=1e-6)[0]
+    return float(left @ left)
 
 
 def _matters(refit: Refit, base: Refit, tolerance: float, intervals: Mapping[str, Sequence[float]]) -> bool:

@@ -526,6 +526,18 @@ def test_what_moves_no_constant_out_of_its_interval_is_a_trace(value, kind):
     assert ("moves no constant out of its interval" in verdict.sentence) == (kind == "adequate")
 
 
+@pytest.mark.parametrize(("signal", "kind"), [(4100.0, "adequate"), (3900.0, "missing"), (0.0, "missing")])
+def test_what_the_form_of_the_models_own_effects_may_be_off_by_is_a_trace(signal, kind):
+    """A tenth of their signal is a hundredth of the misfit that they explain."""
+    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
+    base = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1})
+    refits = {"tilt": Refit(60.0, 99, 0.9, 0.9, {"mu_top": 0.2}, fall=40.0)}
+    named = Verdict("missing", ("tilt",), "", 12.0)
+    verdict = traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20, signal=signal)
+    assert verdict.kind == kind
+    assert ("the form of the model's own effects" in verdict.sentence) == (kind == "adequate")
+
+
 def test_without_held_out_steps_the_fitted_ones_tell():
     score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
     base = Refit(100.0, 100, 1.0, None, {"mu_top": 0.1})
