@@ -221,7 +221,7 @@ def _test_all(problem: InverseProblem, last: Round, everything: Everything, thre
     if any(test.meshes[SEARCH].dim == 3 for test in problem.every):
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
     else:
-        ranking, more = refit_all(comparison, ranking, threads, explains(score_test))
+        ranking, more = refit_all(comparison, ranking, threads, explains(score_test), everywhere)
     run += more
     return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking)
 

@@ -113,6 +113,21 @@ def best_places(ranking: Sequence[Ranked]) -> list[Ranked]:
     return sorted(best.values(), key=lambda one: -one.finding.fall)
 
 
+def other_places(everywhere: Sequence[Ranked], best: Ranked) -> list[Ranked]:
+    """The next best of an effect where a fit cannot come from its best place: another layer, border or side.
+
+    Slopes where the effect is absent may point to the wrong one of them.
+    """
+    effect = best.candidate.effect
+    fixed = [effect.key(name) for name in effect.scan if name not in effect.refine and name != effect.series]
+
+    def there(one: Ranked) -> list[float]:
+        return [one.candidate.place[key] for key in fixed]
+
+    others = [one for one in everywhere if one.candidate.effect is effect and there(one) != there(best)]
+    return [max(others, key=lambda one: one.finding.fall)] if others else []
+
+
 def alike(score_test: ScoreTest, a: Ranked, b: Ranked) -> float:
     """How much of one effect's signature the other can imitate."""
     return likeness(score_test.signature(a.columns), score_test.signature(b.columns))

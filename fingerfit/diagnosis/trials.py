@@ -12,7 +12,7 @@ from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
-from fingerfit.diagnosis.ranking import Ranked, Refitted, spread_of
+from fingerfit.diagnosis.ranking import Ranked, Refitted, other_places, spread_of
 from fingerfit.model.effect import NUMERICS
 
 FIRST_MOVES, FEWEST = 4, 6
@@ -23,7 +23,11 @@ NEARER = (1.0, 0.25, -0.25)
 
 
 def refit_all(
-    comparison: Comparison, ranking: Sequence[Ranked], threads: int = 1, sloped: bool = False
+    comparison: Comparison,
+    ranking: Sequence[Ranked],
+    threads: int = 1,
+    sloped: bool = False,
+    everywhere: Sequence[Ranked] = (),
 ) -> tuple[list[Ranked], int]:
     """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
 
@@ -37,6 +41,8 @@ def refit_all(
     threads : int
     sloped : bool
         Whether what slopes predict holds, as it does near the truth: then only those are refitted that they speak for.
+    everywhere : sequence of Ranked
+        At all places, for those that the best one may be mistaken for.
 
     Returns
     -------
@@ -49,7 +55,7 @@ def refit_all(
     first = FirstPass(comparison, threads)
     base = first.refit(problem, comparison.base.values, near=True)
     first.threads = 1  # each candidate has a process of its own
-    trial = _Trial(first, base)
+    trial = _Trial(first, base, everywhere)
     seen, found, run = list[Ranked](), list[Ranked](), base.simulations
     for one in ranking:
         effect = one.candidate.effect
@@ -66,7 +72,9 @@ def refit_all(
         problem.asked.update(tried.asked)
         run += tried.run
         if tried.ranked:
-            found.append(replace(tried.ranked, columns=one.columns))
+            at = tried.ranked.candidate
+            columns = next((other.columns for other in everywhere if other.candidate is at), one.columns)
+            found.append(replace(tried.ranked, columns=columns))
             shares[one.candidate.effect.name] = tried.share
     found = by_odds()
     best = [(n, one.refitted) for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
@@ -89,14 +97,26 @@ class _Tried:
     share: float
 
 
+def _misfit(tried: _Tried) -> float:
+    return tried.ranked.refitted.misfit if tried.ranked and tried.ranked.refitted else float("inf")
+
+
 @dataclass(frozen=True)
 class _Trial:
     """Refits of candidates, each in one process."""
 
     first: FirstPass
     base: Refitted
+    everywhere: Sequence[Ranked] = ()
 
     def begun(self, one: Ranked) -> _Tried:
+        """The first moves at the best place, and at the next best that these cannot come to; the better of both."""
+        tried = [self._begun(place) for place in (one, *other_places(self.everywhere, one))]
+        best = min(tried, key=_misfit)
+        asked = frozenset().union(*(there.asked for there in tried))
+        return replace(best, asked=asked, run=sum(there.run for there in tried))
+
+    def _begun(self, one: Ranked) -> _Tried:
         """The first moves, from the nearest start that has a solution."""
         asked, run = set[str](), 0
         for share in NEARER:
