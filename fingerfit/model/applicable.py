@@ -51,7 +51,8 @@ def unmet(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
     found = [IN_WORDS[need] for need in effect.needs if need not in there]
     if effect.control and effect.control != study.control:
         found.append(f"a prescribed {effect.control}")
-    pushes = {p.name for p in effect.parameters} <= names_in(effect.changes.get("before", "0"))
+    numbers = {p.name for p in effect.parameters}
+    pushes = bool(numbers) and numbers <= names_in(effect.changes.get("before", "0"))
     if pushes and study.control == "displacement" and (study.body.width is None or study.direction):
         # only the deck of a block goes on from where a force has left the indenter
         found.append("a prescribed force")
