@@ -40,6 +40,7 @@ from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.sides import begun, sides_of
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.diagnosis.verdict import (
+    GOOD,
     SEEN,
     Refit,
     Verdict,
@@ -248,16 +249,20 @@ def _refits(
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
     Where one explains most of the misfit, not those whose odds in the first pass were far below its own, and no probe
-    that was less likely: it would only say that there is something of no known form.
+    that was less likely: it would only say that there is something of no known form. A probe comes after the members of
+    its family, and not at all where one of them explains the data, every pixel included.
     """
-    explained = -np.inf
+    explained, named = -np.inf, set[str]()
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
     flat = all(test.meshes[SEARCH].dim == 2 for test in problem.every)
     beside, each = 1, threads
 
     def worth_it(ranked: Ranked) -> bool:
-        share = 1.0 if ranked.candidate.effect.probe else ENOUGH
+        effect = ranked.candidate.effect
+        if effect.probe and effect.family in named:
+            return False
+        share = 1.0 if effect.probe else ENOUGH
         return not ranked.refitted or ranked.odds(spread) >= share * explained
 
     def refitted(ranked: Ranked) -> tuple[tuple[Refit, int] | None, set[str]]:
@@ -269,6 +274,8 @@ def _refits(
         return made, problem.asked - known
 
     left = to_refit(found.score_test, found.ranking, found.tests, known)
+    members = {one.candidate.effect.family for one in left if not one.candidate.effect.probe}
+    left.sort(key=lambda one: one.candidate.effect.probe and one.candidate.effect.family in members)
     while left := [ranked for ranked in left if worth_it(ranked)]:
         now, left = left[:beside], left[beside:]
         # what an earlier one of them has made needless is thrown away, so that one process finds the same
@@ -282,6 +289,8 @@ def _refits(
             if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
                 explained = max(explained, ranked.odds(spread))
             effect, share = ranked.candidate.effect, min(1.0, max(0.0, explained_share(found.score_test, refit)))
+            if not effect.probe and explains(refit) and refit.fitted <= GOOD:
+                named.add(effect.family)
             tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
             yield ranked, refit, run
         # the first one often makes all others needless, which would hold it up
