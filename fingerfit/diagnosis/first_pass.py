@@ -39,6 +39,9 @@ MOVES = 12
 NEAR = 0.1 * STEP
 """Step of slopes by the tangent, which no tolerance of a solver blurs: by Poisson's ratio the bulk modulus changes ten
 times as much. Elements have their moduli to four decimals of the logarithm, a sixtieth of it."""
+BLIND = 0.01
+"""Change of all values together, in units of their noise, that a number makes which is moved by its scale: one that
+makes less at the start stays there. Rounding alone would lead it anywhere."""
 GRID = 5
 """Decimals of a distance: sums in another order must not ask for other simulations."""
 
@@ -119,13 +122,23 @@ class FirstPass:
         begin = np.zeros(len(path.parameters))
         if not np.isfinite(path.residual(begin)).all():
             raise StateError("the start of a refit has no solution")
+        free = np.linalg.norm(path.slopes(begin), axis=0) > BLIND
+        free |= not free.any()
+
+        def whole(moved: np.ndarray) -> np.ndarray:
+            delta = begin.copy()
+            delta[free] = moved
+            return delta
+
         found = least_squares(
-            path.residual, begin, path.slopes, path.bounds,
-            x_scale=MOVE, ftol=FALL, xtol=1e-4, gtol=None, max_nfev=moves,
+            lambda moved: path.residual(whole(moved)), begin[free], lambda moved: path.slopes(whole(moved))[:, free],
+            (path.bounds[0][free], path.bounds[1][free]), x_scale=MOVE, ftol=FALL, xtol=1e-4, gtol=None, max_nfev=moves,
         )  # fmt: skip
-        values = path.values(found.x)
+        values = path.values(whole(found.x))
         bound = tuple(p.name for p in path.parameters if bound_of(p, values[p.name]) is not None)
-        weighed = _information(path.parameters, values, np.asarray(found.jac), effect)
+        slopes = np.zeros((path.count, len(free)))
+        slopes[:, free] = found.jac
+        weighed = _information(path.parameters, values, slopes, effect)
         return Refitted(values, float(2.0 * found.cost), found.status > 0, bound, path.run, path.count, *weighed)
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
@@ -234,11 +247,11 @@ class Way:
 
     def slopes(self, delta: np.ndarray) -> np.ndarray:
         """Derivatives of that, shape (values, parameters); 0 where neither side has a solution."""
+        if self._before is not None and np.array_equal(delta, self._before[0]):
+            return self._before[2]
         if self._secant and self._before is not None:
             here, (last, left, columns) = self.residual(delta), self._before
             move = delta - last
-            if not move.any():
-                return columns
             columns = columns + np.outer(here - left - columns @ move, move / (move @ move))
         else:
             columns = self._differences(delta)
