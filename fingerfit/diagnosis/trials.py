@@ -13,6 +13,7 @@ from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
 from fingerfit.diagnosis.ranking import Ranked, Refitted, other_places, spread_of
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.model.effect import NUMERICS
 
 FIRST_MOVES, FEWEST = 4, 6
@@ -55,7 +56,7 @@ def refit_all(
     first = FirstPass(comparison, threads)
     base = first.refit(problem, comparison.base.values, near=True)
     first.threads = 1  # each candidate has a process of its own
-    trial = _Trial(first, base, everywhere)
+    trial, before = _Trial(first, base, everywhere), _solved(problem)
     seen, found, run = list[Ranked](), list[Ranked](), base.simulations
     for one in ranking:
         effect = one.candidate.effect
@@ -70,7 +71,6 @@ def refit_all(
     shares = dict[str, float]()
     for one, tried in zip(seen, side_by_side(trial.begun, seen, threads), strict=True):
         problem.asked.update(tried.asked)
-        run += tried.run
         if tried.ranked:
             at = tried.ranked.candidate
             columns = next((other.columns for other in everywhere if other.candidate is at), one.columns)
@@ -82,9 +82,13 @@ def refit_all(
     going_on = [(found[n], shares[found[n].candidate.effect.name]) for n in left]
     for n, tried in zip(left, side_by_side(trial.gone_on, going_on, threads), strict=True):
         problem.asked.update(tried.asked)
-        run += tried.run
         found[n] = replace(tried.ranked, columns=found[n].columns) if tried.ranked else found[n]
-    return by_odds(), run
+    # two processes may ask for the same one at the same time: solutions are counted, not who asked for them
+    return by_odds(), run + len((_solved(problem) - before) & problem.asked)
+
+
+def _solved(problem: InverseProblem) -> set[str]:
+    return {path.parent.name for path in problem.sims.glob("*/solution.npz")}
 
 
 @dataclass(frozen=True)
