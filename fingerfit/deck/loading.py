@@ -57,6 +57,7 @@ def loading_steps(
     resting = from_rest(study, present)
     largest, most = (_largest(study, what) for what in (control, "force" if resting else control))
     before = float(changed_by("before", 0.0, {"largest": most}, present, values))
+    begun = 0.0 if resting else before
     swelling = _swelling(study, mesh, present, values)
     warm = [temperature(row) for row in swelling] if swelling.any() else [[]] * (count + 1)
     found, last = [], 0.0
@@ -66,7 +67,7 @@ def loading_steps(
                 **({"force": before, "displacement": 0.0} if resting else {control: before}),
                 "period": None,
                 "temperature": warm[0],
-                "aside": sorted(_aside(study, None, 0.0 if resting else before).items()),
+                "aside": sorted(_aside(study, None, begun).items()),
             }
         )
     for k, (step, now) in enumerate(zip(study.steps, study.now, strict=True), 1):
@@ -77,9 +78,7 @@ def loading_steps(
         entry["temperature"] = warm[k]
         names = {"k": k, "n": count, "now": now, "time": step.time or 0.0, "largest": largest}
         if entry[control] is not None:
-            entry[control] = float(changed_by(control, entry[control], names, present, values)) + (
-                0.0 if resting else before
-            )
+            entry[control] = float(changed_by(control, entry[control], names, present, values)) + begun
         aside = _aside(study, step, entry["displacement"])
         if any("displacement_x" in effect.changes for effect in present):
             names["share"] = abs(getattr(step, control) or 0.0) / (largest or 1.0)

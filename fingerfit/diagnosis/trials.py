@@ -72,9 +72,10 @@ def refit_all(
     for one, tried in zip(seen, side_by_side(trial.begun, seen, threads), strict=True):
         problem.asked.update(tried.asked)
         if tried.ranked:
-            at = tried.ranked.candidate
-            columns = next((other.columns for other in everywhere if other.candidate is at), one.columns)
-            found.append(replace(tried.ranked, columns=columns))
+            # what another process has found is a copy: it is known by its place
+            places = (one, *other_places(everywhere, one))
+            there = next(place for place in places if place.candidate.place == tried.ranked.candidate.place)
+            found.append(replace(tried.ranked, columns=there.columns))
             shares[one.candidate.effect.name] = tried.share
     found = by_odds()
     best = [(n, one.refitted) for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
@@ -97,7 +98,6 @@ class _Tried:
 
     ranked: Ranked | None
     asked: frozenset[str]
-    run: int
     share: float
 
 
@@ -118,17 +118,17 @@ class _Trial:
         tried = [self._begun(place) for place in (one, *other_places(self.everywhere, one))]
         best = min(tried, key=_misfit)
         asked = frozenset().union(*(there.asked for there in tried))
-        return replace(best, asked=asked, run=sum(there.run for there in tried))
+        return replace(best, asked=asked)
 
     def _begun(self, one: Ranked) -> _Tried:
         """The first moves, from the nearest start that has a solution."""
-        asked, run = set[str](), 0
+        asked = set[str]()
         for share in NEARER:
             there = self._refit(one, share)
-            asked, run = asked | there.asked, run + there.run
+            asked |= there.asked
             if there.ranked:
                 break
-        return replace(there, asked=frozenset(asked), run=run)
+        return replace(there, asked=frozenset(asked))
 
     def gone_on(self, pair: tuple[Ranked, float]) -> _Tried:
         """The other moves of one that has not converged, and the share of the step at which it began."""
@@ -143,7 +143,7 @@ class _Trial:
             else:
                 there = self.first.refit(wider, before.values, effect, MOVES - FIRST_MOVES)
         except StateError:
-            return _Tried(None, frozenset(wider.asked), 0, share)
+            return _Tried(None, frozenset(wider.asked), share)
         run, excess = there.simulations, max(self.base.misfit - self.first.count + len(self.base.values), 1.0)
         there = replace(there, simulations=run + (before.simulations if before else 0))
         fall = max(0.0, self.base.misfit - there.misfit)
@@ -151,7 +151,7 @@ class _Trial:
         size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
         finding, there = replace(one.finding, fall=fall, size=size), replace(there, share=fall / excess)
         found = replace(one, finding=finding, refitted=there, columns=np.zeros((0, 0)))
-        return _Tried(found, frozenset(wider.asked), run, share)
+        return _Tried(found, frozenset(wider.asked), share)
 
 
 def _just_present(one: Ranked, share: float = 1.0) -> Ranked:

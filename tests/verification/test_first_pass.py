@@ -13,6 +13,7 @@ from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.first_pass import FALL, NEAR, FirstPass, Way, widened
 from fingerfit.diagnosis.ranking import best_places
 from fingerfit.diagnosis.trials import refit_all
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
 from fingerfit.settings.extend import extended
 
@@ -115,6 +116,23 @@ def test_two_processes_find_what_one_does(world):
         found.refitted and found.refitted.values for found in one
     ]
     assert all(found.columns is own.columns for found, own in zip(two, one, strict=True))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_of_two_layers_the_better_is_kept_with_its_columns(world, threads):
+    """Slopes point to the wrong one; what a process of its own has found is known by its place."""
+    comparison, ranking, _ = world
+    problem = comparison.problem
+    found = [one for one in candidates(problem, comparison.base.values)[0] if one.effect.name == "layer_stiffening"]
+    solve_missing(problem, [asked for one in found for asked in one.asked], 1)
+    everywhere = rank_candidates(comparison, comparison.score_test, found)
+    alone = [refit_all(comparison, [one])[0][0].refitted.misfit for one in everywhere]
+    wrong, right = everywhere[int(np.argmax(alone))], everywhere[int(np.argmin(alone))]
+    tilt = next(one for one in ranking if one.candidate.effect.name == "tilt")
+    both, _ = refit_all(comparison, [tilt, wrong], threads, everywhere=[wrong, right])
+    best = next(one for one in both if one.candidate.effect.name == "layer_stiffening")
+    assert best.candidate.place == right.candidate.place != wrong.candidate.place
+    assert best.columns is right.columns
 
 
 def test_few_digits_of_a_place_stay_within_its_bounds(world):
