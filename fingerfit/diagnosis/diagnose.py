@@ -61,6 +61,7 @@ from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import moved
 from fingerfit.model.effect import MESH_ERROR
+from fingerfit.settings.extend import rivals, with_model
 
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
@@ -391,4 +392,7 @@ def _at_size(comparison: Comparison, score_test: ScoreTest, one: Ranked) -> Aske
 def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> InverseProblem:
     """Fit of the model with an effect that was named, on the way of its refit: none of its simulations is new."""
     one = next(one for one in found.ranking if one.candidate.effect.name == name)
-    return widened(problem, minimum(problem, last).values, one, found.refits[name].share)
+    wider = widened(problem, minimum(problem, last).values, one, found.refits[name].share)
+    refits = {other: refit.values for other, refit in found.refits.items()}
+    known = problem.settings.model.rivals | rivals(problem.settings, name, found.verdict.effects, refits)
+    return wider.with_settings(with_model(wider.settings, rivals=known))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.fit.intervals import FAR_OFF, as_json, bound_of, repeat, seen_directions, summarise
+from fingerfit.fit.intervals import FAR_OFF, Uncertainty, as_json, bound_of, repeat, seen_directions, summarise
 from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_search_mesh, partly_on_finer_mesh
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import told, weigh
@@ -70,7 +71,7 @@ def estimate_of(
         "study": settings.study,
         "model": settings.model.full_name,
         "solver": last.solver,
-        "parameters": as_json(found, parameters, point),
+        "parameters": as_json(_with_rivals(found, problem), parameters, point),
         "correlation": {
             "names": names,
             "matrix": np.round(found.correlation, 4).tolist(),
@@ -79,6 +80,7 @@ def estimate_of(
             *found.remarks,
             *(told(priors, priors.left(values), np.hypot(found.relative, found.mesh)) if priors else []),
             *_extrapolated(problem, best, values),
+            *_rival_remarks(problem, values),
             *_bound_remarks(problem, values),
             *_mesh_remarks(problem, mesh, partly),
             *_thickness_remarks(problem),
@@ -130,6 +132,34 @@ def _extrapolated(problem: InverseProblem, best: Minimum, values: Mapping[str, f
     if not problem.priors or far <= CLOSE:
         return []
     return [f"with its priors the estimate is {100 * far:.0f} % from the last simulation, by slopes alone"]
+
+
+def _with_rivals(found: Uncertainty, problem: InverseProblem) -> Uncertainty:
+    """Uncertainty whose intervals hold those that the models would have that the data cannot tell from this one.
+
+    Theirs are taken to be as wide as its own.
+    """
+    ends = found.interval.copy()
+    for n, p in enumerate(problem.settings.parameters()):
+        away = [one[p.name] for one in problem.settings.model.rivals.values() if p.name in one]
+        if p.log:
+            ends[n] *= min([1.0, *away]), max([1.0, *away])
+        else:
+            ends[n] += min([0.0, *away]), max([0.0, *away])
+    return replace(found, interval=ends)
+
+
+def _rival_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list[str]:
+    """A sentence on each model that the data could not tell from this one, with its constants."""
+    parameters, found = {p.name: p for p in problem.settings.parameters()}, []
+    for model, away in problem.settings.model.rivals.items():
+        told = [
+            f"{name} {values[name] * far if parameters[name].log else values[name] + far:.4g}"
+            for name, far in away.items()
+        ]
+        text = f"these data cannot tell this model from {model}, which has {', '.join(told)}"
+        found.append(f"{text}: the intervals reach that far")
+    return found
 
 
 def _of(test: InverseProblem) -> str:

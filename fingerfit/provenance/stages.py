@@ -21,7 +21,7 @@ from fingerfit.provenance.sources import reached
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.choices import KNOWN, known
 from fingerfit.settings.config import CONFIG, Settings
-from fingerfit.settings.extend import extended
+from fingerfit.settings.extend import extended, rivals, with_model
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.reader import load_study
 from fingerfit.study.several import file_ending
@@ -124,6 +124,7 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     """Settings whose search starts at the estimate of the model with one effect less; `where` is named in errors.
 
     Where there is none, a last effect with all its numbers starts there, and the constants where they would without it.
+    The settings have the models that the diagnoses before could not tell from this one as its rivals.
 
     Raises
     ------
@@ -132,12 +133,9 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     """
     if not settings.model.effects:
         return settings
-    data = settings.model_dump(mode="json")
-    effects = data["model"]["effects"]
+    effects = settings.model.effects
     *before, last = effects
-    parent = settings.model_copy(
-        update={"model": settings.model.model_copy(update={"effects": {name: effects[name] for name in before}})}
-    )
+    parent = with_model(settings, effects={name: effects[name] for name in before})
     path = model_folder(parent) / "estimate.json"
     effect = with_numbers(effects_of(Path(settings.study))[last], effects[last])
     if path.exists():
@@ -149,7 +147,20 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
         found, wanted = f"{last}, but no {path}", f"an estimate without it first: fingerfit drop {last}, then snakemake"
         raise InputError(where, f"model.effects.{last}", found, wanted)
     place = {effect.key(name): effects[last][name] for name in effect.scan if name in effects[last]}
-    return extended(parent, effect, place, effects[last], values)
+    wider = extended(parent, effect, place, effects[last], values)
+    return with_model(wider, rivals=_rivals(settings) | settings.model.rivals)
+
+
+def _rivals(settings: Settings) -> dict[str, dict[str, float]]:
+    """Models that the diagnoses on the way to this one could not tell from it, as ``model.rivals`` has them."""
+    found, effects = dict[str, dict[str, float]](), settings.model.effects
+    for count, last in enumerate(effects):
+        parent = with_model(settings, effects={name: effects[name] for name in list(effects)[:count]})
+        path = model_folder(parent) / "diagnosis.json"
+        record = read_record(path, "ranking", "effects") if path.exists() else {"ranking": [], "effects": []}
+        refits = {entry["effect"]: entry["refit"]["parameters"] for entry in record["ranking"] if entry.get("refit")}
+        found |= rivals(parent, last, record["effects"], refits)
+    return found
 
 
 def _refit_constants(diagnosis: Path, effect: str, numbers: dict[str, float]) -> dict[str, float]:

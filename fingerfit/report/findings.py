@@ -331,7 +331,7 @@ COMPARED = ("score", "steps", "smooth", "crop", "bins")
 def made_with(settings: Mapping[str, Any]) -> str:
     """Hash of the settings that rungs of one ladder share: all that errors depend on, but effects and starts."""
     model, fit = settings["model"], settings["fit"]
-    shared = {key: value for key, value in model.items() if key not in ("effects", "parameters")}
+    shared = {key: value for key, value in model.items() if key not in ("effects", "rivals", "parameters")}
     bounds = {name: {**entry, "start": None} for name, entry in model["parameters"].items()}
     chosen = [settings["study"], settings["solver"], shared, bounds, [fit[key] for key in COMPARED]]
     return digest(json.dumps(chosen, sort_keys=True))

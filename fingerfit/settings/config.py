@@ -63,6 +63,12 @@ class ModelSettings(Model, Keys):
         description="Effects that were added, in order; numbers of an effect where they differ from its own. With all"
         " numbers of the last one no fit without it comes before.",
     )
+    rivals: dict[str, dict[str, float]] = Field(
+        default_factory=dict,
+        description="Models that the data cannot tell from this one: by what factor each has a constant larger, or by"
+        " what difference where it is not searched in the logarithm. Intervals reach that far. The workflow takes them"
+        " from the diagnosis of the model with one effect less; there is no need to write them.",
+    )
 
     @model_validator(mode="after")
     def _follow_outline(self) -> ModelSettings:
@@ -156,6 +162,8 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
     if problems:
         raise Problems(problems)
     settings.effects(where)
+    if problems := _strange_rivals(settings, where):
+        raise Problems(problems)
     return settings  # type: ignore[no-any-return]
 
 
@@ -229,6 +237,24 @@ def _strange_per_test(settings: Settings, where: Path | str) -> list[FingerfitEr
         if name not in model.parameters and name.partition(".")[0] not in model.effects:
             expected = "one of model.parameters or effects: " + ", ".join([*model.parameters, *model.effects])
             problems.append(InputError(where, f"model.per_test.{n}", name, expected))
+    return problems
+
+
+def _strange_rivals(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    """Constants of rivals that the model does not have, and factors that no constant has."""
+    if not settings.model.rivals:
+        return []
+    known, problems = {p.name: p for p in settings.parameters()}, list[FingerfitError]()
+    for model, away in settings.model.rivals.items():
+        field = f"model.rivals.{model}."
+        problems += [unknown_key(where, field, name, tuple(known)) for name in away if name not in known]
+        problems += [
+            InputError(
+                where, f"{field}{name}", far, "above 0, a factor of a constant that is searched in the logarithm"
+            )
+            for name, far in away.items()
+            if name in known and known[name].log and far <= 0
+        ]
     return problems
 
 

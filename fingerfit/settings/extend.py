@@ -1,9 +1,9 @@
-"""A model with one effect more: its settings, started where the model without it stopped."""
+"""A model with one effect more: its settings, started where the model without it stopped, and its rivals."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fingerfit.model.effect import Effect
@@ -55,6 +55,47 @@ def extended(
         own[p.name] = _within(size.get(p.name, p.null), (low + edge, high - edge))
     model["effects"][effect.name] = own
     return load_settings(data, "config.yaml")
+
+
+def with_model(settings: Settings, **keys: Any) -> Settings:
+    """Settings with other keys of the model."""
+    return settings.model_copy(update={"model": settings.model.model_copy(update=keys)})
+
+
+def rivals(
+    settings: Settings, effect: str, named: Sequence[str], refits: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
+    """Models whose last effect the data could not tell from this one, and how far from it they have the constants.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of the model without any of these effects.
+    effect : str
+        The one that is added.
+    named : sequence of str
+        Effects that the diagnosis of that model named.
+    refits : mapping
+        Values of all numbers by effect, where each was refitted.
+
+    Returns
+    -------
+    dict
+        By name of the model, as ``model.rivals`` of config.yaml has them; empty where `effect` is the only one, or none
+        of them.
+    """
+    if effect not in named or effect not in refits:
+        return {}
+    return {
+        f"{settings.model.full_name}+{other}": {
+            p.name: refits[other][p.name] / refits[effect][p.name]
+            if p.log
+            else refits[other][p.name] - refits[effect][p.name]
+            for p in settings.parameters()
+        }
+        for other in named
+        if other != effect and other in refits
+    }
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:

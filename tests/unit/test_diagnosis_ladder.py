@@ -235,6 +235,40 @@ def test_a_field_that_is_added_by_hand_has_the_modes_that_were_said(config, tmp_
     assert found == pytest.approx({"mu_top": 0.031, "mu_bottom": 0.062} | size)
 
 
+# --- models that the data cannot tell from a richer one
+
+
+def diagnosed(folder, model, named, **refits):
+    """A diagnosis on the way, with the values of `mu_top` of the effects that were refitted."""
+    ranking = [
+        {"effect": name, "refit": {"parameters": {"mu_top": value, "mu_bottom": 0.06, "tilt.slope": 0.02}}}
+        for name, value in refits.items()
+    ]
+    keep_json(folder / f"results/study/{model}/diagnosis.json", {"ranking": ranking, "effects": named})
+
+
+def test_models_that_could_not_be_told_from_it_stay_with_a_model(config, tmp_path):
+    write_text(
+        config,
+        with_effects(effects="  effects:\n    tilt: {slope: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"),
+    )
+    named, other = ["tilt", "skin"], ["relaxation", "ageing"]
+    diagnosed(tmp_path, "base", named, tilt=0.03, skin=0.045, soft_bed=0.09)
+    diagnosed(tmp_path, "base+tilt", other, inclusion=0.03, relaxation=0.02, ageing=0.04)
+    parameters = {
+        name: {"value": value} for name, value in {"mu_top": 0.031, "mu_bottom": 0.062, "tilt.slope": 0.017}.items()
+    }
+    keep_json(tmp_path / "results/study/base+tilt/estimate.json", {"parameters": parameters})
+    # an effect that is added though others were named has no rivals of its own; those of the first one stay
+    assert stages.warm(load_settings(config)).model.rivals == {
+        "base+skin": {"mu_top": pytest.approx(1.5), "mu_bottom": pytest.approx(1.0)}
+    }
+    diagnosed(tmp_path, "base+tilt", ["inclusion"], inclusion=0.03, relaxation=0.02)
+    assert list(stages.warm(load_settings(config)).model.rivals) == ["base+skin"]
+    diagnosed(tmp_path, "base+tilt", ["ageing", "inclusion"], inclusion=0.04, ageing=0.02)
+    assert stages.warm(load_settings(config)).model.rivals["base+tilt+ageing"]["mu_top"] == pytest.approx(0.5)
+
+
 # --- what is told
 
 

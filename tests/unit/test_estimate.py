@@ -98,3 +98,32 @@ def test_a_refitted_effect_at_its_bound_is_told():
     assert at_bounds(slip, {slip.key(p.name): p.lower}) == {p.name: "lower"}
     assert at_bounds(slip, {slip.key(p.name): p.upper, "mu": 1.0}) == {p.name: "upper"}
     assert at_bounds(slip, {slip.key(p.name): (p.lower + p.upper) / 2}) == {}
+
+
+def test_intervals_reach_to_the_models_that_the_data_cannot_tell_from_this_one(tmp_path, monkeypatch):
+    (tmp_path / "alone").mkdir()
+    alone = fitted(tmp_path / "alone", monkeypatch)
+    own = alone["parameters"]["mu"]
+    (tmp_path / "among").mkdir()
+    rivals = {"base+skin": {"mu": 0.8}, "base+band": {"mu": 1.5}}
+    among = fitted(tmp_path / "among", monkeypatch, {"rivals": rivals})
+    entry = among["parameters"]["mu"]
+    assert entry["value"] == own["value"]
+    low, high = own["interval95"]
+    assert entry["interval95"] == pytest.approx([0.8 * low, 1.5 * high])
+    told = [remark for remark in among["remarks"] if "cannot tell" in remark]
+    assert len(told) == 2
+    assert told[1] == (
+        f"these data cannot tell this model from base+band, which has mu {1.5 * own['value']:.4g}:"
+        " the intervals reach that far"
+    )
+    assert not any("cannot tell" in remark for remark in alone["remarks"])
+
+
+def test_a_rival_on_one_side_leaves_the_other_end_where_it_is(tmp_path, monkeypatch):
+    linear = {"rivals": {"base+skin": {"mu": -0.004}}, "parameters": {"mu": {**MU, "log": False}}}
+    (tmp_path / "alone").mkdir()
+    low, high = fitted(tmp_path / "alone", monkeypatch, {**linear, "rivals": {}})["parameters"]["mu"]["interval95"]
+    (tmp_path / "among").mkdir()
+    found = fitted(tmp_path / "among", monkeypatch, linear)["parameters"]["mu"]["interval95"]
+    assert found == pytest.approx([low - 0.004, high])
