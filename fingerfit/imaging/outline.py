@@ -87,8 +87,8 @@ def measure_outline(picture: Picture, low: np.ndarray, high: np.ndarray) -> Outl
     Across each side runs a line at every pixel. The side lies where the intensities further in are likeliest those of
     the body and those further out those of what is around it, each with the frequencies of its own strip (region
     competition: Zhu and Yuille 1996). A parabola is laid through the places of all lines; outliers weigh little. A
-    blurred edge lies where the mean of all lines, each from its place on the parabola, is half way from that of the
-    body to that of what is around it.
+    blurred edge lies where the mean of all lines, each from its place on the parabola, is half way from that just within
+    the body to that just outside.
 
     Parameters
     ----------
@@ -163,10 +163,11 @@ def _contrast(seen: np.ndarray) -> float:
 
 def _half_way(out: np.ndarray, seen: np.ndarray, edge: np.ndarray) -> float:
     """How far out from the places that were found, shape (lines,), the mean intensity is half way; mm."""
-    half = len(out) // 4
-    near = np.arange(-_BLUR, _BLUR + 1) * (out[1] - out[0])
-    mean = np.mean([np.interp(near + its, out, line) for line, its in zip(seen, edge, strict=True)], axis=0)
-    inside, outside = seen[:, :half].mean(), seen[:, 3 * half :].mean()
+    around = np.arange(-2 * _BLUR, 2 * _BLUR + 1) * (out[1] - out[0])
+    whole = np.mean([np.interp(around + its, out, line) for line, its in zip(seen, edge, strict=True)], axis=0)
+    near, mean = around[_BLUR:-_BLUR], whole[_BLUR:-_BLUR]
+    # what lies further in may be another layer, which looks otherwise
+    inside, outside = whole[:_BLUR].mean(), whole[-_BLUR:].mean()
     share = (mean - outside) / (inside - outside) if inside != outside else np.full(len(near), 0.5)
     crossings = np.flatnonzero((share[:-1] >= 0.5) & (share[1:] < 0.5))
     if not len(crossings):

@@ -221,11 +221,14 @@ def _series(path: Path) -> Sequence[str]:
 def write_picture(path: Path, picture: Picture, kind: Any = np.uint16) -> None:
     """Write a picture; the format follows from the name. Whole or not at all.
 
-    Values with one axis more than the picture, the last one, are vectors.
+    Values with one axis more than the picture, the last one, are vectors. What `kind` does not reach is cut off.
     """
     import SimpleITK as sitk
 
-    image = sitk.GetImageFromArray(picture.values.astype(kind), isVector=picture.values.ndim > picture.dim)
+    values = picture.values
+    if np.issubdtype(kind, np.integer):
+        values = np.clip(values, np.iinfo(kind).min, np.iinfo(kind).max)
+    image = sitk.GetImageFromArray(values.astype(kind), isVector=picture.values.ndim > picture.dim)
     image.SetSpacing(picture.spacing.tolist())
     image.SetOrigin(picture.origin.tolist())
     image.SetDirection(picture.direction.ravel().tolist())

@@ -246,3 +246,10 @@ def test_crop_in_space(rng):
     part = whole.crop(np.array([[2.0, 3.0, 1.0], [5.0, 6.0, 4.0]]), 0.0)
     assert np.array_equal(part.values, whole.values[1:5, 3:7, 2:6])
     assert part.origin == pytest.approx([2.0, 3.0, 1.0])
+
+
+def test_what_a_file_cannot_hold_is_cut_off(tmp_path):
+    """Noise below zero must not come back as the brightest of all pixels."""
+    values = np.array([[-3.0, 0.0, 7.9], [65535.0, 65536.0, 1e9]])
+    write_picture(tmp_path / "a.nii.gz", Picture(values, np.ones(2), np.zeros(2), np.eye(2)))
+    assert read_picture(tmp_path / "a.nii.gz").values.tolist() == [[0, 0, 7], [65535, 65535, 65535]]
