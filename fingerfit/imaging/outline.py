@@ -87,8 +87,8 @@ def measure_outline(picture: Picture, low: np.ndarray, high: np.ndarray) -> Outl
     Across each side runs a line at every pixel. The side lies where the intensities further in are likeliest those of
     the body and those further out those of what is around it, each with the frequencies of its own strip (region
     competition: Zhu and Yuille 1996). A parabola is laid through the places of all lines; outliers weigh little. A
-    blurred edge lies where the mean of all lines, each from its place on the parabola, is half way from that just within
-    the body to that just outside.
+    blurred edge lies where the mean of all lines, each from its place on the parabola, is half way from that of what is
+    just within the body to that of what is just outside.
 
     Parameters
     ----------
