@@ -38,10 +38,9 @@ from fingerfit.diagnosis.reservations import (
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.sides import begun, sides_of
-from fingerfit.diagnosis.trials import refit_all
+from fingerfit.diagnosis.trials import rank_again, refit_all
 from fingerfit.diagnosis.verdict import (
     GOOD,
-    SEEN,
     Refit,
     Verdict,
     decide,
@@ -52,19 +51,17 @@ from fingerfit.diagnosis.verdict import (
     generalising,
     half_explained,
     nearest,
-    threshold,
     to_refit,
 )
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
-from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.slopes import moved
+from fingerfit.fit.rounds import Round
 from fingerfit.model.effect import MESH_ERROR
 from fingerfit.settings.extend import rivals, with_model
 
-SECOND = 6
-"""Effects that are looked at again before any is refitted, in space."""
+HALF = 0.5
+"""Share of a series' log odds from which what has fewer numbers is refitted beside it."""
 BATCHES = 2
 """How often the next best effects are refitted, as long as none explains the residual."""
 
@@ -250,10 +247,11 @@ def _refits(
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
     Where one explains most of the misfit, not those whose odds in the first pass were far below its own, and no probe
-    that was less likely: it would only say that there is something of no known form. A probe comes after the members of
+    that was less likely: it would only say that there is something of no known form. A series of many numbers may
+    imitate what has few: beside it others are tried that were half as likely. A probe comes after the members of
     its family, and not at all where one of them explains the data, every pixel included.
     """
-    explained, named = -np.inf, set[str]()
+    explained, by_series, named = -np.inf, False, set[str]()
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
     flat = all(test.meshes[SEARCH].dim == 2 for test in problem.every)
@@ -263,7 +261,7 @@ def _refits(
         effect = ranked.candidate.effect
         if effect.probe and effect.family in named:
             return False
-        share = 1.0 if effect.probe else ENOUGH
+        share = HALF if by_series else 1.0 if effect.probe else ENOUGH
         return not ranked.refitted or ranked.odds(spread) >= share * explained
 
     def refitted(ranked: Ranked) -> tuple[tuple[Refit, int] | None, set[str]]:
@@ -286,10 +284,10 @@ def _refits(
             problem.asked.update(asked)
             if made is None:
                 continue
-            refit, run = made
+            (refit, run), effect = made, ranked.candidate.effect
             if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
-                explained = max(explained, ranked.odds(spread))
-            effect, share = ranked.candidate.effect, min(1.0, max(0.0, explained_share(found.score_test, refit)))
+                explained, by_series = max((explained, by_series), (ranked.odds(spread), bool(effect.series)))
+            share = min(1.0, max(0.0, explained_share(found.score_test, refit)))
             if not effect.probe and explains(refit) and refit.fitted <= GOOD:
                 named.add(effect.family)
             tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
@@ -342,51 +340,6 @@ def by_one_likelihood(refits: Mapping[str, Refit]) -> dict[str, Refit]:
         return dict(refits)
     found = misfits(models, min(models, key=lambda name: np.nan_to_num(refits[name].fitted, nan=np.inf)))
     return {name: replace(refit, compared=found.get(name)) for name, refit in refits.items()}
-
-
-def rank_again(
-    comparison: Comparison, score_test: ScoreTest, ranking: list[Ranked], tests: int, threads: int = 1
-) -> tuple[list[Ranked], int]:
-    """Ranking by one simulation more of the best effects, each at its predicted size, the constants following.
-
-    Slopes rank large effects badly. In space, where a refit costs tens of simulations, it pays to ask once more.
-
-    Returns
-    -------
-    list of Ranked
-        The best first; falls and sizes as predicted from the model solved again.
-    int
-        Simulations that were not known before.
-    """
-    problem, limit = comparison.problem, threshold(score_test, ranking, tests)
-    chosen = {
-        number: _at_size(comparison, score_test, one)
-        for number, one in enumerate(ranking[:SECOND])
-        if one.candidate.asked and one.finding.fall > limit and one.finding.visible > SEEN
-    }
-    run = solve_missing(problem, list(chosen.values()), threads)
-    found, null = list(ranking), comparison.read(comparison.anchor)
-    for number, asked in chosen.items():
-        one, there = ranking[number], comparison.read(asked)
-        if there is None or null is None:
-            continue
-        again = score_test.test((there - null)[comparison.residual.kept][:, None], np.zeros(1), np.array([1.5]))
-        parameters = one.candidate.effect.parameters
-        bounds = ([p.lower - p.null for p in parameters], [p.upper - p.null for p in parameters])
-        size = np.clip(one.finding.size * again.size[0], *bounds)
-        found[number] = replace(one, finding=replace(one.finding, fall=again.fall, size=size))
-    return sorted(found, key=lambda one: -one.finding.fall), run
-
-
-def _at_size(comparison: Comparison, score_test: ScoreTest, one: Ranked) -> Asked:
-    """The simulation of an effect at its predicted size, with the constants where they would follow it."""
-    problem, effect = comparison.problem, one.candidate.effect
-    parameters, values = problem.settings.parameters(), comparison.base.values
-    change = np.clip(score_test.follow(one.columns @ one.finding.size), -1.0, 1.0)
-    size = {effect.key(name): value for name, value in one.size.items()}
-    return problem.ask(
-        {**values, **moved(parameters, values, change), **one.candidate.place, **size}, f"{effect.name} again"
-    )
 
 
 def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> InverseProblem:

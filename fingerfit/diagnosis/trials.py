@@ -1,4 +1,7 @@
-"""The first pass of all candidates, beside each other: a few moves of each, and all of those that come nearest."""
+"""The first pass of all candidates, beside each other: a few moves of each, and all of those that come nearest.
+
+In space, where a move costs much, one simulation more of the best ones stands for it.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,19 @@ from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
 from fingerfit.diagnosis.ranking import Ranked, Refitted, other_places, spread_of
+from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.verdict import SEEN, threshold
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.rounds import Asked
+from fingerfit.fit.slopes import moved
 from fingerfit.model.effect import NUMERICS
 
 FIRST_MOVES, FEWEST = 4, 6
 """After the first few moves only a third of the candidates goes on, but so many at least (successive halving: Jamieson
 and Talwalkar 2016)."""
+SECOND = 6
+"""Effects that are looked at again before any is refitted, in space."""
 NEARER = (1.0, 0.25, -0.25)
 """Shares of the first step at which a candidate starts, the next one where the body has no solution."""
 
@@ -161,3 +171,48 @@ def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
         np.clip(share * np.copysign(p.step, size or p.step), p.lower - p.null, p.upper - p.null) for p, size in sizes
     ]
     return replace(one, finding=replace(one.finding, size=np.array(steps)))
+
+
+def rank_again(
+    comparison: Comparison, score_test: ScoreTest, ranking: list[Ranked], tests: int, threads: int = 1
+) -> tuple[list[Ranked], int]:
+    """Ranking by one simulation more of the best effects, each at its predicted size, the constants following.
+
+    Slopes rank large effects badly. In space, where a refit costs tens of simulations, it pays to ask once more.
+
+    Returns
+    -------
+    list of Ranked
+        The best first; falls and sizes as predicted from the model solved again.
+    int
+        Simulations that were not known before.
+    """
+    problem, limit = comparison.problem, threshold(score_test, ranking, tests)
+    chosen = {
+        number: _at_size(comparison, score_test, one)
+        for number, one in enumerate(ranking[:SECOND])
+        if one.candidate.asked and one.finding.fall > limit and one.finding.visible > SEEN
+    }
+    run = solve_missing(problem, list(chosen.values()), threads)
+    found, null = list(ranking), comparison.read(comparison.anchor)
+    for number, asked in chosen.items():
+        one, there = ranking[number], comparison.read(asked)
+        if there is None or null is None:
+            continue
+        again = score_test.test((there - null)[comparison.residual.kept][:, None], np.zeros(1), np.array([1.5]))
+        parameters = one.candidate.effect.parameters
+        bounds = ([p.lower - p.null for p in parameters], [p.upper - p.null for p in parameters])
+        size = np.clip(one.finding.size * again.size[0], *bounds)
+        found[number] = replace(one, finding=replace(one.finding, fall=again.fall, size=size))
+    return sorted(found, key=lambda one: -one.finding.fall), run
+
+
+def _at_size(comparison: Comparison, score_test: ScoreTest, one: Ranked) -> Asked:
+    """The simulation of an effect at its predicted size, with the constants where they would follow it."""
+    problem, effect = comparison.problem, one.candidate.effect
+    parameters, values = problem.settings.parameters(), comparison.base.values
+    change = np.clip(score_test.follow(one.columns @ one.finding.size), -1.0, 1.0)
+    size = {effect.key(name): value for name, value in one.size.items()}
+    return problem.ask(
+        {**values, **moved(parameters, values, change), **one.candidate.place, **size}, f"{effect.name} again"
+    )
