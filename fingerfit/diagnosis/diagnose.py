@@ -30,7 +30,9 @@ from fingerfit.diagnosis.reservations import (
     far_off,
     largest_part,
     of_family,
+    refuted,
     signal_of,
+    strained,
     too_coarse,
     traced,
     untried,
@@ -57,7 +59,7 @@ from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Round
-from fingerfit.model.effect import MESH_ERROR
+from fingerfit.model.effect import MESH_ERROR, OUTLINE, STATE
 from fingerfit.settings.extend import rivals, with_model
 
 HALF = 0.5
@@ -176,11 +178,16 @@ def diagnose(
     if coarse and mesh:
         verdict = too_coarse(verdict, score_test, by_mesh, mesh)
     if outline.off and verdict.kind != "adequate":
-        states, more = _states(problem, last, everything, found, threads)
+        states, more = _states(problem, last, everything, found, begun(found.comparison, ranking), threads)
         ranking = [next((own for own, _ in states if own.candidate is one.candidate), one) for one in ranking]
         refits |= {one.candidate.effect.name: refit for one, refit in states}
         form, again = with_outline(problem, last, threads)
         verdict, run = elsewhere(verdict, outline, form, states), run + more + again
+        if verdict.effects == (OUTLINE,) and refuted(form, score_test):
+            probes = [one for one in ranking if one.candidate.effect.probe and one.candidate.effect.family == STATE]
+            unknown, more = _states(problem, last, everything, found, probes, threads)
+            refits |= {one.candidate.effect.name: refit for one, refit in unknown}
+            verdict, run = strained(verdict, outline, next(iter(unknown), None)), run + more
     verdict = far_off(verdict, found.comparison)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking))
     untold = found.lacking, untestable(problem)
@@ -297,11 +304,16 @@ def _refits(
 
 
 def _states(
-    problem: InverseProblem, last: Round, everything: Everything, found: _Tested, threads: int
+    problem: InverseProblem,
+    last: Round,
+    everything: Everything,
+    found: _Tested,
+    chosen: Sequence[Ranked],
+    threads: int,
 ) -> tuple[list[tuple[Ranked, Refit]], int]:
     """Effects on the state in the picture before compression, refitted from where they bring the sides nearest."""
     states, run = list[tuple[Ranked, Refit]](), 0
-    for one in begun(found.comparison, found.ranking):
+    for one in chosen:
         try:
             refit, more = refit_of(problem, last, one, everything, found.weighed, found.score_test.misfit, threads)
         except StateError:

@@ -15,7 +15,7 @@ from fingerfit.diagnosis.sides import Sides
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
-from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE, Effect
+from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE, STATE, Effect
 from fingerfit.study.several import AT
 
 LARGEST = 0.5
@@ -229,6 +229,30 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
         return verdict
     text = f"unexplained: the residual is {error:.2g} times the noise level, but no known effect explains it"
     return Verdict("unexplained", (), text, verdict.threshold)
+
+
+def refuted(form: ScoreTest, stated: ScoreTest) -> bool:
+    """Whether a body at rest in the shape that the picture shows explains less of the data than one as stated."""
+    return not explains(form) and form.misfit * stated.freedom > stated.misfit * form.freedom
+
+
+def strained(verdict: Verdict, sides: Sides, probe: tuple[Ranked, Refit] | None) -> Verdict:
+    """The verdict on a body that was not at rest in the shape that the picture shows, but that no known state explains.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    sides : Sides
+        Against the model without any effect more.
+    probe : (Ranked, Refit) or None
+        That of states before the first picture, refitted.
+    """
+    shown = f"the picture before compression shows a side {sides.off:.2g} mm from where body in study.yaml has it"
+    text = f"{shown}, but a body that is at rest in that shape would not deform like this one"
+    if probe is None or not explains(probe[1]):
+        return Verdict("unexplained", (), f"unexplained: {text}", verdict.threshold, STATE)
+    effect = probe[0].candidate.effect
+    return Verdict("missing", (effect.name,), f"missing: {effect.title}; {text}", verdict.threshold, effect.family)
 
 
 def elsewhere(verdict: Verdict, sides: Sides, form: ScoreTest, states: Sequence[tuple[Ranked, Refit]] = ()) -> Verdict:

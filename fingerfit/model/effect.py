@@ -11,6 +11,7 @@ from fingerfit.model.formulas import evaluate, names_in
 LOADING = "loading"
 """Effects on what is prescribed and on its reading."""
 NUMERICS = "numerics"
+STATE = "state"
 """Effects of mesh and load steps: they are tested, but cured by other settings instead of being fitted."""
 OBSERVATION = "observation"
 """Effects on what is measured: they need no new simulation."""
@@ -22,7 +23,7 @@ FAMILIES = {
     "base": "the base",
     "indenter": "the indenter and other boundaries",
     LOADING: "loading and time",
-    "state": "the state before the first picture",
+    STATE: "the state before the first picture",
     "geometry": "interfaces and outline",
     OBSERVATION: "the observation",
     NUMERICS: "mesh and load steps",

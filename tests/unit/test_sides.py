@@ -9,7 +9,7 @@ from test_outline import sides as formed
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked
-from fingerfit.diagnosis.reservations import elsewhere
+from fingerfit.diagnosis.reservations import elsewhere, refuted, strained
 from fingerfit.diagnosis.score_tests import Finding
 from fingerfit.diagnosis.sides import Sides, begun, sides_of
 from fingerfit.diagnosis.verdict import Refit, Verdict
@@ -139,3 +139,21 @@ def test_another_form_or_a_state(states, named):
     assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
     assert "0.6 mm" in found.sentence
     assert found.family == ("state" if named == ("preload",) else "geometry")
+
+
+@pytest.mark.parametrize(
+    ("shown", "stated", "so"), [(5000.0, 1000.0, True), (5000.0, 9000.0, False), (1100.0, 1000.0, False)]
+)
+def test_a_shape_that_explains_less_than_the_stated_one_was_no_shape_at_rest(shown, stated, so):
+    assert refuted(refit(shown), refit(stated)) is so
+
+
+@pytest.mark.parametrize(
+    ("misfit", "kind", "named"), [(1000.0, "missing", ("state_probe",)), (2000.0, "unexplained", ())]
+)
+def test_a_body_that_was_strained_in_no_known_way(misfit, kind, named):
+    given = Verdict("missing", ("outline",), "missing: sides", 10.0, "geometry")
+    found = strained(given, Sides(LOWER, 500.0, 12), (ranked("state_probe", "preload"), refit(misfit)))
+    assert (found.kind, found.effects, found.family) == (kind, named, "state")
+    assert "0.6 mm" in found.sentence
+    assert strained(given, Sides(LOWER, 500.0, 12), None).kind == "unexplained"
