@@ -27,7 +27,7 @@ from fingerfit.deck.questions import (
 from fingerfit.mesh.inside import points_inside
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.catalogue import catalogue
-from fingerfit.model.effect import CONSTANTS, Effect
+from fingerfit.model.effect import CONSTANTS, LAYER, Effect
 from fingerfit.model.formulas import evaluate, names_in
 from fingerfit.model.laws import LAWS, OGDEN
 from fingerfit.model.modes import NAME, modes
@@ -91,6 +91,7 @@ def deck_context(
     )
     present = [effect for effect in effects.values() if effect.present(values)]
     check_blocks(present)
+    check_layers(present, values, len(study.layer_names))
     indenter = int(mesh.node_sets["INDENTER"][0])
     layers = [
         _layer(number, len(study.layer_names), name, values, material, present, law)
@@ -158,6 +159,25 @@ def check_blocks(effects: Iterable[Effect]) -> None:
             owner[block] = effect.name
 
 
+def check_layers(present: Iterable[Effect], values: Mapping[str, float], count: int) -> None:
+    """Refuse a state of a layer that is not there, and of two effects that swell one that swells in one layer alone.
+
+    Nodes between layers have one temperature, so that all that swells does so where the material has an expansion.
+
+    Raises
+    ------
+    InputError
+    """
+    swelling = [effect for effect in present if "swelling" in effect.changes]
+    for effect in present:
+        layer = effect.own(values).get(LAYER, 0)
+        if "before" in effect.changes and layer > count:
+            raise InputError(f"effect {effect.name}", LAYER, f"{layer:g}", f"1 to {count}, or 0 for all layers")
+        if effect in swelling and len(swelling) > 1 and layer:
+            other = next(one.name for one in swelling if one is not effect)
+            raise InputError(f"effect {effect.name}", LAYER, f"{layer:g}", f"0, all layers, beside effect {other}")
+
+
 def _follows(mesh: Mesh, indenter: int, present: list[Effect], values: Mapping[str, float]) -> dict[int, float]:
     """Share of the indenter's way that each node under it goes, nodes counted from 1; empty where all go with it."""
     if not any("follow" in effect.changes for effect in present):
@@ -207,11 +227,12 @@ def _layer(
             raise InputError(
                 "config", f"model.material.{quantity}", "nothing", f"a value of {quantity} for layer {name}"
             )
+    names = {"number": number, "layers": count}
     for quantity in (quantity for quantity in CONSTANTS if quantity in found):
-        found[quantity] = float(
-            changed_by(quantity, found[quantity], {"number": number, "layers": count}, present, values)
-        )
-    return {"name": name.upper(), **found, "d": compressibility(found["mu"], found["poisson"]), "elements": []}
+        found[quantity] = float(changed_by(quantity, found[quantity], names, present, values))
+    expansion = float(changed_by("expansion", 1.0, names, present, values))
+    shown = {"name": name.upper(), "number": number, "expansion": expansion}
+    return {**shown, **found, "d": compressibility(found["mu"], found["poisson"]), "elements": []}
 
 
 def compressibility(mu: float, nu: float) -> float:

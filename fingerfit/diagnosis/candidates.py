@@ -10,7 +10,7 @@ from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.decks import with_effect
 from fingerfit.model.applicable import not_measured
-from fingerfit.model.effect import CONSTANTS, OBSERVATION, OUTLINE, Effect
+from fingerfit.model.effect import CONSTANTS, LAYER, OBSERVATION, OUTLINE, Effect
 from fingerfit.model.laws import foreign
 from fingerfit.model.regions import PREFIX
 
@@ -64,6 +64,8 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
         if effect.series and problem.meshes[SEARCH].dim == 3:
             continue  # a simulation for each of tens of numbers takes hours in space: a person adds it
         for place in effect.places():
+            if not _has_layer(effect, place, problem):
+                continue
             asked = []
             for parameter in effect.parameters if effect.simulated else ():
                 trial = with_effect(effect, place, parameter.name)
@@ -81,6 +83,16 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
                     break
             found.append(candidate)
     return found, lacking
+
+
+def _has_layer(effect: Effect, place: Mapping[str, float], problem: InverseProblem) -> bool:
+    """Whether the state of a layer can be that of a layer of the body, and of this one alone beside the model's own."""
+    layer, effects = place.get(effect.key(LAYER), 0), problem.settings.effects(known=problem.effects)
+    if "before" in effect.changes and all(layer > len(test.study.layer_names) for test in problem.every):
+        return False
+    fixed = problem.settings.fixed(known=problem.effects)
+    others = [one for one in effects if {"swelling"} & set(one.changes) & set(effect.changes)]
+    return not (others and (layer or any(fixed.get(one.key(LAYER)) for one in others)))
 
 
 def untestable(problem: InverseProblem) -> dict[str, InputError]:

@@ -178,8 +178,9 @@ def diagnose(
     if coarse and mesh:
         verdict = too_coarse(verdict, score_test, by_mesh, mesh)
     if outline.off and verdict.kind != "adequate":
-        states, more = _states(problem, last, everything, found, begun(found.comparison, ranking), threads)
-        ranking = [next((own for own, _ in states if own.candidate is one.candidate), one) for one in ranking]
+        states, more = _states(problem, last, everything, found, begun(found.comparison, found.everywhere), threads)
+        begins = {one.candidate.effect.name: one for one, _ in states}
+        ranking = [begins.get(one.candidate.effect.name, one) for one in ranking]
         refits |= {one.candidate.effect.name: refit for one, refit in states}
         form, again = with_outline(problem, last, threads)
         verdict, run = elsewhere(verdict, outline, form, states), run + more + again

@@ -51,8 +51,8 @@ def sides_of(comparison: Comparison) -> Sides:
     return found
 
 
-def begun(comparison: Comparison, ranking: Sequence[Ranked]) -> list[Ranked]:
-    """Effects on the state in that picture, each at the size that brings the sides nearest, the nearest first.
+def begun(comparison: Comparison, everywhere: Sequence[Ranked]) -> list[Ranked]:
+    """Effects on the state in that picture, each where and as large as it brings the sides nearest, the nearest first.
 
     Probes are not among them: they move sides in so many ways that those say nothing.
     """
@@ -63,7 +63,7 @@ def begun(comparison: Comparison, ranking: Sequence[Ranked]) -> list[Ranked]:
     now = [_sides(test, test.anchor) for test in tests]
     goal = np.concatenate([_flat(one.outward - there) for one, there in zip(outlines, now, strict=True)])
     seen, found = np.isfinite(goal * weight), []
-    for one in ranking:
+    for one in everywhere:
         effect = one.candidate.effect
         if "before" not in effect.changes or effect.probe or not seen.any():
             continue
@@ -80,7 +80,10 @@ def begun(comparison: Comparison, ranking: Sequence[Ranked]) -> list[Ranked]:
         size = np.clip(size, *bounds)
         away = float(((slopes @ size - goal[seen] * weight[seen]) ** 2).sum())
         found.append((away, replace(one, finding=replace(one.finding, size=size), refitted=None)))
-    return [one for _, one in sorted(found, key=lambda pair: pair[0])]
+    nearest = dict[str, Ranked]()
+    for _, one in sorted(found, key=lambda pair: pair[0]):
+        nearest.setdefault(one.candidate.effect.name, one)
+    return list(nearest.values())
 
 
 def _outline(test: Comparison) -> Outline:

@@ -37,6 +37,8 @@ the plane between a base and an indenter, a body in the plane, a body in space, 
 OUTLINE = "outline"
 """Name of the effect whose mesh has the sides that the picture before compression shows. It has no number and changes
 no deck, and is found without a refit."""
+LAYER = "layer"
+"""Name of the scanned number that says in which layer an effect is, from 1 from the indenter down; 0 is in all."""
 CONSTANTS = ("alpha", "poisson")
 """Constants of each layer that effects may change; a model may fit them, too."""
 MESH_ERROR = "mesh"
@@ -103,7 +105,8 @@ class Effect:
         ``before`` (prescribed before the first picture), ``increment`` (of the solver, as a share of a step),
         ``follow`` (share of the indenter's way that a node under it goes), ``beside_x``, ``beside_y`` (where the
         indenter comes down, mm from where it was said to),
-        ``swelling`` (change of volume at a place and step, as a share).
+        ``swelling`` (change of volume at a place and step, as a share), ``expansion`` (1 in layers that swell so, 0 in
+        others).
     observes : mapping
         Formulas for what is measured: ``displacement``, ``force`` (the one that is not prescribed), ``intensity``,
         ``shift_x``, ``shift_y``, ``shift_z`` (mm).

@@ -40,6 +40,7 @@ CHANGES = (
     "beside_x",
     "beside_y",
     "swelling",
+    "expansion",
 )
 OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 

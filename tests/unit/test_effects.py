@@ -138,6 +138,12 @@ def test_fields_split_each_layer_into_sets(name):
         if place.get("split_layer.layer", 1) > len(LAYERS) or place.get("interface.border", 1) >= len(LAYERS):
             assert deck(values) == PLAIN
             continue
+        if place.get("swollen.layer", 1) > len(LAYERS):
+            with pytest.raises(
+                InputError, match=r"effect swollen: layer: found \d; expected 1 to 3, or 0 for all layers"
+            ):
+                deck(values)
+            continue
         context = deck_context(study(), MESH, "mesh.inp", MU | values, MATERIAL)
         for layer in LAYERS:
             own = layer[0].upper()
@@ -527,7 +533,7 @@ def test_with_nothing_before_it_rests(tmp_path):
 def test_swelling_follows_time_or_steps(tmp_path, plain):
     """Temperatures are stretches less 1: their cube is the change of volume."""
     text = deck({"swelling.volume": 0.05})
-    assert "*EXPANSION, ZERO=0.\n1.\n*SOLID SECTION" in text
+    assert "*EXPANSION, ZERO=0.\n1\n*SOLID SECTION" in text
     assert text.count("*EXPANSION") == len(LAYERS)
     found = [float(value) for value in re.findall(r"\*TEMPERATURE\nALL, (.*)", text)]
     assert [(1 + e) ** 3 for e in found] == pytest.approx([1.025, 1.05])
@@ -553,6 +559,34 @@ def test_what_was_before_the_first_picture_is_a_step_of_its_own(tmp_path, plain)
             assert outcome.reaction[0, 1] == pytest.approx(0.0, abs=1e-4)
             assert np.abs(outcome.displacement[0]).max() > 0.05
     assert "*TEMPERATURE" not in deck({"preload.force": 1.0})
+
+
+def test_one_layer_alone_may_have_swelled(tmp_path):
+    """Far from the sides a layer can only get higher, by (1 + nu) / (1 - nu) times the strain of free swelling."""
+    volume, nu = 0.02, MATERIAL["poisson"]
+    assert deck({"swollen.volume": volume, "swollen.layer": 2.0}).count("*EXPANSION") == 1
+    wide = layered_block(120.0, [("top", 4.0), ("middle", 4.0), ("bottom", 4.0)], 20, 2, "CPE8H")
+    higher = 4.0 * (1 + nu) / (1 - nu) * (np.cbrt(1 + volume) - 1)
+    for layer, grown in ((2.0, [0, 1, 1]), (0.0, [1, 2, 3])):
+        outcome = solve(deck({"swollen.volume": volume, "swollen.layer": layer}, mesh=wide), tmp_path, wide)
+        levels = [np.isclose(wide.points, [60.0, level]).all(axis=1) for level in (4.0, 8.0, 12.0)]
+        found = [outcome.displacement[0, level, 1].item() for level in levels]
+        assert found == pytest.approx(higher * np.array(grown), abs=0.05 * higher * grown[-1])
+
+
+def test_one_layer_alone_may_have_been_stretched():
+    blocks = re.findall(r"TYPE=STRESS\n((?:[^*].*\n)*)", deck({"prestretch.stretch": 0.05, "prestretch.layer": 2.0}))
+    assert [line.split(",")[0] for block in blocks for line in block.splitlines()] == ["MIDDLE"]
+    with pytest.raises(InputError, match=r"effect prestretch: layer: found 4; expected 1 to 3, or 0 for all layers"):
+        deck({"prestretch.stretch": 0.05, "prestretch.layer": 4.0})
+
+
+def test_one_layer_that_swelled_is_alone_in_swelling():
+    values = {"swollen.volume": 0.05, "swelling.volume": 0.03}
+    assert "*EXPANSION" in deck(values | {"swollen.layer": 0.0})
+    expected = r"effect swollen: layer: found 1; expected 0, all layers, beside effect swelling"
+    with pytest.raises(InputError, match=expected):
+        deck(values | {"swollen.layer": 1.0})
 
 
 def test_a_body_that_was_stretched_draws_its_sides_in(tmp_path):
