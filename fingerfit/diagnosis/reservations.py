@@ -259,8 +259,8 @@ def elsewhere(verdict: Verdict, sides: Sides, form: ScoreTest, states: Sequence[
     """The verdict, but on the outline where the picture before compression shows another body than the study states.
 
     That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
-    or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
-    off; then the criterion of Schwarz (1978) decides. It knows the sides as data, which another form has as numbers.
+    or was pressed or swelled before that picture. A state has to explain the data and to bring the sides nearer; then
+    the criterion of Schwarz (1978) decides. It knows the sides as data, which another form has as numbers.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def elsewhere(verdict: Verdict, sides: Sides, form: ScoreTest, states: Sequence[
     shown = f"the picture before compression shows one {sides.off:.2g} mm from where body in study.yaml has it"
     text = f"missing: sides of the body elsewhere; {shown}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
-    able = [each for each in states if explains(each[1]) and each[1].sides.off <= (1.0 - ENOUGH) * sides.off]
+    able = [each for each in states if explains(each[1]) and each[1].sides.misfit < sides.misfit]
     if not able:
         return another
 
@@ -292,6 +292,8 @@ def elsewhere(verdict: Verdict, sides: Sides, form: ScoreTest, states: Sequence[
     if gain < 0:
         return another
     text = f"missing: {title}; with it {shown.replace('shows one', 'shows a side')}"
+    if refit.sides.off:
+        text += f", and {refit.sides.off:.2g} mm from where this model has it"
     return Verdict("missing", (effect.name,), text, verdict.threshold, effect.family)
 
 
