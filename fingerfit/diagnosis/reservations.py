@@ -12,7 +12,7 @@ from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.sides import Sides
-from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, explains, threshold
+from fingerfit.diagnosis.verdict import GOOD, MATTERS, Refit, Verdict, excess, explains, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE, STATE, Effect
@@ -141,7 +141,8 @@ def traced(
     where there are no others) by more than `MATTERS`. It is likely when the odds for it, against the model that
     explains the data without it, are more than `SURE`; before it was seen, each of those that were tested had an equal
     share of what speaks for any of them. Nor is it where what it explains is no more than the form of the effects that
-    the model has may be off by.
+    the model has may be off by; what a model leaves beyond the noise may be that as well, where the pictures are
+    explained.
 
     Parameters
     ----------
@@ -162,10 +163,18 @@ def traced(
     signal : float
         Misfit that the effects of the model explain: `signal_of`.
     """
-    if verdict.kind not in ("missing", "indistinguishable") or not explains(score_test):
-        return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     names = " or ".join(one.candidate.effect.title for one in named)
+    fall, form = max((refits[name].fall for name in verdict.effects), default=0.0), FORM**2 * signal
+    if verdict.kind == "adequate":
+        return verdict
+    if not explains(score_test):
+        if excess(score_test) >= form or fall >= form or base.fitted > GOOD:
+            return verdict
+        text = "the model leaves no more than what the form of its own effects may be off by"
+        return Verdict("adequate", (), f"{text}; a trace: {names}" if names else text, verdict.threshold)
+    if verdict.kind == "unexplained":
+        return verdict
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     odds = max(one.odds(spread) for one in named) - float(np.log(max(tests, 1)))
     text = "the model explains the measurements to within their noise; "
@@ -174,7 +183,7 @@ def traced(
         text += f"beyond chance, but a trace that moves no constant {far}: {names}"
     elif odds < SURE:
         text += f"a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
-    elif max(refits[name].fall for name in verdict.effects) < FORM**2 * signal:
+    elif fall < form:
         text += f"a trace, no more than what the form of the model's own effects may be off by: {names}"
     else:
         return verdict

@@ -18,7 +18,7 @@ from fingerfit.diagnosis.field import field_of
 from fingerfit.diagnosis.ranges import ranges
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
-from fingerfit.diagnosis.verdict import unseen
+from fingerfit.diagnosis.verdict import explains, unseen
 from fingerfit.fit.intervals import bound_of
 from fingerfit.forward.predict import in_first_picture
 from fingerfit.imaging.sections import border_triangles, parts_of
@@ -301,7 +301,7 @@ def rung_of(found: Diagnosis, estimate: dict[str, Any], simulations: dict[str, i
     fitted, held_out = errors(found.comparison)
     settings, score_test = found.comparison.problem.settings, found.score_test
     count, entries = len(settings.parameters()), estimate["parameters"]
-    doubtful = found.verdict.kind != "adequate"
+    doubtful = found.verdict.kind != "adequate" or not explains(score_test)
     return {
         "model": settings.model.full_name,
         "made_with": made_with(settings.model_dump(mode="json")),

@@ -538,6 +538,27 @@ def test_what_the_form_of_the_models_own_effects_may_be_off_by_is_a_trace(signal
     assert ("the form of the model's own effects" in verdict.sentence) == (kind == "adequate")
 
 
+@pytest.mark.parametrize(
+    ("found", "signal", "fitted", "kind"),
+    [
+        ("missing", 25000.0, 1.1, "adequate"),
+        ("unexplained", 25000.0, 1.1, "adequate"),
+        ("missing", 19000.0, 1.1, "missing"),  # it explains more than what the form may be off by
+        ("unexplained", 9000.0, 1.1, "unexplained"),  # it leaves more than that
+        ("missing", 25000.0, 1.3, "missing"),  # the pictures say that more is wrong
+        ("missing", 0.0, 1.1, "missing"),  # a model without effects has no form of them
+    ],
+)
+def test_what_a_model_leaves_may_be_the_form_of_its_own_effects(found, signal, fitted, kind):
+    score_test = SimpleNamespace(misfit=1000.0, freedom=1000, common_misfit=127.0, common_freedom=27)
+    base = Refit(1000.0, 1000, fitted, 1.0, {"mu_top": 0.1})
+    refits = {"tilt": Refit(800.0, 999, 1.0, 1.0, {"mu_top": 0.2}, fall=200.0)}
+    given = Verdict(found, ("tilt",) if found == "missing" else (), "", 12.0)
+    verdict = traced(given, score_test, [likely(20.0)], refits, base, 0.02, 20, signal=signal)
+    assert verdict.kind == kind
+    assert ("no more than what the form" in verdict.sentence) == (kind == "adequate")
+
+
 def test_without_held_out_steps_the_fitted_ones_tell():
     score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
     base = Refit(100.0, 100, 1.0, None, {"mu_top": 0.1})
