@@ -178,12 +178,13 @@ def diagnose(
     if coarse and mesh:
         verdict = too_coarse(verdict, score_test, by_mesh, mesh)
     if outline.off and verdict.kind != "adequate":
+        best = refits.get(verdict.effects[0]) if verdict.effects else None
         states, more = _states(problem, last, everything, found, begun(found.comparison, found.everywhere), threads)
         begins = {one.candidate.effect.name: one for one, _ in states}
         ranking = [begins.get(one.candidate.effect.name, one) for one in ranking]
         refits |= {one.candidate.effect.name: refit for one, refit in states}
         form, again = with_outline(problem, last, threads)
-        verdict, run = elsewhere(verdict, outline, form, states), run + more + again
+        verdict, run = elsewhere(verdict, outline, form, states, best), run + more + again
         if verdict.effects == (OUTLINE,) and refuted(form, score_test):
             probes = [one for one in ranking if one.candidate.effect.probe and one.candidate.effect.family == STATE]
             unknown, more = _states(problem, last, everything, found, probes, threads)

@@ -264,7 +264,13 @@ def strained(verdict: Verdict, sides: Sides, probe: tuple[Ranked, Refit] | None)
     return Verdict("missing", (effect.name,), f"missing: {effect.title}; {text}", verdict.threshold, effect.family)
 
 
-def elsewhere(verdict: Verdict, sides: Sides, form: ScoreTest, states: Sequence[tuple[Ranked, Refit]] = ()) -> Verdict:
+def elsewhere(
+    verdict: Verdict,
+    sides: Sides,
+    form: ScoreTest,
+    states: Sequence[tuple[Ranked, Refit]] = (),
+    own: Refit | None = None,
+) -> Verdict:
     """The verdict, but on the outline where the picture before compression shows another body than the study states.
 
     That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
@@ -280,22 +286,29 @@ def elsewhere(verdict: Verdict, sides: Sides, form: ScoreTest, states: Sequence[
         Of the model whose body has the sides that the picture shows.
     states : sequence of (Ranked, Refit)
         Effects on the state in that picture, refitted.
+    own : Refit, optional
+        Of the effect that the verdict names. Where it surely explains more than any of these, it comes first.
     """
     shown = f"the picture before compression shows one {sides.off:.2g} mm from where body in study.yaml has it"
     text = f"missing: sides of the body elsewhere; {shown}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
     able = [each for each in states if explains(each[1]) and each[1].sides.misfit < sides.misfit]
-    if not able:
-        return another
 
     # what is left beyond what chance would: each has its own values, and some that another has not
     def left(refit: Refit) -> float:
         return refit.misfit - refit.freedom + refit.sides.misfit + refit.numbers * float(np.log(refit.freedom))
 
+    shaped = form.misfit - form.freedom + sides.numbers * float(np.log(form.freedom))
+    if own is not None and explains(own):
+        rivals = [shaped, *(left(refit) for _, refit in able)]
+        if left(own) + verdict.threshold + _chance(form, own) < min(rivals):
+            return replace(verdict, sentence=f"{verdict.sentence}; {shown.replace('shows one', 'shows a side')}")
+    if not able:
+        return another
     one, refit = min(able, key=lambda each: left(each[1]))
     effect, title = one.candidate.effect, one.candidate.effect.title
-    gain = form.misfit - form.freedom + sides.numbers * float(np.log(form.freedom)) - left(refit)
-    if abs(gain) < verdict.threshold + SURELY * np.sqrt(2.0 * abs(form.freedom - refit.freedom)):
+    gain = shaped - left(refit)
+    if abs(gain) < verdict.threshold + _chance(form, refit):
         text = f"missing: sides of the body elsewhere or {title}; these data cannot tell them apart; {shown}"
         return Verdict("indistinguishable", (OUTLINE, effect.name), text, verdict.threshold, "geometry")
     if gain < 0:
@@ -304,6 +317,11 @@ def elsewhere(verdict: Verdict, sides: Sides, form: ScoreTest, states: Sequence[
     if refit.sides.off:
         text += f", and {refit.sides.off:.2g} mm from where this model has it"
     return Verdict("missing", (effect.name,), text, verdict.threshold, effect.family)
+
+
+def _chance(form: ScoreTest, refit: Refit) -> float:
+    """What chance makes of the values that only one of two models has."""
+    return SURELY * float(np.sqrt(2.0 * abs(form.freedom - refit.freedom)))
 
 
 def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:

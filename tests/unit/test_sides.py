@@ -155,6 +155,20 @@ def test_another_form_or_a_state(states, named):
 
 
 @pytest.mark.parametrize(
+    ("own", "named"),
+    [(refit(600.0, 0.3, 250.0), ("skin",)), (refit(900.0, 0.3, 250.0), ("preload",)), (refit(2000.0), ("preload",))],
+    ids=["surely more", "no more", "unexplained"],
+)
+def test_what_surely_explains_more_than_a_state_comes_first(own, named):
+    """What the sides are off by counts for it, too."""
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    form = SimpleNamespace(misfit=FORM, freedom=1000)
+    found = elsewhere(given, Sides(LOWER, 500.0, 12), form, [(ranked("preload", "preload"), refit(1000.0))], own)
+    assert found.effects == named
+    assert "0.6 mm" in found.sentence
+
+
+@pytest.mark.parametrize(
     ("shown", "stated", "so"), [(5000.0, 1000.0, True), (5000.0, 9000.0, False), (1100.0, 1000.0, False)]
 )
 def test_a_shape_that_explains_less_than_the_stated_one_was_no_shape_at_rest(shown, stated, so):
