@@ -12,6 +12,7 @@ import numpy as np
 from fingerfit.core.errors import InputError
 from fingerfit.deck.changed import changed_by
 from fingerfit.deck.loading import direction, from_rest, loading_steps, rail
+from fingerfit.deck.modes import modes_of
 from fingerfit.deck.patch import ball, half_tube
 from fingerfit.deck.questions import (
     areas,
@@ -30,7 +31,7 @@ from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import CONSTANTS, LAYER, Effect
 from fingerfit.model.formulas import evaluate, names_in
 from fingerfit.model.laws import LAWS, OGDEN
-from fingerfit.model.modes import NAME, modes
+from fingerfit.model.modes import NAME
 from fingerfit.model.observation import places
 from fingerfit.model.regions import INSIDE
 from fingerfit.model.scales import bound, extent, scales
@@ -282,6 +283,7 @@ def _pieces(
     low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
     named = {name for effect in present for name in names_in(effect.changes.get("field", ""))}
     waved = max((int(name[len(NAME) :]) for name in named if re.fullmatch(NAME + r"\d{1,2}", name)), default=0)
+    every = modes_of(mesh, values, waved) if waved else [np.zeros((len(one), 0)) for one in inside]
     found, changed = [], False
     for number, layer in enumerate(layers, 1):
         members = np.asarray(mesh.element_sets[layer["name"]])
@@ -300,7 +302,7 @@ def _pieces(
             "log_below": float(np.log(layers[min(number, len(layers) - 1)]["mu"] / layer["mu"])),
             "number": number,
             "layers": len(layers),
-            **{f"{NAME}{n}": values for n, values in enumerate(modes(place, low, high, waved).T, 1)},
+            **{f"{NAME}{n}": mode for n, mode in enumerate(np.concatenate([every[m] for m in members]).T, 1)},
             **{name: np.repeat(_held(mesh, name, members), count) for name in named if name.startswith(INSIDE)},
         }
         total = np.zeros(len(place))

@@ -7,17 +7,19 @@ before anything was measured (a reduced-rank Gaussian process: Solin and SÃ¤rkkÃ
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
+from fingerfit.deck.modes import modes_of
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.ranking import LIKELY
 from fingerfit.fit.slopes import coordinates
-from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import Effect
-from fingerfit.model.modes import NAME, modes
+from fingerfit.model.modes import NAME
+from fingerfit.study.several import AT
 
 FLAT = 1e-9
 """Precision of the model's constants before anything was measured: none, but for a system that can be solved."""
@@ -85,11 +87,10 @@ def field_of(comparison: Comparison) -> Field | None:
     size[:count] = found[own] * scale[:count]
     covariance = np.diag(np.square(before) * np.mean(np.square(size[:count] / before[:count])))
     covariance[:count, :count] = inverse[np.ix_(own, own)] * np.outer(scale[:count], scale[:count])
-    return Field(basis_of(whole, problem.meshes[comparison.mesh]), size, covariance, before)
+    constants = {p.name.partition(AT)[0] for p in parameters}
+    return Field(basis_of(whole, problem.meshes[comparison.mesh], constants), size, covariance, before)
 
 
-def basis_of(effect: Effect, mesh: Mesh) -> np.ndarray:
-    """Values of the modes in the middle of each element, shape (elements, parameters of the effect)."""
-    corners = [mesh.points[block.nodes[:, : ELEMENTS[block.element].corners]] for block in mesh.blocks]
-    middle = np.concatenate([corner.mean(axis=1) for corner in corners])
-    return modes(middle, mesh.body.min(axis=0), mesh.body.max(axis=0), len(effect.parameters))
+def basis_of(effect: Effect, mesh: Mesh, constants: Collection[str]) -> np.ndarray:
+    """Mean of the modes in each element, shape (elements, parameters of the effect); `constants` are what is fitted."""
+    return np.stack([points.mean(axis=0) for points in modes_of(mesh, constants, len(effect.parameters))])

@@ -6,6 +6,7 @@ from seeds import generator as seeded
 from small_body import DESCRIPTION, compared, config_of, written
 
 from fingerfit.core.errors import InputError
+from fingerfit.deck.modes import modes_of
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.field import field_of
@@ -14,7 +15,9 @@ from fingerfit.diagnosis.series import cut, evidences
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.mesh.blocks import layered_block
 from fingerfit.mesh.elements import ELEMENTS
+from fingerfit.mesh.inside import sizes
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.modes import modes
 from fingerfit.settings.config import load_settings
@@ -52,6 +55,24 @@ def test_the_longest_waves_come_first_and_slope_nowhere_at_the_sides():
     assert found[0, :2] == pytest.approx([1.0, np.cos(0.3 * np.pi)])
     assert np.abs(found[0] - found[1]).max() < 1e-6  # of waves of slope 0; others differ by 1e-4 and more
     assert np.abs(found[2] - found[3]).max() < 1e-6
+
+
+def test_a_layer_with_a_modulus_of_its_own_has_modes_without_a_mean():
+    mesh = layered_block(12.0, [("top", 3.0), ("middle", 4.0), ("bottom", 5.0)], 5, 2, "CPE8H", 3.0)
+    area, members = sizes(mesh), [mesh.element_sets[name] for name in ("TOP", "MIDDLE", "BOTTOM")]
+
+    def means(*constants):
+        values = np.array([points.mean(axis=0) for points in modes_of(mesh, constants, 6)])
+        return np.array([np.average(values[own], axis=0, weights=area[own]) for own in members])
+
+    assert means("mu_top", "mu_middle", "mu_bottom") == pytest.approx(0.0, abs=1e-12)
+    one = means("mu_top", "mu")
+    assert one[0] == pytest.approx(0.0, abs=1e-12)
+    # the other two have one modulus: they differ by waves along the height, and together have no mean
+    assert pytest.approx(0.0, abs=1e-12) == one[1:].T @ [4.0, 5.0]
+    assert np.abs(one[1] - one[2]).max() > 0.5
+    # waves over a whole block have none from the beginning, but for the points that stand for it
+    assert np.abs(np.array([3.0, 4.0, 5.0]) @ means("mu")).max() < 1e-12
 
 
 def test_the_evidence_stops_where_only_noise_is_left():
