@@ -91,6 +91,19 @@ def test_a_mesh_that_is_too_coarse_is_told_with_its_cure(tmp_path):
     assert "describe an effect of your own" not in text
 
 
+def test_an_adequate_model_with_ranges_is_said_to_be_in_doubt(tmp_path):
+    sample.write(tmp_path / "study")
+    ladder = read_json(tmp_path / "study/ladder.json")
+    last = ladder["rungs"][-1]
+    last["ranges"] = {name: [0.5 * entry["value"], 2.0 * entry["value"]] for name, entry in last["parameters"].items()}
+    keep_json(tmp_path / "study/ladder.json", ladder)
+    write_page(tmp_path / "study", tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "leaves no more than what the form of its own effects may be off by." in text
+    assert "With the model in doubt" in text
+    assert "as well as their noise allows" not in text
+
+
 def test_it_begins_with_the_constants_and_their_intervals(whole, tmp_path):
     def top(text):
         return re.search(r'<table class="found">(.*?)</table>', text, re.S)[1]

@@ -158,6 +158,9 @@ def headline(inputs: Inputs) -> dict[str, Any]:
         last.verdict,
         (f"The model “{last.name}” was compared with the measurements.", "The next step is the diagnosis."),
     )  # fmt: skip
+    if last.verdict == "adequate" and last.rung.get("ranges"):
+        found = f"The model “{last.name}” leaves no more than what the form of its own effects may be off by."
+        following = "Nothing needs to be added: take the constants from the table below, in doubt."
     if cure := _cure(last):
         found = f"The model “{last.name}” does not explain the measurements: {last.sentence.partition(':')[0]}."
         following = f"Take {cure}, and fit again."
