@@ -40,7 +40,7 @@ def sides_of(comparison: Comparison) -> Sides:
     for test in comparison.every:
         if test.data.outline:
             outline, there = _outline(test), _sides(test, test.base)
-            away = (outline.outward - there) / np.hypot(outline.error, outline.pixel / 2.0)[:, None]
+            away = (outline.outward - there) / outline.spread[:, None]
             farthest = max(map(abs, outline.elsewhere(there).values()), default=0.0)
             known = np.isfinite(away)
             found = Sides(
@@ -58,8 +58,7 @@ def begun(comparison: Comparison, everywhere: Sequence[Ranked]) -> list[Ranked]:
     """
     tests = [test for test in comparison.every if test.data.outline]
     outlines = [_outline(test) for test in tests]
-    certain = [1.0 / np.hypot(one.error, one.pixel / 2.0) for one in outlines]
-    weight = np.concatenate([np.repeat(one, 3) for one in certain])
+    weight = np.concatenate([np.repeat(1.0 / one.spread, 3) for one in outlines])
     now = [_sides(test, test.anchor) for test in tests]
     goal = np.concatenate([_flat(one.outward - there) for one, there in zip(outlines, now, strict=True)])
     seen, found = np.isfinite(goal * weight), []

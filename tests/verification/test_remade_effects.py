@@ -98,7 +98,8 @@ def test_its_decks_are_ours_byte_for_byte(name, remade, finger):
             study = replace(study, steps=tuple(replace(step, time=10.0 * step.number) for step in study.steps))
         for size in (0.0, 1.0, 3.0):
             numbers = {p.name: min(p.null + size * p.step, p.upper) for p in effect.parameters}
-            place = {key.split(".")[1]: value for key, value in effect.places()[-1].items()}
+            there = [one for one in effect.places() if one.get(effect.key("layer"), 0) <= len(study.layer_names)]
+            place = {key.split(".")[1]: value for key, value in there[-1].items()}
             ours, theirs = (
                 {f"{prefix}.{key}": value for key, value in (numbers | place).items()} for prefix in (name, own(name))
             )
