@@ -274,8 +274,9 @@ def elsewhere(
     """The verdict, but on the outline where the picture before compression shows another body than the study states.
 
     That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
-    or was pressed or swelled before that picture. A state has to explain the data and to bring the sides nearer; then
-    the criterion of Schwarz (1978) decides. It knows the sides as data, which another form has as numbers.
+    or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
+    off, or where another form explains nothing, to bring them nearer; then the criterion of Schwarz (1978) decides. It
+    knows the sides as data, which another form has as numbers.
 
     Parameters
     ----------
@@ -292,7 +293,12 @@ def elsewhere(
     shown = f"the picture before compression shows one {sides.off:.2g} mm from where body in study.yaml has it"
     text = f"missing: sides of the body elsewhere; {shown}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
-    able = [each for each in states if explains(each[1]) and each[1].sides.misfit < sides.misfit]
+    near = (1.0 - ENOUGH) * sides.off if explains(form) else sides.off
+    able = [
+        each
+        for each in states
+        if explains(each[1]) and each[1].sides.off <= near and each[1].sides.misfit < sides.misfit
+    ]
 
     # what is left beyond what chance would: each has its own values, and some that another has not
     def left(refit: Refit) -> float:

@@ -57,9 +57,8 @@ class Outline:
 
     @property
     def spread(self) -> np.ndarray:
-        """Standard deviation of each coefficient, mm, shape (4,): half a pixel, by which a side may be off, is `SURELY` of
-        them."""
-        return np.hypot(self.error, self.pixel / 2.0 / SURELY)
+        """Standard deviation of each coefficient, mm, shape (4,): edges are no better known than half a pixel."""
+        return np.hypot(self.error, self.pixel / 2.0)
 
     def elsewhere(self, expected: np.ndarray | float = 0.0) -> dict[str, float]:
         """Sides that surely do not lie as far out as `expected` (0: where stated), and how much further, mm."""

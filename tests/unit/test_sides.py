@@ -121,9 +121,7 @@ FORM = 1200.0 - 12 * np.log(1000)
     ("states", "named"),
     [
         ([], ("outline",)),
-        ([refit(1000.0, off=0.3, away=500.0)], ("outline",)),
-        ([refit(1000.0, off=0.3, away=250.0)], ("outline",)),
-        ([refit(800.0, off=0.3, away=250.0)], ("preload",)),
+        ([refit(1000.0, off=0.3)], ("outline",)),
         ([refit(2000.0)], ("outline",)),
         ([refit(1000.0)], ("preload",)),
         ([refit(1190.0)], ("outline", "preload")),
@@ -146,12 +144,21 @@ FORM = 1200.0 - 12 * np.log(1000)
 )
 def test_another_form_or_a_state(states, named):
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
-    form = SimpleNamespace(misfit=FORM, freedom=1000)
+    form = refit(FORM)
     found = elsewhere(given, Sides(LOWER, 500.0, 12), form, [(ranked("preload", "preload"), one) for one in states])
     assert found.effects == named
     assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
     assert "0.6 mm" in found.sentence
     assert found.family == ("state" if named == ("preload",) else "geometry")
+
+
+@pytest.mark.parametrize(("away", "named"), [(450.0, ("preload",)), (550.0, ("outline",))], ids=["nearer", "no nearer"])
+def test_where_another_form_explains_nothing_a_state_may_leave_the_sides_far_off(away, named):
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    states = [(ranked("preload", "preload"), refit(1000.0, 0.3, away))]
+    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states)
+    assert found.effects == named
+    assert ("0.3 mm from where this model has it" in found.sentence) == (named == ("preload",))
 
 
 @pytest.mark.parametrize(
@@ -162,8 +169,7 @@ def test_another_form_or_a_state(states, named):
 def test_what_surely_explains_more_than_a_state_comes_first(own, named):
     """What the sides are off by counts for it, too."""
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
-    form = SimpleNamespace(misfit=FORM, freedom=1000)
-    found = elsewhere(given, Sides(LOWER, 500.0, 12), form, [(ranked("preload", "preload"), refit(1000.0))], own)
+    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(FORM), [(ranked("preload", "preload"), refit(1000.0))], own)
     assert found.effects == named
     assert "0.6 mm" in found.sentence
 
