@@ -131,9 +131,7 @@ FORM = 1200.0 - 12 * np.log(1000)
     ],
     ids=[
         "none",
-        "no nearer",
-        "too far off",
-        "far off, but surely",
+        "sides elsewhere",
         "unexplained",
         "better",
         "alike",
