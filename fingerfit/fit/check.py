@@ -8,6 +8,7 @@ import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.folders import template_folders
+from fingerfit.deck.context import check_layers
 from fingerfit.deck.render import is_template
 from fingerfit.forward.decks import make_deck, template_of, with_effect
 from fingerfit.mesh.elements import ELEMENTS
@@ -169,7 +170,7 @@ def check_effects(settings: Settings, study: Study, mesh: Mesh, where: Path | st
     tests = [(test, make_mesh(test, settings.model.mesh) if n else mesh) for n, test in enumerate(study.every)]
     for test, own in tests:
         problems += _not_moved(settings, test, own)
-    for effect in _alone_in_blocks(settings.effects(where), where):
+    for effect in _in_their_layers(_alone_in_blocks(settings.effects(where), where), settings, study, where):
         told = (_wrong_effect(settings, test, own, effect, where) for test, own in tests)
         first = next(told)
         if first is not None and all(told):
@@ -219,6 +220,18 @@ def _alone_in_blocks(effects: tuple[Effect, ...], where: Path | str) -> tuple[Ef
             if owner.setdefault(block, effect.name) != effect.name:
                 found = f"{effect.name}, which replaces {block} of the deck, as {owner[block]} does"
                 raise InputError(where, f"model.effects.{effect.name}", found, "one of both effects")
+    return effects
+
+
+def _in_their_layers(
+    effects: tuple[Effect, ...], settings: Settings, study: Study, where: Path | str
+) -> tuple[Effect, ...]:
+    """The effects; refused where one is in a layer that is not there, or beside another one that cannot be."""
+    try:
+        check_layers(effects, {**settings.starts(), **settings.fixed()}, len(study.layer_names))
+    except InputError as error:
+        field = f"model.effects.{error.where.removeprefix('effect ')}.{error.field}"
+        raise InputError(where, field, error.found, error.expected) from error
     return effects
 
 

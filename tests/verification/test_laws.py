@@ -13,6 +13,7 @@ from fingerfit.fit.check import check_against_study, check_effects
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.simulate import begin
 from fingerfit.model.laws import LAWS
+from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import load_settings
 
 MESH = {"mesh": {"element": "CPE4", "across": 2, "per_layer": 1}, "refined": None}
@@ -117,3 +118,24 @@ def test_effects_on_ogden_s_law_are_not_tested_with_another_one(study, tmp_path)
     words = r"model.effects.stiffening: found stiffening, which changes what law yeoh does not have; expected"
     with pytest.raises(FingerfitError, match=words):
         check_effects(settings, problem.study, problem.meshes["search"])
+
+
+@pytest.mark.parametrize(
+    ("effects", "message"),
+    [
+        ({"swollen": {"volume": 0.02, "layer": 7}}, "swollen.layer: found 7; expected 1 to 2, or 0 for all layers"),
+        (
+            {"swelling": {"volume": 0.01}, "swollen": {"volume": 0.02, "layer": 2}},
+            "swollen.layer: found 2; expected 0, all layers, beside effect swelling",
+        ),
+    ],
+    ids=["no such layer", "beside another one that swells"],
+)
+def test_a_layer_that_a_state_cannot_be_in_is_one_line(study, effects, message):
+    wrong = yaml.safe_load(yaml.safe_dump(config(study, "ogden")))
+    wrong["model"]["effects"] = effects
+    settings = load_settings(wrong)
+    whole = settings.read_study()
+    with pytest.raises(FingerfitError) as found:
+        check_effects(settings, whole, make_mesh(whole, settings.model.mesh), "mine.yaml")
+    assert str(found.value) == f"mine.yaml: model.effects.{message}"
