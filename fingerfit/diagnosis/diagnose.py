@@ -184,7 +184,7 @@ def diagnose(
         ranking = [begins.get(one.candidate.effect.name, one) for one in ranking]
         refits |= {one.candidate.effect.name: refit for one, refit in states}
         form, again = with_outline(problem, last, threads)
-        verdict, run = elsewhere(verdict, outline, form, states, best), run + more + again
+        verdict, run = elsewhere(verdict, outline, form, states, best, score_test), run + more + again
         if verdict.effects == (OUTLINE,) and refuted(form, score_test):
             probes = [one for one in ranking if one.candidate.effect.probe and one.candidate.effect.family == STATE]
             unknown, more = _states(problem, last, everything, found, probes, threads)

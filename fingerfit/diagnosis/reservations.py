@@ -270,6 +270,7 @@ def elsewhere(
     form: ScoreTest,
     states: Sequence[tuple[Ranked, Refit]] = (),
     own: Refit | None = None,
+    stated: ScoreTest | None = None,
 ) -> Verdict:
     """The verdict, but on the outline where the picture before compression shows another body than the study states.
 
@@ -289,21 +290,25 @@ def elsewhere(
         Effects on the state in that picture, refitted.
     own : Refit, optional
         Of the effect that the verdict names. Where it surely explains more than any of these, it comes first.
+    stated : ScoreTest, optional
+        Of the model as it is: a state that explains no more than that, sides included, is none.
     """
     shown = f"the picture before compression shows one {sides.off:.2g} mm from where body in study.yaml has it"
     text = f"missing: sides of the body elsewhere; {shown}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
     near = (1.0 - ENOUGH) * sides.off if explains(form) else sides.off
-    able = [
-        each
-        for each in states
-        if explains(each[1]) and each[1].sides.off <= near and each[1].sides.misfit < sides.misfit
-    ]
 
     # what is left beyond what chance would: each has its own values, and some that another has not
     def left(refit: Refit) -> float:
         return refit.misfit - refit.freedom + refit.sides.misfit + refit.numbers * float(np.log(refit.freedom))
 
+    def counts(refit: Refit) -> bool:
+        if not explains(refit) or refit.sides.off > near or refit.sides.misfit >= sides.misfit:
+            return False
+        surely = 0.0 if stated is None else verdict.threshold + _chance(stated, refit)
+        return stated is None or left(refit) + surely < stated.misfit - stated.freedom + sides.misfit
+
+    able = [(one, refit) for one, refit in states if counts(refit)]
     shaped = form.misfit - form.freedom + sides.numbers * float(np.log(form.freedom))
     if own is not None and explains(own):
         rivals = [shaped, *(left(refit) for _, refit in able)]

@@ -159,6 +159,14 @@ def test_where_another_form_explains_nothing_a_state_may_leave_the_sides_far_off
     assert ("0.3 mm from where this model has it" in found.sentence) == (named == ("preload",))
 
 
+@pytest.mark.parametrize(("misfit", "named"), [(1000.0, ("outline",)), (1100.0, ("preload",))], ids=["as much", "less"])
+def test_a_state_that_explains_no_more_than_the_model_without_it_is_none(misfit, named):
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    states = [(ranked("preload", "preload"), refit(1000.0, LOWER, 490.0))]
+    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states, None, refit(misfit))
+    assert found.effects == named
+
+
 @pytest.mark.parametrize(
     ("own", "named"),
     [(refit(600.0, 0.3, 250.0), ("skin",)), (refit(900.0, 0.3, 250.0), ("preload",)), (refit(2000.0), ("preload",))],
