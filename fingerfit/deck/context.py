@@ -266,6 +266,11 @@ def _regions(
     return found
 
 
+def _named(modes: np.ndarray) -> dict[str, np.ndarray]:
+    """Modes by the names that formulas have for them, from shape (points, count)."""
+    return {f"{NAME}{n}": mode for n, mode in enumerate(modes.T, 1)}
+
+
 def _pieces(
     layers: list[dict[str, Any]],
     mesh: Mesh,
@@ -283,7 +288,7 @@ def _pieces(
     low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
     named = {name for effect in present for name in names_in(effect.changes.get("field", ""))}
     waved = max((int(name[len(NAME) :]) for name in named if re.fullmatch(NAME + r"\d{1,2}", name)), default=0)
-    every = modes_of(mesh, values, waved) if waved else [np.zeros((len(one), 0)) for one in inside]
+    every = modes_of(mesh, values, waved) if waved else []
     found, changed = [], False
     for number, layer in enumerate(layers, 1):
         members = np.asarray(mesh.element_sets[layer["name"]])
@@ -302,7 +307,7 @@ def _pieces(
             "log_below": float(np.log(layers[min(number, len(layers) - 1)]["mu"] / layer["mu"])),
             "number": number,
             "layers": len(layers),
-            **{f"{NAME}{n}": mode for n, mode in enumerate(np.concatenate([every[m] for m in members]).T, 1)},
+            **(_named(np.concatenate([every[m] for m in members])) if waved else {}),
             **{name: np.repeat(_held(mesh, name, members), count) for name in named if name.startswith(INSIDE)},
         }
         total = np.zeros(len(place))

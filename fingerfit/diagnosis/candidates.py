@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fingerfit.core.errors import InputError
+from fingerfit.deck.context import check_layers
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.decks import with_effect
 from fingerfit.model.applicable import not_measured
-from fingerfit.model.effect import CONSTANTS, LAYER, OBSERVATION, OUTLINE, Effect
+from fingerfit.model.effect import CONSTANTS, OBSERVATION, OUTLINE, Effect
 from fingerfit.model.laws import foreign
 from fingerfit.model.regions import PREFIX
 
-RIVALS = "only one of two effects that replace the same block of the deck"
+ONE_OF_TWO = "only one of two effects that replace the same block of the deck"
 
 
 @dataclass(frozen=True)
@@ -53,18 +54,19 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     """
     found: list[Candidate] = []
     lacking: dict[str, InputError] = {}
-    without = problem.ask(values).sim
+    without, settings = problem.ask(values).sim, problem.settings
+    own, fixed = settings.effects(known=problem.effects), settings.fixed(known=problem.effects)
     for effect in sorted(problem.effects.values(), key=lambda effect: bool(effect.scan)):
-        if effect.name in (OUTLINE, *problem.settings.model.effects):
+        if effect.name in (OUTLINE, *settings.model.effects):
             continue
         if all(test.lacks(effect) for test in problem.every):  # one test that can have it is enough
             continue
-        if _is_fitted(effect, problem) or _rivals(effect, problem) or foreign(effect, problem.settings.model.law):
+        if _is_fitted(effect, problem) or _replacing_the_same(effect, problem) or foreign(effect, settings.model.law):
             continue
         if effect.series and problem.meshes[SEARCH].dim == 3:
             continue  # a simulation for each of tens of numbers takes hours in space: a person adds it
         for place in effect.places():
-            if not _has_layer(effect, place, problem):
+            if not _in_its_layer((*own, effect), {**fixed, **place}, problem):
                 continue
             asked = []
             for parameter in effect.parameters if effect.simulated else ():
@@ -85,14 +87,14 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     return found, lacking
 
 
-def _has_layer(effect: Effect, place: Mapping[str, float], problem: InverseProblem) -> bool:
-    """Whether the state of a layer can be that of a layer of the body, and of this one alone beside the model's own."""
-    layer, effects = place.get(effect.key(LAYER), 0), problem.settings.effects(known=problem.effects)
-    if "before" in effect.changes and all(layer > len(test.study.layer_names) for test in problem.every):
+def _in_its_layer(present: Sequence[Effect], values: Mapping[str, float], problem: InverseProblem) -> bool:
+    """Whether no test refuses the layer that an effect is in, beside the others: what deck could it have else."""
+    try:
+        for test in problem.every:
+            check_layers(present, values, len(test.study.layer_names))
+    except InputError:
         return False
-    fixed = problem.settings.fixed(known=problem.effects)
-    others = [one for one in effects if {"swelling"} & set(one.changes) & set(effect.changes)]
-    return not (others and (layer or any(fixed.get(one.key(LAYER)) for one in others)))
+    return True
 
 
 def untestable(problem: InverseProblem) -> dict[str, InputError]:
@@ -105,8 +107,8 @@ def untestable(problem: InverseProblem) -> dict[str, InputError]:
     for effect in problem.effects.values():
         if effect.name in (OUTLINE, *problem.settings.model.effects) or effect.acts == OBSERVATION or effect.probe:
             continue
-        if rivals := _rivals(effect, problem):
-            found[effect.title] = InputError(study.path, "effects", f"a model without {rivals[0]}", RIVALS)
+        if others := _replacing_the_same(effect, problem):
+            found[effect.title] = InputError(study.path, "effects", f"a model without {others[0]}", ONE_OF_TWO)
             continue
         told = [
             not_measured(effect, test.study, test.meshes[SEARCH].dim, REFINED in test.mesh_files)
@@ -119,7 +121,7 @@ def untestable(problem: InverseProblem) -> dict[str, InputError]:
     return found
 
 
-def _rivals(effect: Effect, problem: InverseProblem) -> list[str]:
+def _replacing_the_same(effect: Effect, problem: InverseProblem) -> list[str]:
     """Effects of the model that replace the same block of the deck: beside them it cannot be there."""
     chosen = [problem.effects[name] for name in problem.settings.model.effects]
     return [other.name for other in chosen if set(other.replaces) & set(effect.replaces)]

@@ -63,7 +63,7 @@ from fingerfit.model.effect import MESH_ERROR, OUTLINE, STATE
 from fingerfit.settings.extend import rivals, with_model
 
 HALF = 0.5
-"""Share of a series' log odds from which what has fewer numbers is refitted beside it."""
+"""Share of a series' log odds from which what has fewer numbers is refitted beside it. A choice (decision 19)."""
 BATCHES = 2
 """How often the next best effects are refitted, as long as none explains the residual."""
 

@@ -163,11 +163,11 @@ def traced(
     signal : float
         Misfit that the effects of the model explain: `signal_of`.
     """
+    if verdict.kind == "adequate":
+        return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     names = " or ".join(one.candidate.effect.title for one in named)
     fall, form = max((refits[name].fall for name in verdict.effects), default=0.0), FORM**2 * signal
-    if verdict.kind == "adequate":
-        return verdict
     if not explains(score_test):
         if excess(score_test) >= form or fall >= form or base.fitted > GOOD:
             return verdict
@@ -256,8 +256,7 @@ def strained(verdict: Verdict, sides: Sides, probe: tuple[Ranked, Refit] | None)
     probe : (Ranked, Refit) or None
         That of states before the first picture, refitted.
     """
-    shown = f"the picture before compression shows a side {sides.off:.2g} mm from where body in study.yaml has it"
-    text = f"{shown}, but a body that is at rest in that shape would not deform like this one"
+    text = f"{_shown(sides)}, but a body that is at rest in that shape would not deform like this one"
     if probe is None or not explains(probe[1]):
         return Verdict("unexplained", (), f"unexplained: {text}", verdict.threshold, STATE)
     effect = probe[0].candidate.effect
@@ -293,7 +292,7 @@ def elsewhere(
     stated : ScoreTest, optional
         Of the model as it is: a state that explains no more than that, sides included, is none.
     """
-    shown = f"the picture before compression shows one {sides.off:.2g} mm from where body in study.yaml has it"
+    shown = _shown(sides, "one")
     text = f"missing: sides of the body elsewhere; {shown}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
     near = (1.0 - ENOUGH) * sides.off if explains(form) else sides.off
@@ -305,15 +304,17 @@ def elsewhere(
     def counts(refit: Refit) -> bool:
         if not explains(refit) or refit.sides.off > near or refit.sides.misfit >= sides.misfit:
             return False
-        surely = 0.0 if stated is None else verdict.threshold + _chance(stated, refit)
-        return stated is None or left(refit) + surely < stated.misfit - stated.freedom + sides.misfit
+        if stated is None:
+            return True
+        surely = verdict.threshold + _chance(stated, refit)
+        return left(refit) + surely < stated.misfit - stated.freedom + sides.misfit
 
     able = [(one, refit) for one, refit in states if counts(refit)]
     shaped = form.misfit - form.freedom + sides.numbers * float(np.log(form.freedom))
     if own is not None and explains(own):
         rivals = [shaped, *(left(refit) for _, refit in able)]
         if left(own) + verdict.threshold + _chance(form, own) < min(rivals):
-            return replace(verdict, sentence=f"{verdict.sentence}; {shown.replace('shows one', 'shows a side')}")
+            return replace(verdict, sentence=f"{verdict.sentence}; {_shown(sides)}")
     if not able:
         return another
     one, refit = min(able, key=lambda each: left(each[1]))
@@ -324,15 +325,19 @@ def elsewhere(
         return Verdict("indistinguishable", (OUTLINE, effect.name), text, verdict.threshold, "geometry")
     if gain < 0:
         return another
-    text = f"missing: {title}; with it {shown.replace('shows one', 'shows a side')}"
+    text = f"missing: {title}; with it {_shown(sides)}"
     if refit.sides.off:
         text += f", and {refit.sides.off:.2g} mm from where this model has it"
     return Verdict("missing", (effect.name,), text, verdict.threshold, effect.family)
 
 
-def _chance(form: ScoreTest, refit: Refit) -> float:
+def _shown(sides: Sides, which: str = "a side") -> str:
+    return f"the picture before compression shows {which} {sides.off:.2g} mm from where body in study.yaml has it"
+
+
+def _chance(one: ScoreTest, other: Refit) -> float:
     """What chance makes of the values that only one of two models has."""
-    return SURELY * float(np.sqrt(2.0 * abs(form.freedom - refit.freedom)))
+    return SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
 
 
 def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:

@@ -18,6 +18,7 @@ from fingerfit.fit.refine import CLOSE
 from fingerfit.fit.replicates import Replicates
 from fingerfit.fit.rounds import Round, simulations
 from fingerfit.fit.slopes import coordinates, moved
+from fingerfit.model.parameters import Parameter
 from fingerfit.study.several import AT
 
 
@@ -141,22 +142,22 @@ def _with_rivals(found: Uncertainty, problem: InverseProblem) -> Uncertainty:
     """
     ends = found.interval.copy()
     for n, p in enumerate(problem.settings.parameters()):
-        away = [one[p.name] for one in problem.settings.model.rivals.values() if p.name in one]
-        if p.log:
-            ends[n] *= min([1.0, *away]), max([1.0, *away])
-        else:
-            ends[n] += min([0.0, *away]), max([0.0, *away])
+        rivals = [one[p.name] for one in problem.settings.model.rivals.values() if p.name in one]
+        away = [1.0 if p.log else 0.0, *rivals]
+        ends[n] = _away(p, ends[n, 0], min(away)), _away(p, ends[n, 1], max(away))
     return replace(found, interval=ends)
+
+
+def _away(parameter: Parameter, value: float, far: float) -> float:
+    """What a rival makes of a value, as `rivals` in `fingerfit.settings.extend` tells how far away it is."""
+    return value * far if parameter.log else value + far
 
 
 def _rival_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list[str]:
     """A sentence on each model that the data could not tell from this one, with its constants."""
     parameters, found = {p.name: p for p in problem.settings.parameters()}, []
     for model, away in problem.settings.model.rivals.items():
-        told = [
-            f"{name} {values[name] * far if parameters[name].log else values[name] + far:.4g}"
-            for name, far in away.items()
-        ]
+        told = [f"{name} {_away(parameters[name], values[name], far):.4g}" for name, far in away.items()]
         text = f"these data cannot tell this model from {model}, which has {', '.join(told)}"
         found.append(f"{text}: the intervals reach that far")
     return found

@@ -6,6 +6,7 @@ import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 
+from fingerfit.core.errors import Problems
 from fingerfit.fit.estimate import estimate_of, table_of
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.model.catalogue import catalogue
@@ -127,3 +128,16 @@ def test_a_rival_on_one_side_leaves_the_other_end_where_it_is(tmp_path, monkeypa
     (tmp_path / "among").mkdir()
     found = fitted(tmp_path / "among", monkeypatch, linear)["parameters"]["mu"]["interval95"]
     assert found == pytest.approx([low - 0.004, high])
+
+
+@pytest.mark.parametrize(
+    ("away", "message"),
+    [
+        ({"mu_tip": 1.1}, "mu_tip: found an unknown key; expected one of mu"),
+        ({"mu": 0.0}, "mu: found 0.0; expected above 0, a factor of a constant that is searched in the logarithm"),
+    ],
+)
+def test_rivals_are_told_by_constants_and_factors_that_there_are(tmp_path, monkeypatch, away, message):
+    with pytest.raises(Problems) as caught:
+        fitted(tmp_path, monkeypatch, {"rivals": {"base+skin": away}})
+    assert f"config.yaml: model.rivals.base+skin.{message}" in str(caught.value)

@@ -48,14 +48,14 @@ def pictured(shape, noise=NOISE, around=0.1, direction=None, dark=0.2, seed=1, c
 @pytest.mark.parametrize("direction", [None, TURNED], ids=["level", "turned"])
 def test_sides_are_found_where_they_are(direction):
     shape = sides(taper=0.6, bulge=0.7, lower=0.5)
-    found = measure_outline(pictured(shape, direction=direction), LOW, HIGH)
-    along = np.linspace(-0.8, 0.8, 9)
-    for outward, wanted in zip(found.outward, shape.values(), strict=True):
-        # where grains at an edge are nearly as dark as what is around them, a quarter of a pixel is its scatter; at the
-        # ends that of all three coefficients counts, and the largest of 36 places is looked at
-        assert np.polynomial.legendre.legval(along, outward) == pytest.approx(wanted(along), abs=1.5 * PIXEL)
+    # of one picture in eight a place is off by more than a pixel (24 seeds, both directions), so that five are looked at
+    several = [measure_outline(pictured(shape, direction=direction, seed=seed), LOW, HIGH) for seed in range(1, 6)]
+    found, along = several[0], np.linspace(-0.8, 0.8, 9)
+    for outward, wanted in zip(np.median([one.outward for one in several], axis=0), shape.values(), strict=True):
+        # where grains at an edge are nearly as dark as what is around them, a pixel is what remains unsure
+        assert np.polynomial.legendre.legval(along, outward) == pytest.approx(wanted(along), abs=PIXEL)
     assert found.elsewhere().keys() == {"left", "right", "upper"}
-    assert found.elsewhere()["upper"] == pytest.approx(-0.5, abs=PIXEL)
+    assert np.median([one.elsewhere()["upper"] for one in several]) == pytest.approx(-0.5, abs=PIXEL)
     corner = found.moved(np.array([[LOW[0], HIGH[1]], [HIGH[0], LOW[1]]]))
     assert corner == pytest.approx(np.array([[LOW[0] - 0.6, HIGH[1] - 0.5], [HIGH[0], LOW[1]]]), abs=3 * PIXEL)
     middle = found.moved(np.array([[HIGH[0], (LOW + HIGH)[1] / 2]]))

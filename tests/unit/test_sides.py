@@ -127,18 +127,9 @@ FORM = 1200.0 - 12 * np.log(1000)
         ([refit(1190.0)], ("outline", "preload")),
         ([refit(1000.0, off=0.1, away=190.0)], ("outline", "preload")),
         ([refit(1230.0)], ("outline",)),
-        ([refit(1000.0, off=0.3, away=600.0), refit(1010.0)], ("preload",)),
+        ([refit(1000.0, off=0.3), refit(1010.0)], ("preload",)),
     ],
-    ids=[
-        "none",
-        "sides elsewhere",
-        "unexplained",
-        "better",
-        "alike",
-        "sides alike",
-        "worse",
-        "second",
-    ],
+    ids=["none", "sides elsewhere", "unexplained", "better", "alike", "sides alike", "worse", "second"],
 )
 def test_another_form_or_a_state(states, named):
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
