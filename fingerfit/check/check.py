@@ -322,7 +322,7 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect, whole: 
         found.append("the deck")
         _taken(settings, study, mesh, effect, values)
     place_of(effect, values, mesh)
-    seen = Observation.of([whole], values, mesh.body, study.now)
+    seen = Observation.of([whole], values, mesh.body, study.course)
     if seen is not None:
         seen.shift(1, mesh.body[:1])
         seen.intensity(np.zeros(1), 1, *mesh.body[:1].T)

@@ -12,8 +12,8 @@ from fingerfit.deck.changed import changed_by
 from fingerfit.deck.questions import temperature
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import Effect
-from fingerfit.model.observation import places
-from fingerfit.study.study import AXES, Step, Study
+from fingerfit.model.observation import places, unloaded
+from fingerfit.study.study import AXES, Step, Study, largest_of
 
 
 def direction(study: Study, dim: int) -> list[float]:
@@ -41,10 +41,6 @@ def from_rest(study: Study, present: Sequence[Effect]) -> bool:
     return held and any("before" in effect.changes for effect in present)
 
 
-def _largest(study: Study, what: str) -> float:
-    return max((abs(getattr(step, what) or 0.0) for step in study.steps), default=0.0)
-
-
 def loading_steps(
     study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float]
 ) -> list[dict[str, Any]]:
@@ -55,7 +51,9 @@ def loading_steps(
     """
     control, count = study.control, len(study.steps)
     resting = from_rest(study, present)
-    largest, most = (_largest(study, what) for what in (control, "force" if resting else control))
+    largest, most = (
+        largest_of([getattr(step, what) for step in study.steps]) for what in (control, "force" if resting else control)
+    )
     before = float(changed_by("before", 0.0, {"largest": most}, present, values))
     begun = 0.0 if resting else before
     swelling = _swelling(study, mesh, present, values)
@@ -70,13 +68,13 @@ def loading_steps(
                 "aside": sorted(_aside(study, None, begun).items()),
             }
         )
-    for k, (step, now) in enumerate(zip(study.steps, study.now, strict=True), 1):
+    for k, (step, known) in enumerate(zip(study.steps, study.course, strict=True), 1):
         period = None
         if step.time is not None:
             period, last = step.time - last, step.time
         entry: dict[str, Any] = {"force": step.force, "displacement": step.displacement, "period": period}
         entry["temperature"] = warm[k]
-        names = {"k": k, "n": count, "now": now, "time": step.time or 0.0, "largest": largest}
+        names = {**known, "time": step.time or 0.0, "largest": largest}
         if entry[control] is not None:
             entry[control] = float(changed_by(control, entry[control], names, present, values)) + begun
         aside = _aside(study, step, entry["displacement"])
@@ -95,8 +93,8 @@ def _swelling(study: Study, mesh: Mesh, present: Sequence[Effect], values: Mappi
         return np.zeros((count + 1, 1))
     low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
     found = np.zeros((count + 1, len(mesh.points)))
-    for k, now in enumerate((0.0, *study.now)):
-        names = {**places(mesh.points, low, high), "k": k, "n": count, "now": now}
+    for k, known in enumerate((unloaded(study.course), *study.course)):
+        names = {**places(mesh.points, low, high), **known}
         for effect in present:
             volume = changed_by("swelling", 0.0, names, [effect], values)
             if np.min(volume) <= -1:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fingerfit.core.errors import InputError
@@ -54,19 +54,14 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     """
     found: list[Candidate] = []
     lacking: dict[str, InputError] = {}
-    without, settings = problem.ask(values).sim, problem.settings
-    own, fixed = settings.effects(known=problem.effects), settings.fixed(known=problem.effects)
+    without = problem.ask(values).sim
     for effect in sorted(problem.effects.values(), key=lambda effect: bool(effect.scan)):
-        if effect.name in (OUTLINE, *settings.model.effects):
-            continue
-        if all(test.lacks(effect) for test in problem.every):  # one test that can have it is enough
-            continue
-        if _is_fitted(effect, problem) or _replacing_the_same(effect, problem) or foreign(effect, settings.model.law):
+        if not makes_sense(effect, problem):
             continue
         if effect.series and problem.meshes[SEARCH].dim == 3:
             continue  # a simulation for each of tens of numbers takes hours in space: a person adds it
         for place in effect.places():
-            if not _in_its_layer((*own, effect), {**fixed, **place}, problem):
+            if not may_be(effect, place, problem):
                 continue
             asked = []
             for parameter in effect.parameters if effect.simulated else ():
@@ -87,8 +82,21 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     return found, lacking
 
 
-def _in_its_layer(present: Sequence[Effect], values: Mapping[str, float], problem: InverseProblem) -> bool:
-    """Whether no test refuses the layer that an effect is in, beside the others: what deck could it have else."""
+def makes_sense(effect: Effect, problem: InverseProblem) -> bool:
+    """Whether a model may have an effect more: it is neither in it nor the same by another name, and can be tested."""
+    settings = problem.settings
+    if effect.name in (OUTLINE, *settings.model.effects) or foreign(effect, settings.model.law):
+        return False
+    if all(test.lacks(effect) for test in problem.every):  # one test that can have it is enough
+        return False
+    return not (_is_fitted(effect, problem) or _replacing_the_same(effect, problem))
+
+
+def may_be(effect: Effect, place: Mapping[str, float], problem: InverseProblem) -> bool:
+    """Whether an effect may be at a place: no test refuses its layer, beside those of the model."""
+    settings = problem.settings
+    present = (*settings.effects(known=problem.effects), effect)
+    values = {**settings.fixed(known=problem.effects), **place}
     try:
         for test in problem.every:
             check_layers(present, values, len(test.study.layer_names))

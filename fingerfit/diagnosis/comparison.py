@@ -19,7 +19,7 @@ from fingerfit.fit.minimum import best_values, finest, left_over
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.slopes import STEP, difference
+from fingerfit.fit.slopes import difference
 from fingerfit.forward.patches import Patches, Reader, flat, points_by_patch
 from fingerfit.forward.predict import Predictor, positions, seen_response
 from fingerfit.imaging.pictures import Picture
@@ -149,15 +149,22 @@ class Comparison:
 
         Noise of the pictures, and what the noise of the prescribed quantity moves.
         """
-        sides = [asked for sign in "+-" for asked in self.last.batch if asked.role == sign + "control"]
-        predictor = Predictor(self.data, self.problem.meshes[SEARCH])
-        made = [predictor.predict(self.problem.outcome(asked), self.problem.seen(asked.values)) for asked in sides]
+        by_role = {asked.role: asked for asked in self.last.batch}
+        ahead, behind = (self._pictures(by_role.get(sign + "control")) for sign in "+-")
+        slope = difference(ahead, behind, lambda: self._pictures(self.problem.ask(best_values(self.last))))
         moved = np.zeros(len(self.residual.floor))
-        if len(made) == 2 and made[0] is not None and made[1] is not None:
-            slope = (made[0].prediction.pictures - made[1].prediction.pictures) / (2 * STEP)
+        if slope is not None:
             for n, (step, way) in enumerate(zip(self.data.picture_step, self.residual.fits, strict=True)):
                 moved[n] = np.sqrt(np.mean(slope[n].ravel()[way.pixel] ** 2)) * self._control_noise[step]
         return np.hypot(self.residual.floor, moved)
+
+    def _pictures(self, asked: Asked | None) -> np.ndarray | None:
+        """Synthesized pictures of a simulation on the search mesh; None without one, or without a solution."""
+        if asked is None:
+            return None
+        predictor = Predictor(self.data, self.problem.meshes[SEARCH])
+        made = predictor.predict(self.problem.outcome(asked), self.problem.seen(asked.values))
+        return None if made is None else made.prediction.pictures
 
     @cached_property
     def mesh_signal(self) -> np.ndarray:
@@ -266,7 +273,7 @@ class Comparison:
         now = {**effect.null(), **self.problem.own(values)}
         further = {**now, effect.key(name): now[effect.key(name)] + parameter.step}
         before, after = (
-            Observation((effect,), guess, points.min(axis=0), points.max(axis=0), self.problem.study.now)
+            Observation((effect,), guess, points.min(axis=0), points.max(axis=0), self.problem.study.course)
             for guess in (now, further)
         )
         frame = Picture(data.before, data.spacing, data.origin, data.direction)
@@ -296,11 +303,13 @@ def anchor_of(problem: InverseProblem, last: Round) -> Asked:
     return problem.ask(finest(problem, last).values, ANCHOR)
 
 
-def rank_candidates(comparison: Comparison, score_test: ScoreTest, found: Sequence[Candidate]) -> list[Ranked]:
-    """Test all candidates that have a solution."""
+def rank_candidates(
+    comparison: Comparison, score_test: ScoreTest, found: Sequence[Candidate], without: Asked | None = None
+) -> list[Ranked]:
+    """Test all candidates that have a solution; `without` as in `Comparison.columns`."""
     ranking = []
     for candidate in found:
-        columns = comparison.columns(candidate)
+        columns = comparison.columns(candidate, without)
         if columns is not None:
             parameters = candidate.effect.parameters
             low = np.array([p.lower - p.null for p in parameters])

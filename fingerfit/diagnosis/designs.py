@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fingerfit.deck.questions import quadratic
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.joint import diagonal, joined
@@ -290,7 +291,7 @@ class _Shown:
         """Simulations that are needed."""
         if self.design.study is None:
             return []
-        own = [a for pair in self._sides.values() for a in pair]
+        own = [a for pair in self._sides.values() for a in pair if a]
         return [self._null, *own, *(a for one in ranking for a in self._candidate(one).asked)]
 
     def solved(self, *ranking: Ranked) -> bool:
@@ -328,14 +329,13 @@ class _Shown:
         return self._ask(self.values, self.design.title)
 
     @cached_property
-    def _sides(self) -> dict[str, tuple[Asked, Asked]]:
-        """Simulations on either side, by constant."""
+    def _sides(self) -> dict[str, list[Asked | None]]:
+        """Simulations ahead and behind, by constant; at a bound there is one of them only."""
         around = neighbours(self.problem.settings.parameters(), self.values)
         asked = {role: self._ask(values, role) for role, values in around.items()}
         asked |= {"+control": self._ask(self.values, "+control", 1 + STEP)}
         asked |= {"-control": self._ask(self.values, "-control", 1 - STEP)}
-        names = [role[1:] for role in asked if role[0] == "+"]
-        return {name: (asked["+" + name], asked["-" + name]) for name in names if "-" + name in asked}
+        return {role[1:]: [asked.get(sign + role[1:]) for sign in "+-"] for role in asked}
 
     def _candidate(self, one: Ranked) -> Candidate:
         roles = {asked.role: asked.values for asked in one.candidate.asked}
@@ -348,8 +348,8 @@ class _Shown:
         return self.comparison.columns(self._candidate(one), self._null)
 
     def _slope(self, name: str) -> np.ndarray:
-        sides = self._sides.get(name)
-        ahead, behind = (None, None) if sides is None else map(self.comparison.read, sides)
+        sides = self._sides.get(name, (None, None))
+        ahead, behind = (asked and self.comparison.read(asked) for asked in sides)
         found = difference(ahead, behind, lambda: self.comparison.read(self._null))
         return np.zeros(len(self.comparison.residual.kept)) if found is None else found
 
@@ -364,7 +364,9 @@ def _unloading(study: Study) -> Study:
 
 
 def half_indenter(mesh: Mesh) -> Mesh:
-    """The mesh with only those nodes under the indenter that lie in its half at small x."""
+    """The mesh with only those nodes under the indenter that lie in its half at small x: whole sides of elements."""
     top, x = mesh.node_sets["TOP"], mesh.points[mesh.node_sets["TOP"], 0]
     left = top[x <= (x.min() + x.max()) / 2 + 1e-9]
+    if mesh.dim == 2 and quadratic(mesh) and len(left) % 2 == 0:
+        left = left[mesh.points[left, 0] < mesh.points[left, 0].max()]
     return replace(mesh, node_sets={**mesh.node_sets, "TOP": left, "INDENTER": left[:1]})

@@ -11,7 +11,7 @@ import numpy as np
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import tell
-from fingerfit.diagnosis.candidates import candidates, untestable
+from fingerfit.diagnosis.candidates import candidates, makes_sense, may_be, untestable
 from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import Further, identification, separation
 from fingerfit.diagnosis.errors import errors
@@ -61,6 +61,7 @@ from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.model.effect import MESH_ERROR, OUTLINE, STATE
 from fingerfit.settings.extend import rivals, with_model
+from fingerfit.study.several import AT
 
 HALF = 0.5
 """Share of a series' log odds from which what has fewer numbers is refitted beside it. A choice (decision 19)."""
@@ -153,13 +154,14 @@ def diagnose(
         # a probe has as many numbers as several effects: nothing is looked for beside it
         if half is not None and not half.candidate.effect.probe and half.candidate.effect.name not in halves:
             halves.add(half.candidate.effect.name)
-            partner, more = _partner(problem, last, half, everything, score_test.misfit, threads)
+            partner, more = _partner(problem, last, half, everything, found, threads)
             verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
     verdict = largest_part(verdict, score_test, ranking, generalising(score_test, ended, held_out), fitted)
     estimate = minimum(problem, last).values
-    own = {name: estimate[name] for name in problem.settings.model.parameters}
+    constants = problem.settings.model.parameters
+    own = {p.name: estimate[p.name] for p in problem.settings.parameters() if p.name.partition(AT)[0] in constants}
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
     tolerance = problem.settings.fit.tolerance
     signal = signal_of(found.comparison)
@@ -184,8 +186,10 @@ def diagnose(
         ranking = [begins.get(one.candidate.effect.name, one) for one in ranking]
         refits |= {one.candidate.effect.name: refit for one, refit in states}
         form, again = with_outline(problem, last, threads)
-        verdict, run = elsewhere(verdict, outline, form, states, best, score_test), run + more + again
-        if verdict.effects == (OUTLINE,) and refuted(form, score_test):
+        run += more + again
+        if form is not None:
+            verdict = elsewhere(verdict, outline, form, states, best, score_test)
+        if form is not None and verdict.effects == (OUTLINE,) and refuted(form, score_test):
             probes = [one for one in ranking if one.candidate.effect.probe and one.candidate.effect.family == STATE]
             unknown, more = _states(problem, last, everything, found, probes, threads)
             refits |= {one.candidate.effect.name: refit for one, refit in unknown}
@@ -216,22 +220,33 @@ class _Tested:
         return Weighed.of(self.comparison)
 
 
-def _test_all(problem: InverseProblem, last: Round, everything: Everything, threads: int) -> _Tested:
-    found, lacking = candidates(problem, finest(problem, last).values)
-    tell(f"slopes of {len({candidate.effect.name for candidate in found})} effects")
-    run = solve_missing(
-        problem, [anchor_of(problem, last), *(asked for candidate in found for asked in candidate.asked)], threads
-    )
+def _test_all(
+    problem: InverseProblem, last: Round, everything: Everything, threads: int, known: _Tested | None = None
+) -> _Tested:
+    """Test all candidates; with the slopes that are `known` of a model with an effect less, where these are given."""
+    if known is None:
+        found, lacking = candidates(problem, finest(problem, last).values)
+        tell(f"slopes of {len({candidate.effect.name for candidate in found})} effects")
+    else:
+        tested, lacking = [one.candidate for one in known.everywhere], known.lacking
+        possible = [one for one in tested if makes_sense(one.effect, problem)]
+        found = [one for one in possible if may_be(one.effect, one.place, problem)]
+    asked = () if known else [asked for candidate in found for asked in candidate.asked]
+    run = solve_missing(problem, [anchor_of(problem, last), *asked], threads)
     comparison = comparison_of(problem, last, everything)
-    score_test = comparison.score_test
-    everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found)]
+    score_test, without = comparison.score_test, known and known.comparison.anchor
+    everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
     ranking = best_places(everywhere)
-    if any(test.meshes[SEARCH].dim == 3 for test in problem.every):
+    if _in_space(problem):
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
     else:
         ranking, more = refit_all(comparison, ranking, threads, explains(score_test), everywhere)
     run += more
     return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking)
+
+
+def _in_space(problem: InverseProblem) -> bool:
+    return any(test.meshes[SEARCH].dim == 3 for test in problem.every)
 
 
 def _refit_best(
@@ -263,7 +278,7 @@ def _refits(
     explained, by_series, named = -np.inf, False, set[str]()
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
-    flat = all(test.meshes[SEARCH].dim == 2 for test in problem.every)
+    flat = not _in_space(problem)
     beside, each = 1, threads
 
     def worth_it(ranked: Ranked) -> bool:
@@ -328,14 +343,16 @@ def _states(
 
 
 def _partner(
-    problem: InverseProblem, last: Round, half: Ranked, everything: Everything, before: float, threads: int
+    problem: InverseProblem, last: Round, half: Ranked, everything: Everything, known: _Tested, threads: int
 ) -> tuple[tuple[Ranked, Refit] | None, int]:
     """The effect that explains most of what another one leaves, and the refit of both.
 
-    It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are.
+    It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are. In
+    space, where these take hours, by the slopes of the model without it.
     """
-    ended, run = ended_of(problem, last, half, everything, before, threads)
-    found, best = _test_all(ended.problem, ended.last, everything, threads), None
+    ended, run = ended_of(problem, last, half, everything, known.score_test.misfit, threads)
+    slopes = known if _in_space(problem) else None
+    found, best = _test_all(ended.problem, ended.last, everything, threads, slopes), None
     run += found.run
     for ranked, refit, more in _refits(ended.problem, ended.last, everything, found, threads):
         run += more

@@ -123,17 +123,20 @@ def _fit(
     return Ended(wider, end, comparison, comparison.score_test, share), run
 
 
-def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[ScoreTest, int]:
+def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[ScoreTest | None, int]:
     """How well a body with the sides that the picture before compression shows explains what was measured.
 
-    It has other meshes, and patches elsewhere, so that it cannot be compared value by value.
+    It has other meshes, and patches elsewhere, so that it cannot be compared value by value. None without a solution.
     """
     effect, values = problem.effects[OUTLINE], minimum(problem, last).values
     settings = extended(problem.settings, effect, {}, {}, values)
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as folder:
         wider, everything = begin(settings, Path(folder), problem.sims)
-        end, run = run_fit(wider, threads)
-        run += solve_missing(wider, [anchor_of(wider, end)], threads)
-        found = comparison_of(wider, end, everything).score_test
+        try:
+            end, run = run_fit(wider, threads)
+            run += solve_missing(wider, [anchor_of(wider, end)], threads)
+            found = comparison_of(wider, end, everything).score_test
+        except StateError:
+            found, run = None, 0
     problem.asked.update(wider.asked)
     return found, run

@@ -74,11 +74,11 @@ def largest_part(
     error : float
         Of the model, in units of the noise floor, on the fitted steps.
     """
-    if verdict.kind != "unexplained" or not refits:
+    if verdict.kind != "unexplained" or not refits or error <= 1.0:
         return verdict
     best = min(refits, key=lambda name: refits[name].level)
     one = next(one for one in ranking if one.candidate.effect.name == best)
-    share = (error**2 - refits[best].fitted ** 2) / max(error**2 - 1.0, 1e-300)
+    share = (error**2 - refits[best].fitted ** 2) / (error**2 - 1.0)
     beyond = score_test.misfit - refits[best].misfit > verdict.threshold
     if not (beyond and share > LARGEST and leads(score_test, ranking, one)):
         return verdict

@@ -23,7 +23,7 @@ from fingerfit.settings.config import CONFIG, Settings, too_long
 from fingerfit.settings.parts import MeshSettings
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
-from fingerfit.study.several import of_test
+from fingerfit.study.several import AT, of_test
 from fingerfit.study.study import AXES, Study, elsewhere
 
 
@@ -226,9 +226,10 @@ def _alone_in_blocks(effects: tuple[Effect, ...], where: Path | str) -> tuple[Ef
 def _in_their_layers(
     effects: tuple[Effect, ...], settings: Settings, study: Study, where: Path | str
 ) -> tuple[Effect, ...]:
-    """The effects; refused where one is in a layer that is not there, or beside another one that cannot be."""
+    """The effects; refused where one is in a layer that a test does not have, or beside another one that cannot be."""
     try:
-        check_layers(effects, {**settings.starts(), **settings.fixed()}, len(study.layer_names))
+        for test in study.every:
+            check_layers(effects, {**settings.starts(), **settings.fixed()}, len(test.layer_names))
     except InputError as error:
         field = f"model.effects.{error.where.removeprefix('effect ')}.{error.field}"
         raise InputError(where, field, error.found, error.expected) from error
@@ -241,7 +242,7 @@ def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effec
     No two constants are alike there, as they often are at the start: a border between equal layers may lie anywhere.
     """
     known = effects_of(Path(settings.study))
-    own = [p for p in settings.parameters() if p.name in settings.model.parameters]
+    own = [p for p in settings.parameters() if p.name.partition(AT)[0] in settings.model.parameters]
     apart = {p.name: p.lower + (p.start - p.lower) * (1.0 - 0.01 * n) for n, p in enumerate(own)}
     start = of_test({**settings.starts(), **apart}, study.test)
     sizes = [effect.null(), *(with_effect(effect, {}, p.name) for p in effect.parameters)]

@@ -168,7 +168,7 @@ def _of(test: InverseProblem) -> str:
 
 
 def _far_off(problem: InverseProblem, best: Minimum) -> list[str]:
-    """A sentence on forces (or displacements) that the fit leaves tens of standard deviations off.
+    """A sentence on forces (or displacements) that the fit leaves ten standard deviations off, or more.
 
     Beside thousands of pixels or points a few of them weigh little, so that the score alone does not tell.
     """

@@ -237,7 +237,7 @@ class InverseProblem:
     def seen(self, values: Mapping[str, float]) -> Observation | None:
         """Effects on the observation that a guess has."""
         everything = {**self.settings.fixed(self.effects), **self.own(values)}
-        return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].body, self.study.now)
+        return Observation.of(self.effects.values(), everything, self.meshes[SEARCH].body, self.study.course)
 
     def mesh_of(self, asked: Asked) -> str:
         """Which of the meshes a guess is solved on."""

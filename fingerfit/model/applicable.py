@@ -56,8 +56,13 @@ def unmet(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
     if pushes and study.control == "displacement" and (study.body.width is None or study.direction):
         # only the deck of a block goes on from where a force has left the indenter
         found.append("a prescribed force")
-    if "indenter" in effect.replaces and study.on_a_rail:
+    if study.on_a_rail and ("indenter" in effect.replaces or "displacement_x" in effect.changes):
         found.append("an indenter that is not on a rail")
+    # a side that slides has nothing that could give way
+    if "base" in effect.replaces and study.base != "held":
+        found.append("a base that is held")
+    if "indenter" in effect.replaces and study.indenter != "glued":
+        found.append("an indenter that is glued")
     return found or [f"{formula} of the study" for formula in dict.fromkeys(effect.shares_of.values())]
 
 

@@ -10,8 +10,9 @@ from fingerfit.model.formulas import evaluate, names_in
 
 LOADING = "loading"
 """Effects on what is prescribed and on its reading."""
-NUMERICS = "numerics"
 STATE = "state"
+"""The family of what the body went through before the first picture."""
+NUMERICS = "numerics"
 """Effects of mesh and load steps: they are tested, but cured by other settings instead of being fitted."""
 OBSERVATION = "observation"
 """Effects on what is measured: they need no new simulation."""
@@ -78,7 +79,7 @@ class EffectParameter:
     @property
     def scale(self) -> float:
         """What a fit counts as 1: the distance of the bounds, or `TRIALS` trial sizes where that is less."""
-        return min(self.upper - self.lower, TRIALS * self.step)
+        return min(self.upper - self.lower, TRIALS * abs(self.step))
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,8 @@ class Effect:
         Blocks that lose what they have without it.
     shares_of : mapping
         Formulas of what numbers are shares of (`scales`), by short names; none is left once it is `bound`.
+    units : mapping
+        Units of scanned numbers that are shares of something, by short names.
     place : tuple of str
         Formulas of where a scanned place is, mm from the corner of the body; empty for effects without a place.
     told : mapping
@@ -155,6 +158,7 @@ class Effect:
     fills: Mapping[str, str] = field(default_factory=dict)
     replaces: tuple[str, ...] = ()
     shares_of: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
     place: tuple[str, ...] = ()
     told: Mapping[str, str] = field(default_factory=dict)
     signal: str = ""

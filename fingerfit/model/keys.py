@@ -27,6 +27,7 @@ from fingerfit.model.effect import (
 )
 from fingerfit.model.formulas import FUNCTIONS, evaluate, names_in
 from fingerfit.model.scales import IN_WORDS as SCALES
+from fingerfit.model.scales import unit_of
 
 CHANGES = (
     *CONSTANTS,
@@ -201,14 +202,14 @@ def read_effect(path: Path) -> Effect:
     problems += _cross_check(given, path)
     if problems:
         raise Problems(problems)
-    part = path.with_suffix(".inp.j2")
+    part, scan = path.with_suffix(".inp.j2"), given.scan or {}
     return Effect(
         path.stem,
         **{name: getattr(given, name) for name in ("title", "acts", "words", "look", "confirm")},
         parameters=tuple(
             EffectParameter(name, p.unit, p.absent, p.lower, p.upper, p.step) for name, p in given.parameters.items()
         ),
-        scan={name: tuple(values) for name, values in (given.scan or {}).items()},
+        scan={name: tuple(values) for name, values in scan.items()},
         refine={name: (low, high) for name, (low, high) in (given.refine or {}).items()},
         changes=given.changes or {},
         observes=given.observes or {},
@@ -218,6 +219,7 @@ def read_effect(path: Path) -> Effect:
         fills=_fills(path),
         replaces=tuple(given.replaces),
         shares_of=given.shares_of or {},
+        units={name: unit_of(formula) for name, formula in (given.shares_of or {}).items() if name in scan},
         place=tuple(given.place),
         told=given.told or {},
         **{name: getattr(given, name) or "" for name in ("signal", "fault", "cure")},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,62 +26,83 @@ class Observation:
         The guess.
     low, high : ndarray, shape (dim,)
         Corners of the undeformed body, mm.
-    now : tuple of float
-        Share of the test that is over at each step of the study, as `Study.now`.
+    course : tuple of mapping
+        What formulas know of each step of the study, as `Study.course`.
     """
 
     effects: tuple[Effect, ...]
     values: Mapping[str, float]
     low: np.ndarray
     high: np.ndarray
-    now: tuple[float, ...]
+    course: tuple[Mapping[str, float], ...]
 
     @classmethod
     def of(
-        cls, effects: Iterable[Effect], values: Mapping[str, float], points: np.ndarray, now: tuple[float, ...]
+        cls,
+        effects: Iterable[Effect],
+        values: Mapping[str, float],
+        points: np.ndarray,
+        course: tuple[Mapping[str, float], ...],
     ) -> Observation | None:
         """Those that are present; None where there is none. `points` are those of the body, mm."""
         present = tuple(effect for effect in effects if effect.observes and effect.present(values))
-        return cls(present, values, points.min(axis=0), points.max(axis=0), now) if present else None
+        return cls(present, values, points.min(axis=0), points.max(axis=0), course) if present else None
 
     def shift(self, k: int, at: np.ndarray) -> np.ndarray:
-        """How far from where they are the picture at the k-th step shows places, mm, shape (..., dim) as theirs."""
+        """How far from where they are the picture at the k-th step shows places, mm, shape (..., dim) as theirs.
+
+        What several effects do adds up.
+        """
         names = {**self._step(k), **places(at, self.low, self.high)}
-        axes = [f"shift_{axis}" for axis in "xyz"[: len(self.low)]]
-        zero: np.ndarray = np.zeros(at.shape[:-1])
-        return np.stack([np.broadcast_to(self._apply(axis, zero, names), zero.shape) for axis in axes], axis=-1)
+        found: np.ndarray = np.zeros(at.shape)
+        for axis, name in enumerate("xyz"[: len(self.low)]):
+            for effect in self.effects:
+                found[..., axis] += self._changed(effect, f"shift_{name}", np.zeros(at.shape[:-1]), names)
+        return found
 
     def intensity(self, picture: np.ndarray, k: int, *at: np.ndarray) -> np.ndarray:
         """A picture at the k-th step as the scanner shows it; `at`, x, y[, z] in mm, have its shape."""
         names = {**self._step(k), **places(np.stack(at, axis=-1), self.low, self.high)}
-        return np.asarray(self._apply("intensity", picture, names))
+        return self._apply("intensity", picture, names)
 
     def response(self, values: np.ndarray, name: str) -> np.ndarray:
         """Measured ``force`` or ``displacement`` by step."""
-        names = {"k": np.arange(1, len(values) + 1), "n": len(self.now), "now": np.array(self.now[: len(values)])}
-        return np.asarray(self._apply(name, values, names))
+        return self._apply(name, values, by_step(self.course[: len(values)]))
 
-    def _step(self, k: int) -> dict[str, float]:
-        return {"k": k, "n": len(self.now), "now": self.now[k - 1] if k else 0.0}
+    def _step(self, k: int) -> Mapping[str, float]:
+        return self.course[k - 1] if k else unloaded(self.course)
 
-    def _apply(self, what: str, value: Any, names: Mapping[str, Any]) -> Any:
+    def _apply(self, what: str, value: np.ndarray, names: Mapping[str, Any]) -> np.ndarray:
         for effect in self.effects:
-            if what not in effect.observes:
-                continue
-            try:
-                known, shape = np.isfinite(value), np.shape(value)
-                with np.errstate(all="ignore"):  # what comes out is told, not how
-                    own = effect.own(self.values)
-                    value = evaluate(effect.observes[what], {**names, what: value, **own})
-                if np.shape(value) not in ((), shape):
-                    raise ValueError(f"{effect.observes[what]!r} has {np.shape(value)} numbers, not {shape}")
-                if not np.isfinite(np.broadcast_to(value, shape)[known]).all():
-                    raise ValueError(f"{effect.observes[what]!r} is not finite everywhere")
-            except ValueError as error:
-                raise InputError(
-                    f"effect {effect.name}", f"observes.{what}", error, "a formula of its names"
-                ) from error
+            value = self._changed(effect, what, value, names)
         return value
+
+    def _changed(self, effect: Effect, what: str, value: np.ndarray, names: Mapping[str, Any]) -> np.ndarray:
+        """What one effect makes of a value, in its shape."""
+        if what not in effect.observes:
+            return value
+        formula, known, own = effect.observes[what], np.isfinite(value), effect.own(self.values)
+        try:
+            with np.errstate(all="ignore"):  # what comes out is told, not how
+                found = np.asarray(evaluate(formula, {**names, what: value, **own}))
+            if found.shape not in ((), value.shape):
+                raise ValueError(f"{formula!r} has {found.shape} numbers, not {value.shape}")
+            found = np.array(np.broadcast_to(found, value.shape))
+            if not np.isfinite(found[known]).all():
+                raise ValueError(f"{formula!r} is not finite everywhere")
+        except ValueError as error:
+            raise InputError(f"effect {effect.name}", f"observes.{what}", error, "a formula of its names") from error
+        return found
+
+
+def by_step(course: Sequence[Mapping[str, float]]) -> dict[str, Any]:
+    """What formulas know of all steps (`Study.course`), shape (steps,) each."""
+    return {name: np.array([step[name] for step in course]) for name in (course[0] if course else ())}
+
+
+def unloaded(course: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """What formulas know of the first picture."""
+    return {"k": 0.0, "n": float(len(course)), "now": 0.0, "loaded": 0.0}
 
 
 def places(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:

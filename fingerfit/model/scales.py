@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from fingerfit.core.errors import InputError
 from fingerfit.model.effect import Effect
-from fingerfit.study.study import Study
+from fingerfit.model.formulas import evaluate, names_in
+from fingerfit.study.study import Study, largest_of
 
 IN_WORDS = {
     "width": "of the body along x, mm",
@@ -17,6 +18,22 @@ IN_WORDS = {
     "duration": "of the test, from its beginning to the last step, s",
 }
 """Names that formulas of scales (`shares_of` of an effect) have."""
+
+
+_UNITS = {"mm": ("width", "height", "breadth", "displacement"), "N": ("force",), "s": ("duration",)}
+
+
+def unit_of(formula: str) -> str:
+    """Unit of what is a share of a formula of scales: mm, N or s; 1 for any other.
+
+    >>> unit_of("minimum(width, height)"), unit_of("1 / width")
+    ('mm', '1')
+    """
+    for unit, names in _UNITS.items():
+        if names_in(formula) <= set(names):
+            once, twice = (evaluate(formula, dict.fromkeys(names, size)) for size in (1.0, 2.0))
+            return unit if abs(twice - 2.0 * once) < 1e-9 * abs(twice) else "1"
+    return "1"
 
 
 def extent(size: Sequence[float]) -> dict[str, float]:
@@ -44,7 +61,7 @@ def scales(study: Study, size: Sequence[float]) -> dict[str, float]:
         "displacement": [step.displacement for step in steps],
         "duration": [step.time for step in steps],
     }
-    largest = {name: max((abs(v) for v in values if v is not None), default=0.0) for name, values in measured.items()}
+    largest = {name: largest_of(values) for name, values in measured.items()}
     return {**extent(size), **{name: value for name, value in largest.items() if value > 0}}
 
 

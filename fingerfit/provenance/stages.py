@@ -144,7 +144,10 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     elif all(parameter.name in effects[last] for parameter in effect.parameters):
         values = warm(parent, where).starts()
     else:
-        found, wanted = f"{last}, but no {path}", f"an estimate without it first: fingerfit drop {last}, then snakemake"
+        found, wanted = (
+            f"{last}, but no {path}",
+            f"an estimate without it first: fingerfit drop {last}, then the same run",
+        )
         raise InputError(where, f"model.effects.{last}", found, wanted)
     place = {effect.key(name): effects[last][name] for name in effect.scan if name in effects[last]}
     wider = extended(parent, effect, place, effects[last], values)

@@ -1,4 +1,4 @@
-"""What an comparison found, written down: compare.npz, diagnosis.json and .npz, and the model's rung of the ladder."""
+"""What a comparison found, written down: compare.npz, diagnosis.json and .npz, and the model's rung of the ladder."""
 
 from __future__ import annotations
 

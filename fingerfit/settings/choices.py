@@ -87,7 +87,7 @@ class Choices:
             for short, (lower, upper) in effect.refine.items():
                 for name, start in self._started(effect.key(short), given, effect.scan[short][0]):
                     start, log = min(max(start, lower), upper), 0 < WIDE * lower <= upper
-                    found.append(Parameter(name, "1", lower, upper, start, log=log))
+                    found.append(Parameter(name, effect.units.get(short, "1"), lower, upper, start, log=log))
         return tuple(found)
 
     def names_of(self: Any, name: str) -> list[str]:

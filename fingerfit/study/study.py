@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -236,13 +236,19 @@ class Study:
         return self.tests or (self,)
 
     @property
-    def now(self) -> tuple[float, ...]:
-        """Share of the test that is over at each step: of its time, of its steps where times are not known."""
-        times = [step.time for step in self.steps]
-        last = times[-1] if times else None
-        if last is None or not last > 0 or None in times:
-            return tuple(k / len(self.steps) for k in range(1, len(self.steps) + 1))
-        return tuple((time or 0.0) / last for time in times)
+    def course(self) -> tuple[dict[str, float], ...]:
+        """What formulas know of each step.
+
+        ``k`` of ``n``; ``now``, the share of the test that is over: of its time, of its steps where times are not
+        known; ``loaded``, the share of the largest force, of the largest displacement where forces are not known.
+        """
+        count = len(self.steps)
+        times, forces, moved = ([getattr(s, name) for s in self.steps] for name in ("time", "force", "displacement"))
+        even = [k / count for k in range(1, count + 1)]
+        now = _shares(times, times[-1] if times else None) or even
+        loaded = _shares(forces, largest_of(forces)) or _shares(moved, largest_of(moved)) or even
+        rows = enumerate(zip(now, loaded, strict=True), 1)
+        return tuple({"k": float(k), "n": float(count), "now": part, "loaded": load} for k, (part, load) in rows)
 
     @property
     def region_names(self) -> list[str]:
@@ -302,3 +308,14 @@ def with_gain(study: Study, gain: float) -> Study:
     """The study with the prescribed quantity multiplied."""
     name = study.control
     return replace(study, steps=tuple(replace(step, **{name: getattr(step, name) * gain}) for step in study.steps))
+
+
+def largest_of(values: Sequence[float | None]) -> float:
+    """The largest size of those that are known; 0 where none is."""
+    return max((abs(value) for value in values if value is not None), default=0.0)
+
+
+def _shares(values: Sequence[float | None], whole: float | None) -> list[float]:
+    """Sizes of values as shares of a whole; none where one of them is not known."""
+    known = [abs(value) for value in values if value is not None]
+    return [value / whole for value in known] if whole and whole > 0 and len(known) == len(values) else []

@@ -24,7 +24,7 @@ from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import Effect
 from fingerfit.model.formulas import evaluate
-from fingerfit.model.observation import Observation
+from fingerfit.model.observation import Observation, by_step
 from fingerfit.prepare.plausible import refuse_depth
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.parts import MeshSettings
@@ -122,16 +122,16 @@ def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
     without = replace(truth, effects={name: own for name, own in truth.effects.items() if name not in begun})
     outcome = since_first_picture(_run(without, study, mesh, included, folder, threads), len(steps))
     force = -outcome.reaction[:, -1]
+    forced = replace(study, steps=tuple(replace(s, force=float(f)) for s, f in zip(steps, force, strict=True)))
     if begun:
         # what was before the first picture is seen when the same forces are prescribed
-        loaded = tuple(replace(step, force=float(f)) for step, f in zip(steps, force, strict=True))
-        outcome = _run(truth, replace(study, control="force", steps=loaded), mesh, included, folder, threads)
+        outcome = _run(truth, replace(forced, control="force"), mesh, included, folder, threads)
         outcome = since_first_picture(outcome, len(steps))
     moved = -outcome.indenter[:, -1]
-    seen = Observation.of(_present(truth), truth.values, mesh.body, study.now)
+    seen = Observation.of(_present(truth), truth.values, mesh.body, forced.course)
     if seen is not None:
         moved, force = seen.response(moved, "displacement"), seen.response(force, "force")
-    return Solved(_as_measured(truth, force, study.now), *take_pictures(truth, mesh, outcome, seen), moved)
+    return Solved(_as_measured(truth, force, by_step(forced.course)), *take_pictures(truth, mesh, outcome, seen), moved)
 
 
 def _in_the_body(known: Mapping[str, Effect]) -> dict[str, Effect]:
@@ -185,14 +185,12 @@ def _in_description(truth: Truth, folder: Path, included: str, error: InputError
     return InputError(truth.path, field, found, error.expected)
 
 
-def _as_measured(truth: Truth, force: np.ndarray, now: tuple[float, ...]) -> np.ndarray:
+def _as_measured(truth: Truth, force: np.ndarray, course: Mapping[str, np.ndarray]) -> np.ndarray:
     """What a sensor shows where effects only tell, in a straight line, the force that is there from the one shown.
 
     Shares of the largest force are of the largest one that is there.
     """
-    count = len(force)
-    names = {"k": np.arange(1, count + 1), "n": count, "now": np.array(now), "largest": np.abs(force).max()}
-    names["time"] = np.array(truth.time or [0.0] * count)
+    names = {**course, "largest": np.abs(force).max(), "time": np.array(truth.time or [0.0] * len(force))}
     for effect in _present(truth):
         if "force" in effect.changes and "force" not in effect.observes:
             own = effect.own(truth.values)

@@ -157,7 +157,7 @@ def test_a_sensor_that_shows_no_straight_line(place, monkeypatch, formula):
     truth = Sensor(place, formula)
     monkeypatch.setattr("fingerfit.virtual.experiment._present", lambda truth: list(truth.effects.values()))
     with pytest.raises(InputError, match=r"effect sensor: changes.force: found .*; expected a straight line in force"):
-        _as_measured(truth, np.ones(2), (0.5, 1.0))
+        _as_measured(truth, np.ones(2), {"k": np.array([1.0, 2.0])})
 
 
 @pytest.mark.parametrize("force", ["1e300", "1e305"])

@@ -107,6 +107,14 @@ def test_constants_that_start_alike_hide_no_border(folder):
     stages.check_model(load_settings(folder / "mine.yaml"))
 
 
+def test_a_side_that_slides_has_nothing_that_gives_way():
+    glued, sliding = phantom("force", [20.0]), replace(phantom("force", [20.0]), base="slides", indenter="slides")
+    for name, needed in (("base_slip", "a base that is held"), ("indenter_probe", "an indenter that is glued")):
+        effect = catalogue()[name]
+        assert needed not in unmet(effect, glued, 2, True)
+        assert needed in unmet(effect, sliding, 2, True)
+
+
 @pytest.mark.parametrize(
     ("effect", "number", "value", "bounds"),
     [("tilt", "slope", 3, "-0.08 to 0.08"), ("skin", "thickness", 9, "0.133333 to 1.66667"), ("fibres", "stiffness", -1, "0 to 30")],

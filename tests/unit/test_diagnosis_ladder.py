@@ -200,7 +200,7 @@ def test_without_the_parents_estimate_it_is_one_line(config):
     line = str(caught.value)
     assert line == (
         "config.yaml: model.effects.tilt: found tilt, but no results/study/base/estimate.json;"
-        " expected an estimate without it first: fingerfit drop tilt, then snakemake"
+        " expected an estimate without it first: fingerfit drop tilt, then the same run"
     )
 
 

@@ -629,10 +629,16 @@ def test_what_shrinks_to_nothing_is_refused():
 # --- observed
 
 
+def course(count):
+    """Of as many steps, equally far apart in time and in load."""
+    return tuple({"k": float(k), "n": float(count), "now": k / count, "loaded": k / count} for k in range(1, count + 1))
+
+
+COURSE = course(4)
+
+
 def observation(**values):
-    return Observation.of(
-        EFFECTS.values(), {k.replace("__", "."): v for k, v in values.items()}, MESH.points, (0.25, 0.5, 0.75, 1.0)
-    )
+    return Observation.of(EFFECTS.values(), {k.replace("__", "."): v for k, v in values.items()}, MESH.points, COURSE)
 
 
 def test_nothing_observed_is_none():
@@ -694,13 +700,42 @@ def test_the_probe_of_the_observation_does_what_its_members_do():
                 assert observation(**{f"observation_probe__{its}": 0.01}).shift(k, MESH.points) == pytest.approx(member)
 
 
+def test_shifts_of_several_effects_add_up():
+    alone = {"misregistration__x": 0.1, "turned_pictures__angle": 0.02, "stretched_pictures__across": 0.01}
+    alone |= {"wandering_pictures__y": 0.05, "distorted_pictures__barrel": 0.01}
+    parts = [observation(**{key: value}).shift(3, MESH.points) for key, value in alone.items()]
+    assert observation(**alone).shift(3, MESH.points) == pytest.approx(sum(parts))
+
+
+def test_a_frame_gives_way_in_proportion_to_the_force():
+    """Whatever the steps are, and under a prescribed displacement by the forces that were measured."""
+    uneven = study("displacement", np.array([0.5, 1.0]))
+    uneven = replace(uneven, steps=tuple(replace(s, force=f) for s, f in zip(uneven.steps, (3.0, 30.0), strict=True)))
+    assert [step["loaded"] for step in uneven.course] == pytest.approx([0.1, 1.0])
+    read = [
+        block[-1][-1] for block in cards(deck({"soft_frame.most": 0.2}, of=uneven).partition("*STEP")[2], "BOUNDARY")
+    ]
+    assert read == pytest.approx([-0.48, -0.8])
+    unknown = study("displacement", np.array([0.25, 1.0]))
+    assert [step["loaded"] for step in unknown.course] == pytest.approx([0.25, 1.0])
+
+
+def test_after_rest_the_indenter_stays_where_it_came_to_rest_although_the_first_step_prescribes_nothing():
+    resting = phantom("displacement", [0.0, 0.5])
+    resting = replace(resting, steps=tuple(replace(s, force=f) for s, f in zip(resting.steps, (0.0, 9.0), strict=True)))
+    text = deck({"swollen.volume": 0.05, "swollen.layer": 0.0}, of=resting)
+    first, second, third = text.split("*STEP")[1:]
+    assert "*CLOAD" in first
+    assert ["*BOUNDARY, FIXED" in step for step in (first, second, third)] == [False, True, False]
+
+
 def test_positions_count_from_the_body(rng):
     moved = Observation(
         (EFFECTS["bias_field"],),
         {"bias_field.across": 0.1},
         np.array([5.0, 7.0]),
         np.array([17.0, 19.0]),
-        (0.25, 0.5, 0.75, 1.0),
+        COURSE,
     )
     one = np.ones((1, 1))
     for x, factor in ((5.0, 0.95), (11.0, 1.0), (17.0, 1.05)):
@@ -715,7 +750,7 @@ def test_onset():
 
 def test_the_probe_of_loading_does_what_its_members_do():
     def given(values):
-        seen = Observation.of(EFFECTS.values(), values, MESH.points, (0.5, 1.0))
+        seen = Observation.of(EFFECTS.values(), values, MESH.points, course(2))
         read = np.array([1.0, 2.0])
         return cards(deck(values), "CLOAD"), read if seen is None else seen.response(read, "displacement")
 
@@ -750,7 +785,7 @@ def test_what_instruments_show_is_the_same_whichever_of_both_is_prescribed(value
         card = "CLOAD" if prescribed == "force" else "BOUNDARY"
         text = deck(values, of=study(prescribed, read))
         true = -np.array([block[-1][-1] for block in cards(text.partition("*STEP")[2], card) if block[-1][1] == 2])
-        seen = Observation.of([other[name]], values, MESH.points, (0.5, 1.0))
+        seen = Observation.of([other[name]], values, MESH.points, course(2))
         shown = true if seen is None else seen.response(true, prescribed)
         assert shown == pytest.approx(read, rel=1e-9)
         changes = prescribed in effects[name].changes

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from conftest import LAYERS
 from small_body import PLACE, compared, fitted, written
 
+from fingerfit.deck.questions import areas
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import Comparison, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import designs, half_indenter, separation
@@ -12,6 +14,7 @@ from fingerfit.diagnosis.residual import common_modes
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH
+from fingerfit.mesh.blocks import layered_block
 
 NAMES = ("inclusion", "tilt", "misregistration", "gradient")
 
@@ -90,6 +93,15 @@ def test_half_an_indenter_has_its_nodes_in_one_half(world):
     assert 0.4 < len(x) / len(mesh.node_sets["TOP"]) < 0.6
     assert half.node_sets["INDENTER"][0] in half.node_sets["TOP"]
     assert half.node_sets["BOTTOM"] is mesh.node_sets["BOTTOM"]
+
+
+@pytest.mark.parametrize("element", ["CPE4", "CPE8"])
+@pytest.mark.parametrize("across", [5, 6, 7])
+def test_half_an_indenter_holds_whole_sides_of_elements(element, across):
+    half = half_indenter(layered_block(12.0, LAYERS, across, 2, element))
+    assert sum(area for _, area in areas(half, half.node_sets["TOP"], 1.0)) == pytest.approx(
+        12.0 * (across // 2) / across
+    )
 
 
 def test_common_modes_are_those_of_the_steps(world, rng):

@@ -125,6 +125,15 @@ def test_one_diagnosis_of_both(place):
     assert refit.values["compressibility.loss"] == pytest.approx(LOSS, rel=0.1)
 
 
+@pytest.mark.slow
+def test_a_diagnosis_where_each_test_has_a_constant_of_its_own(place):
+    """Nothing else is missing in a body of which one test has a specimen that is thicker."""
+    fixed = {"alpha": 1.4 + SHIFT, "poisson": 0.49 - LOSS}
+    model = {**CONFIG["model"], "material": fixed, "per_test": ["mu"], "effects": {}}
+    found = diagnose(fit({**CONFIG, "model": model, "study": str(place / "both")}, place / "results"))
+    assert found.verdict.kind == "adequate"
+
+
 def test_a_force_that_is_far_off_is_said(place):
     folder = place / "wrong"
     shutil.copytree(place / "both", folder)

@@ -1,0 +1,43 @@
+"""Slopes of a model without an effect say what is missing beside it, without a simulation."""
+
+from dataclasses import replace
+
+import pytest
+from small_body import SMALL, compared, fitted, written
+
+from fingerfit.diagnosis.candidates import candidates, makes_sense
+from fingerfit.diagnosis.comparison import anchor_of, rank_candidates
+from fingerfit.diagnosis.joint import comparison_of
+from fingerfit.diagnosis.ranking import best_places
+from fingerfit.diagnosis.refits import ended_of
+from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.minimum import finest
+
+HIDDEN = {"base_slip": {"share": 0.3}, "tilt": {"slope": 0.02}}
+TRIED = {*HIDDEN, "compressibility", "gradient", "sideways", "misregistration"}
+
+
+@pytest.mark.slow
+def test_the_partner_of_a_slip_is_found_by_known_slopes(tmp_path):
+    problem, last, _, everything = fitted(written(tmp_path, effects=HIDDEN), tmp_path / "model", SMALL)
+    tested = [one for one in candidates(problem, finest(problem, last).values)[0] if one.effect.name in TRIED]
+    before, _ = compared(problem, last, everything, tested)
+    slip = next(
+        one for one in rank_candidates(before, before.score_test, tested) if one.candidate.effect.name == "base_slip"
+    )
+    ended, _ = ended_of(problem, last, replace(slip, refitted=None), everything, before.score_test.misfit, 1)
+
+    wider, left = ended.problem, [one for one in tested if makes_sense(one.effect, ended.problem)]
+    assert {one.effect.name for one in left} == TRIED - {"base_slip"}
+    after = comparison_of(wider, ended.last, everything)
+    asked = set(wider.asked)
+    known = best_places(rank_candidates(after, after.score_test, left, before.anchor))
+    assert wider.asked == asked
+    assert known[0].candidate.effect.name == "tilt"
+
+    own = [one for one in candidates(wider, finest(wider, ended.last).values)[0] if one.effect.name == "tilt"]
+    solve_missing(wider, [anchor_of(wider, ended.last), *(a for one in own for a in one.asked)], 1)
+    (again,) = rank_candidates(after, after.score_test, own)
+    # slopes of another model rank, the refit decides: only the order of size has to be right
+    assert 0.5 < known[0].finding.fall / again.finding.fall < 2.0
+    assert known[0].finding.size[0] * again.finding.size[0] > 0
