@@ -349,7 +349,7 @@ class _Shown:
 
     def _slope(self, name: str) -> np.ndarray:
         sides = self._sides.get(name, (None, None))
-        ahead, behind = (asked and self.comparison.read(asked) for asked in sides)
+        ahead, behind = (self.comparison.read(asked) if asked else None for asked in sides)
         found = difference(ahead, behind, lambda: self.comparison.read(self._null))
         return np.zeros(len(self.comparison.residual.kept)) if found is None else found
 

@@ -234,7 +234,7 @@ def _test_all(
     asked = () if known else [asked for candidate in found for asked in candidate.asked]
     run = solve_missing(problem, [anchor_of(problem, last), *asked], threads)
     comparison = comparison_of(problem, last, everything)
-    score_test, without = comparison.score_test, known and known.comparison.anchor
+    score_test, without = comparison.score_test, known.comparison.anchor if known else None
     everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
     ranking = best_places(everywhere)
     if _in_space(problem):
@@ -299,7 +299,8 @@ def _refits(
     left = to_refit(found.score_test, found.ranking, found.tests, known)
     members = {one.candidate.effect.family for one in left if not one.candidate.effect.probe}
     left.sort(key=lambda one: one.candidate.effect.probe and one.candidate.effect.family in members)
-    while left := [ranked for ranked in left if worth_it(ranked)]:
+    left = [one for one in left if worth_it(one)]
+    while left:
         now, left = left[:beside], left[beside:]
         # what an earlier one of them has made needless is thrown away, so that one process finds the same
         for ranked, (made, asked) in zip(now, side_by_side(refitted, now, beside), strict=True):
@@ -314,6 +315,7 @@ def _refits(
             share = min(1.0, max(0.0, explained_share(found.score_test, refit)))
             if not effect.probe and explains(refit) and refit.fitted <= GOOD:
                 named.add(effect.family)
+            left = [one for one in left if worth_it(one)]
             tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
             yield ranked, refit, run
         # the first one often makes all others needless, which would hold it up
