@@ -22,6 +22,7 @@ FAMILY = {
     "coarse_mesh": "numerics",
     "compressibility": "material",
     "debonding": "base",
+    "indenter_debonding": "indenter",
     "distorted_pictures": "observation",
     "ellipse": "structure",
     "exponential": "material",
@@ -76,6 +77,7 @@ PROBES = {name for name in FAMILY if name.endswith("_probe")}
 IN_SPACE = {"misregistration": "misregistration_in_space", "inclusion": "inclusion_in_space"}
 ALIKE = {
     "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"}, "base_slip": {"debonding"},
+    "indenter_slip": {"indenter_debonding"},
     "bias_field": {"uneven_brightness"},
 }  # fmt: skip
 """Members that are as right: other laws of the same stiffening, an inclusion of any shape, a base that is loose from an

@@ -167,13 +167,26 @@ def moved_aside(folder, **effects):
     return outcome.displacement[-1], outcome.reaction[-1, 0], mesh.node_sets["TOP"]
 
 
+def probe_of(share):
+    """Alike at all of its places."""
+    return {f"indenter_probe.{place}": share for place in ("left", "left_half", "middle", "right_half", "right")}
+
+
+def loose_by(share):
+    """From both edges on, nearly all of the width."""
+    return {
+        f"indenter_debonding.{name}": value for name, value in (("left", share), ("right", share), ("extent", 0.95))
+    }
+
+
 @pytest.mark.parametrize(
     ("firm", "loose"),
     [
         ({"indenter_slip.share": 1e-5}, {"indenter_slip.share": 0.99}),
-        ({"indenter_probe.left": 1e-5, "indenter_probe.right": 1e-5}, {"indenter_probe.left": 0.99, "indenter_probe.right": 0.99}),
+        (probe_of(1e-5), probe_of(0.99)),
+        (loose_by(1e-5), loose_by(0.99)),
     ],
-    ids=["slip", "probe"],
+    ids=["slip", "probe", "debonding"],
 )  # fmt: skip
 def test_a_slipping_indenter_takes_the_body_along_as_far_as_it_holds_it(tmp_path, firm, loose):
     glued, _, top = moved_aside(tmp_path)

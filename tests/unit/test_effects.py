@@ -365,6 +365,21 @@ def test_a_base_that_is_loose_everywhere_slips_and_one_that_is_loose_on_the_left
     assert moved[left].max() > 100 * moved[right].max()
 
 
+def test_an_indenter_that_is_loose_on_the_left_holds_on_the_right(tmp_path, plain):
+    values = {"indenter_debonding.left": 0.99, "indenter_debonding.right": 0.0, "indenter_debonding.extent": 0.5}
+    top, x = MESH.node_sets["TOP"], MESH.points[:, 0]
+    moved = np.abs(solve(deck(values), tmp_path).displacement[-1, :, 0])
+    left, right = top[x[top] < 0.4 * 12.0], top[x[top] > 0.6 * 12.0]
+    assert moved[left].max() > 100 * moved[right].max()
+
+
+def test_brightness_may_be_a_polynomial_of_second_degree():
+    """The middle is as bright as before, the edges are brighter by a quarter of it, all by the gain."""
+    seen = observation(bias_field__gain=0.1, bias_field__across_2=0.2)
+    one, up = np.ones((1, 3)), np.full((1, 3), 3.0)
+    assert seen.intensity(one, 2, np.array([[0.0, 6.0, 12.0]]), up) == pytest.approx(np.array([[1.15, 1.1, 1.15]]))
+
+
 @pytest.mark.parametrize("curve", [0.01, -0.01])
 def test_the_pressure_under_a_curved_indenter_adds_up_to_nearly_the_force(curve, tmp_path):
     """Nodes that go further or less far would else do another work than the force: 18 and 12 % off."""
