@@ -11,6 +11,8 @@ import numpy as np
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
 
+STARTS = 4
+"""Places from which an effect is refitted in the first pass, at most. A choice."""
 LIKELY = 0.5
 """Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
 
@@ -113,19 +115,30 @@ def best_places(ranking: Sequence[Ranked]) -> list[Ranked]:
     return sorted(best.values(), key=lambda one: -one.finding.fall)
 
 
-def other_places(everywhere: Sequence[Ranked], best: Ranked) -> list[Ranked]:
-    """The next best of an effect where a fit cannot come from its best place: another layer, border or side.
+def other_places(score_test: ScoreTest, everywhere: Sequence[Ranked], best: Ranked) -> list[Ranked]:
+    """Further places of an effect from which it is refitted, since a fit cannot come there from its best place.
 
-    Slopes where the effect is absent may point to the wrong one of them.
+    That is the next best layer, border or side: slopes where the effect is absent may point to the wrong one of them.
+    Where the place is fitted, the best ones that look otherwise, or are of the other sign: between a stiff lump and a
+    soft one elsewhere the effect is absent, and between two directions of fibres the misfit has a ridge.
     """
     effect = best.candidate.effect
     fixed = [effect.key(name) for name in effect.scan if name not in effect.refine and name != effect.series]
+    others = [one for one in everywhere if one.candidate.effect is effect and one.candidate is not best.candidate]
+    others.sort(key=lambda one: -one.finding.fall)
+    if fixed:
+        place = best.candidate.place
+        return [one for one in others if any(one.candidate.place[key] != place[key] for key in fixed)][:1]
+    chosen = [best]
+    for one in others if effect.refine else ():
+        if len(chosen) < STARTS and one.finding.fall > 0.0 and all(_apart(score_test, one, known) for known in chosen):
+            chosen.append(one)
+    return chosen[1:]
 
-    def there(one: Ranked) -> list[float]:
-        return [one.candidate.place[key] for key in fixed]
 
-    others = [one for one in everywhere if one.candidate.effect is effect and there(one) != there(best)]
-    return [max(others, key=lambda one: one.finding.fall)] if others else []
+def _apart(score_test: ScoreTest, a: Ranked, b: Ranked) -> bool:
+    """Whether two places of an effect look otherwise, by half, or want it of another sign."""
+    return bool((a.finding.size * b.finding.size < 0).all()) or alike(score_test, a, b) < 0.5
 
 
 def alike(score_test: ScoreTest, a: Ranked, b: Ranked) -> float:

@@ -83,7 +83,7 @@ def refit_all(
         problem.asked.update(tried.asked)
         if tried.ranked:
             # what another process has found is a copy: it is known by its place
-            places = (one, *other_places(everywhere, one))
+            places = (one, *other_places(comparison.score_test, everywhere, one))
             there = next(place for place in places if place.candidate.place == tried.ranked.candidate.place)
             found.append(replace(tried.ranked, columns=there.columns))
             shares[one.candidate.effect.name] = tried.share
@@ -124,8 +124,9 @@ class _Trial:
     everywhere: Sequence[Ranked] = ()
 
     def begun(self, one: Ranked) -> _Tried:
-        """The first moves at the best place, and at the next best that these cannot come to; the better of both."""
-        tried = [self._begun(place) for place in (one, *other_places(self.everywhere, one))]
+        """The first moves at the best place, and at others that these cannot come to; the best of all."""
+        score_test = self.first.comparison.score_test
+        tried = [self._begun(place) for place in (one, *other_places(score_test, self.everywhere, one))]
         best = min(tried, key=_misfit)
         asked = frozenset().union(*(there.asked for there in tried))
         return replace(best, asked=asked)

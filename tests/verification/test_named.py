@@ -37,6 +37,13 @@ MORE = {
         {"ellipse"},
         {},
     ),
+    "soft lump": (
+        "structure",
+        {"ellipse": {"contrast": -2.5, "across": 0.6, "along": 0.4, "radius": 2.0, "flat": 0.3, "slant": 0.8}},
+        {"ellipse"},
+        {},
+    ),
+    "other fibres": ("material", {"fibres": {"stiffness": 0.25, "angle": -30}}, {"fibres"}, {}),
     "band": ("structure", {"band": {"contrast": 1.0, "angle": 30, "above": 1.0, "wide": 2.0}}, {"band"}, {}),
     "prestretch": ("state", {"prestretch": {"stretch": 0.08}}, {"prestretch"}, {}),
     "uneven swelling": ("state", {"state_probe": {"lower": 0.08, "upper": -0.05}}, {"state_probe"}, {}),
