@@ -11,7 +11,7 @@ from fingerfit.diagnosis import first_pass, trials
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.first_pass import FALL, NEAR, FirstPass, Way, widened
-from fingerfit.diagnosis.ranking import best_places
+from fingerfit.diagnosis.ranking import STARTS, alike, best_places, other_places
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
@@ -133,6 +133,22 @@ def test_of_two_layers_the_better_is_kept_with_its_columns(world, threads):
     best = next(one for one in both if one.candidate.effect.name == "layer_stiffening")
     assert best.candidate.place == right.candidate.place != wrong.candidate.place
     assert best.columns is right.columns
+
+
+@pytest.mark.parametrize("name", ["fibres", "inclusion"])
+def test_where_the_place_is_fitted_it_begins_at_places_that_look_otherwise(world, name):
+    """From one of them only, oblique fibres and soft lumps ended in a valley of their own."""
+    comparison, _, _ = world
+    problem, score_test = comparison.problem, comparison.score_test
+    found = [one for one in candidates(problem, comparison.base.values)[0] if one.effect.name == name]
+    solve_missing(problem, [asked for one in found for asked in one.asked], 1)
+    everywhere = rank_candidates(comparison, score_test, found)
+    (best,) = best_places(everywhere)
+    starts = [best, *other_places(score_test, everywhere, best)]
+    assert 1 < len(starts) <= STARTS
+    for n, a in enumerate(starts):
+        for b in starts[:n]:
+            assert alike(score_test, a, b) < 0.5 or a.finding.size[0] * b.finding.size[0] < 0
 
 
 def test_few_digits_of_a_place_stay_within_its_bounds(world):
