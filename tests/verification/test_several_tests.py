@@ -131,7 +131,7 @@ def test_a_diagnosis_where_each_test_has_a_constant_of_its_own(place):
     fixed = {"alpha": 1.4 + SHIFT, "poisson": 0.49 - LOSS}
     model = {**CONFIG["model"], "material": fixed, "per_test": ["mu"], "effects": {}}
     found = diagnose(fit({**CONFIG, "model": model, "study": str(place / "both")}, place / "results"))
-    assert found.verdict.kind == "adequate"
+    assert found.diagnosis.verdict.kind == "adequate"
 
 
 def test_a_force_that_is_far_off_is_said(place):
