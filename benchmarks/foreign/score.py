@@ -160,7 +160,7 @@ def constants(rung: dict[str, Any], truth: dict[str, Any]) -> dict[str, tuple[fl
     That of a body that relaxes is the modulus of a fast load; fingerfit's, with relaxation, is that of a slow one.
     """
     found, relaxes = {}, sum(one["amount"] for one in truth["hidden"] if one["kind"] == "relaxation")
-    slow = 1.0 - relaxes if "relaxation" in rung["effects"] else 1.0
+    slow = 1.0 - relaxes if "relaxation" in rung.get("effects", ()) else 1.0
     for name, fast in truth["constants"].items():
         true = slow * fast
         one = rung["parameters"].get(name)
