@@ -87,7 +87,7 @@ class Observation:
                 found = np.asarray(evaluate(formula, {**names, what: value, **own}))
             if found.shape not in ((), value.shape):
                 raise ValueError(f"{formula!r} has {found.shape} numbers, not {value.shape}")
-            found = np.array(np.broadcast_to(found, value.shape))
+            found = found if found.shape == value.shape else np.full(value.shape, found)
             if not np.isfinite(found[known]).all():
                 raise ValueError(f"{formula!r} is not finite everywhere")
         except ValueError as error:

@@ -20,20 +20,16 @@ IN_WORDS = {
 """Names that formulas of scales (`shares_of` of an effect) have."""
 
 
-_UNITS = {"mm": ("width", "height", "breadth", "displacement"), "N": ("force",), "s": ("duration",)}
-
-
 def unit_of(formula: str) -> str:
     """Unit of what is a share of a formula of scales: mm, N or s; 1 for any other.
 
     >>> unit_of("minimum(width, height)"), unit_of("1 / width")
     ('mm', '1')
     """
-    for unit, names in _UNITS.items():
-        if names_in(formula) <= set(names):
-            once, twice = (evaluate(formula, dict.fromkeys(names, size)) for size in (1.0, 2.0))
-            return unit if abs(twice - 2.0 * once) < 1e-9 * abs(twice) else "1"
-    return "1"
+    names = names_in(formula)
+    units = {IN_WORDS[name].rpartition(", ")[2] for name in names}
+    once, twice = (evaluate(formula, dict.fromkeys(names, size)) for size in (1.0, 2.0))
+    return units.pop() if len(units) == 1 and abs(twice - 2.0 * once) < 1e-9 * abs(twice) else "1"
 
 
 def extent(size: Sequence[float]) -> dict[str, float]:

@@ -137,7 +137,7 @@ def test_of_two_layers_the_better_is_kept_with_its_columns(world, threads):
 
 @pytest.mark.parametrize("name", ["fibres", "inclusion"])
 def test_where_the_place_is_fitted_it_begins_at_places_that_look_otherwise(world, name):
-    """From one of them only, oblique fibres and soft lumps ended in a valley of their own."""
+    """From one of them only, oblique fibres and soft lumps ended in a local minimum."""
     comparison, _, _ = world
     problem, score_test = comparison.problem, comparison.score_test
     found = [one for one in candidates(problem, comparison.base.values)[0] if one.effect.name == name]
