@@ -48,7 +48,6 @@ from fingerfit.diagnosis.verdict import (
     decide,
     ended_well,
     excess,
-    explained_share,
     explains,
     generalising,
     half_explained,
@@ -147,7 +146,7 @@ def diagnose(
     # of a body of another shape, and of one that is not solved well, refits say nothing
     for _ in range(0 if coarse or (outline.off and unexplained) else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
-        refits = by_one_likelihood(refits)
+        refits = by_one_likelihood(refits, found.weighed)
         ended = nearest(ended_well(score_test, refits, fitted))
         verdict = doubted(decide(score_test, ranking, ended, tests, held_out=held_out), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
@@ -175,7 +174,7 @@ def diagnose(
         measurements, more = separation(found.comparison, first, second, threads)
         run += more
     stiffness = stiffness_map(found.comparison, found.everywhere)
-    verdict = by_settings(of_family(verdict, score_test, ranking), score_test, ranking, tests)
+    verdict = by_settings(of_family(verdict, score_test, ranking, ended), score_test, ranking, tests)
     mesh = next((effect for effect in problem.effects.values() if effect.signal == MESH_ERROR), None)
     if coarse and mesh:
         verdict = too_coarse(verdict, score_test, by_mesh, mesh)
@@ -291,7 +290,7 @@ def _refits(
     def refitted(ranked: Ranked) -> tuple[tuple[Refit, int] | None, set[str]]:
         known = set(problem.asked)
         try:
-            made = refit_of(problem, last, ranked, everything, found.weighed, found.score_test.misfit, each)
+            made = refit_of(problem, last, ranked, everything, found.weighed, each)
         except StateError:
             made = None  # bodies without a solution explain nothing
         return made, problem.asked - known
@@ -310,9 +309,9 @@ def _refits(
             if made is None:
                 continue
             (refit, run), effect = made, ranked.candidate.effect
-            if explains(refit) or explained_share(found.score_test, refit) >= ENOUGH:
+            if explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH:
                 explained, by_series = max((explained, by_series), (ranked.odds(spread), bool(effect.series)))
-            share = min(1.0, max(0.0, explained_share(found.score_test, refit)))
+            share = min(1.0, max(0.0, refit.explained(found.score_test.misfit)))
             if not effect.probe and explains(refit) and refit.fitted <= GOOD:
                 named.add(effect.family)
             left = [one for one in left if worth_it(one)]
@@ -334,7 +333,7 @@ def _states(
     states, run = list[tuple[Ranked, Refit]](), 0
     for one in chosen:
         try:
-            refit, more = refit_of(problem, last, one, everything, found.weighed, found.score_test.misfit, threads)
+            refit, more = refit_of(problem, last, one, everything, found.weighed, threads)
         except StateError:
             continue
         effect, run = one.candidate.effect, run + more
@@ -352,27 +351,34 @@ def _partner(
     It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are. In
     space, where these take hours, by the slopes of the model without it.
     """
-    ended, run = ended_of(problem, last, half, everything, known.score_test.misfit, threads)
+    ended, run = ended_of(problem, last, half, everything, known.weighed, threads)
     slopes = known if _in_space(problem) else None
-    found, best = _test_all(ended.problem, ended.last, everything, threads, slopes), None
+    found, tried = _test_all(ended.problem, ended.last, everything, threads, slopes), dict[str, Refit]()
     run += found.run
     for ranked, refit, more in _refits(ended.problem, ended.last, everything, found, threads):
-        run += more
-        if best is None or refit.misfit < best[1].misfit:
-            best = ranked, refit
+        tried[ranked.candidate.effect.name], run = refit, run + more
         if explains(refit):
             break
     problem.asked.update(ended.problem.asked)
-    return best, run
+    tried = by_one_likelihood(tried, found.weighed)
+    beside = [(one, tried[name]) for one in found.ranking if (name := one.candidate.effect.name) in tried]
+    return min(beside, key=lambda pair: pair[1].level, default=None), run
 
 
-def by_one_likelihood(refits: Mapping[str, Refit]) -> dict[str, Refit]:
-    """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest."""
+def by_one_likelihood(refits: Mapping[str, Refit], without: Weighed) -> dict[str, Refit]:
+    """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest.
+
+    `without` is what the model leaves that has none of the effects.
+    """
     models = {name: refit.weighed for name, refit in refits.items() if refit.weighed is not None}
     if not models:
         return dict(refits)
-    found = misfits(models, min(models, key=lambda name: np.nan_to_num(refits[name].fitted, nan=np.inf)))
-    return {name: replace(refit, compared=found.get(name)) for name, refit in refits.items()}
+    best = min(models, key=lambda name: np.nan_to_num(refits[name].fitted, nan=np.inf))
+    found = misfits({**models, "": without}, best)
+    return {
+        name: replace(refit, compared=found[name], before=found[""]) if name in found else refit
+        for name, refit in refits.items()
+    }
 
 
 def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> InverseProblem:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from fingerfit.core.errors import StateError
@@ -36,7 +37,6 @@ def refit_of(
     one: Ranked,
     everything: Everything,
     weighed: Weighed,
-    misfit: float,
     threads: int,
 ) -> tuple[Refit, int]:
     """The refit of an effect, and how many simulations were not known.
@@ -49,8 +49,6 @@ def refit_of(
     everything : Data or sequence of Data
     weighed : Weighed
         What the model without it leaves.
-    misfit : float
-        Of that model.
     threads : int
 
     Raises
@@ -58,18 +56,18 @@ def refit_of(
     StateError
         When there is no solution.
     """
-    ended, run = ended_of(problem, last, one, everything, misfit, threads)
+    ended, run = ended_of(problem, last, one, everything, weighed, threads)
     fitted, held_out = errors(ended.comparison)
     score_test, values = ended.score_test, minimum(ended.problem, ended.last).values
     start = ended.problem.settings.model.effects[one.candidate.effect.name]
     before = problem.settings.starts()
     constants = {name: value for name, value in ended.problem.settings.starts().items() if name in before}
-    models = {"before": weighed, "after": Weighed.of(ended.comparison)}
-    both = misfits(models, "before")
+    own = misfits({"before": weighed, "after": ended.weighed}, "after")
     refit = Refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
         score_test.common_misfit, score_test.common_freedom,
-        ended.share, start, len(ended.problem.asked), both["before"] - both["after"], constants, models["after"],
+        ended.share, start, len(ended.problem.asked), ended.fall(weighed), constants, ended.weighed,
+        compared=own["after"], before=own["before"],
         numbers=len(ended.problem.settings.parameters()) - len(problem.settings.parameters()),
         sides=sides_of(ended.comparison),
     )  # fmt: skip
@@ -86,9 +84,19 @@ class Ended:
     score_test: ScoreTest
     share: float
 
+    @cached_property
+    def weighed(self) -> Weighed:
+        """What it leaves, for comparisons with other models."""
+        return Weighed.of(self.comparison)
+
+    def fall(self, before: Weighed) -> float:
+        """Of the misfit against a model without the effect, both weighed by the covariance of that one."""
+        both = misfits({"before": before, "after": self.weighed}, "before")
+        return both["before"] - both["after"]
+
 
 def ended_of(
-    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, before: float, threads: int
+    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, before: Weighed, threads: int
 ) -> tuple[Ended, int]:
     """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
 
@@ -104,9 +112,9 @@ def ended_of(
         ended, run = _fit(problem, last, one, everything, threads, 1.0)
     except StateError:
         return _fit(problem, last, one, everything, threads, 0.1)
-    if ended.score_test.misfit >= before:
+    if ended.fall(before) <= 0.0:
         other, more = _fit(problem, last, one, everything, threads, 0.1)
-        ended, run = min(ended, other, key=lambda each: each.score_test.misfit), run + more
+        ended, run = max(ended, other, key=lambda each: each.fall(before)), run + more
     return ended, run
 
 

@@ -28,10 +28,22 @@ LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
 
 
-def of_family(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked]) -> Verdict:
+def of_family(
+    verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], refits: Mapping[str, Refit]
+) -> Verdict:
     """The verdict with the family of what it names; where it names nothing, that which is likeliest behind it.
 
-    Of a probe it also says which known effect comes nearest.
+    That is the family of the best refit, where one improves the fit beyond chance; else that of the best odds. Of a
+    probe it also says which known effect comes nearest.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    score_test : ScoreTest
+        Of the model without any effect more.
+    ranking : sequence of Ranked
+    refits : mapping
+        By name of the effect: those that count.
     """
     named = next((one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects[:1]), None)
     family = named.family if named else ""
@@ -39,12 +51,18 @@ def of_family(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked]
         verdict = replace(verdict, sentence=verdict.sentence + _nearest(score_test, ranking, family))
     if verdict.kind != "unexplained" or score_test.freedom < 1:
         return replace(verdict, family=family)
+    shares = dict[str, float]()
+    best = min(refits, key=lambda name: refits[name].level, default=None)
+    if best is not None and refits[best].gain(score_test.misfit) > verdict.threshold:
+        effect = next(one.candidate.effect for one in ranking if one.candidate.effect.name == best)
+        shares[effect.family] = refits[best].explained(score_test.misfit)
+    excess = max(score_test.misfit - score_test.freedom, 1.0)
     for family, (one, odds) in families(score_test, ranking).items():
-        excess = max(score_test.misfit - score_test.freedom, 1.0)
-        share = min(1.0, one.finding.fall / excess)
         if family != NUMERICS and odds > SURE:
-            text = f"{verdict.sentence}; most of it may lie in {FAMILIES[family]} ({100 * share:.0f} %)"
-            return replace(verdict, family=family, sentence=text)
+            shares.setdefault(family, one.finding.fall / excess)
+    for family, share in shares.items():
+        text = f"{verdict.sentence}; most of it may lie in {FAMILIES[family]} ({100 * min(1.0, share):.0f} %)"
+        return replace(verdict, family=family, sentence=text)
     return verdict
 
 
@@ -79,7 +97,7 @@ def largest_part(
     best = min(refits, key=lambda name: refits[name].level)
     one = next(one for one in ranking if one.candidate.effect.name == best)
     share = (error**2 - refits[best].fitted ** 2) / (error**2 - 1.0)
-    beyond = score_test.misfit - refits[best].misfit > verdict.threshold
+    beyond = refits[best].gain(score_test.misfit) > verdict.threshold
     if not (beyond and share > LARGEST and leads(score_test, ranking, one)):
         return verdict
     fell = f"the error falls from {error:.2g} to {refits[best].fitted:.2g} times the noise level"

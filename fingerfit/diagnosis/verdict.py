@@ -60,8 +60,9 @@ class Refit:
         Where the numbers of the model without the effect went out from.
     weighed : Weighed, optional
         What it leaves.
-    compared : float, optional
-        Misfit by the likelihood that all refits of a model have in common.
+    compared, before : float, optional
+        Misfits with the effect and without it, by one likelihood: that of this refit, or the one that all refits of a
+        model have in common.
     numbers : int
         How many numbers of the effect were fitted.
     sides : Sides
@@ -82,6 +83,7 @@ class Refit:
     constants: Mapping[str, float] = field(default_factory=dict)
     weighed: Weighed | None = field(default=None, repr=False, compare=False)
     compared: float | None = None
+    before: float | None = None
     numbers: int = 0
     sides: Sides = field(default_factory=Sides)
 
@@ -90,8 +92,25 @@ class Refit:
         """The misfit by which refits are compared with each other, and what its numbers are worth (Schwarz 1978)."""
         from numpy import log
 
-        misfit = self.misfit if self.compared is None else self.compared
-        return misfit + self.numbers * float(log(max(self.freedom, 1)))
+        return self._misfit + self.numbers * float(log(max(self.freedom, 1)))
+
+    @property
+    def _misfit(self) -> float:
+        return self.misfit if self.compared is None else self.compared
+
+    def gain(self, before: float) -> float:
+        """By how much the effect lowers the misfit, by one likelihood.
+
+        Parameters
+        ----------
+        before : float
+            Misfit of the model without the effect by its own likelihood, which does where there is no other one.
+        """
+        return (before if self.before is None else self.before) - self._misfit
+
+    def explained(self, before: float) -> float:
+        """Share of the misfit beyond the noise that the effect explains, by one likelihood; `before` as for `gain`."""
+        return self.gain(before) / max((before if self.before is None else self.before) - self.freedom, 1.0)
 
 
 @dataclass(frozen=True)
@@ -191,11 +210,6 @@ def _common_limit(one: ScoreTest | Refit, level: float) -> float:
     return float(chdtri(one.common_freedom, level)) * max(1.0, spread)
 
 
-def explained_share(score_test: ScoreTest, refit: Refit) -> float:
-    """Share of the misfit beyond the noise that a refit explains."""
-    return (score_test.misfit - refit.misfit) / max(score_test.misfit - score_test.freedom, 1.0)
-
-
 def half_explained(
     score_test: ScoreTest, ranking: Sequence[Ranked], refits: Mapping[str, Refit], tests: int
 ) -> Ranked | None:
@@ -204,8 +218,8 @@ def half_explained(
         return None
     best = min((one for one in ranking if one.candidate.effect.name in refits), key=lambda one: _left(one, refits))
     refit = refits[best.candidate.effect.name]
-    beyond = score_test.misfit - refit.misfit >= threshold(score_test, ranking, tests)
-    return best if beyond and not explains(refit) and explained_share(score_test, refit) < ENOUGH else None
+    beyond = refit.gain(score_test.misfit) >= threshold(score_test, ranking, tests)
+    return best if beyond and not explains(refit) and refit.explained(score_test.misfit) < ENOUGH else None
 
 
 def _left(one: Ranked, refits: Mapping[str, Refit]) -> float:
@@ -263,13 +277,13 @@ def decide(
         hidden = ", ".join(_title(one) for one in unseen(score_test, ranking))
         return Verdict("adequate", (), f"{text}; these data would not show: {hidden}" if hidden else text, limit)
     best = min(tried, key=lambda name: refits[name].level)
-    fell = score_test.misfit - refits[best].misfit >= limit
-    # each misfit has its model's own error of the mesh, which is too large where the model is wrong
+    fell = refits[best].gain(score_test.misfit) >= limit
+    # or by the likelihood of the model without it, whose mesh may be wrong by another amount
     if not fell and not (explains(refits[best]) and refits[best].fall >= limit):
         kind = "adequate" if adequate else "unexplained"
         text = "no known effect improves the fit beyond chance"
         return Verdict(kind, (), text, limit)
-    share = explained_share(score_test, refits[best]) if fell else 1.0
+    share = refits[best].explained(score_test.misfit) if fell else 1.0
     if half_explained(score_test, ranking, refits, tests) is not None:
         if partner is None or not explains(partner[1]) or not _generalises(score_test, partner[1], held_out):
             nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of the misfit"

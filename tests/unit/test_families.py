@@ -82,7 +82,7 @@ def test_a_verdict_has_the_family_of_what_it_names():
     score_test, ranking = ranked(1.0)
     misfit = score_test.misfit - ranking[0].finding.fall
     refits = {"base_slip": Refit(misfit, score_test.freedom - 1, 1.0, 1.0, {})}
-    verdict = of_family(decide(score_test, ranking, refits, TESTS), score_test, ranking)
+    verdict = of_family(decide(score_test, ranking, refits, TESTS), score_test, ranking, refits)
     assert (verdict.effects, verdict.family) == (("base_slip",), "base")
     assert verdict == replace(decide(score_test, ranking, refits, TESTS), family="base")
 
@@ -92,18 +92,29 @@ def test_a_verdict_has_the_family_of_what_it_names():
 )
 def test_of_a_probe_the_nearest_known_effect_is_said(share, said):
     score_test, ranking = ranked(share)
-    verdict = of_family(Verdict("missing", ("base_probe",), "missing", 1.0), score_test, ranking)
+    verdict = of_family(Verdict("missing", ("base_probe",), "missing", 1.0), score_test, ranking, {})
     assert verdict.sentence == f"missing{said}"
 
 
 def test_what_is_unexplained_has_the_likeliest_family():
     score_test, ranking = ranked(0.5)
-    verdict = of_family(Verdict("unexplained", (), "unexplained", 1.0), score_test, ranking)
+    unexplained = Verdict("unexplained", (), "unexplained", 1.0)
+    verdict = of_family(unexplained, score_test, ranking, {})
     assert verdict.family == "base"
     assert verdict.sentence == "unexplained; most of it may lie in the base (100 %)"
     noise, ranking = ranked(0.5, hidden=0.0)
-    assert of_family(Verdict("unexplained", (), "unexplained", 1.0), noise, ranking).family == ""
-    assert of_family(Verdict("adequate", (), "adequate", 1.0), score_test, ranking).family == ""
+    assert of_family(unexplained, noise, ranking, {}).family == ""
+    assert of_family(Verdict("adequate", (), "adequate", 1.0), score_test, ranking, {}).family == ""
+
+
+@pytest.mark.parametrize(("gain", "family"), [(0.6, "indenter"), (0.0, "base")])
+def test_refits_decide_which_family_is_behind_it(gain, family):
+    score_test, ranking = ranked(0.5)
+    misfit = score_test.misfit - gain * (score_test.misfit - score_test.freedom)
+    refits = {"tilt": Refit(misfit, score_test.freedom, 1.0, 1.0, {})}
+    verdict = of_family(Verdict("unexplained", (), "unexplained", 1.0), score_test, ranking, refits)
+    assert verdict.family == family
+    assert ("the indenter and other boundaries (60 %)" in verdict.sentence) == (family == "indenter")
 
 
 def test_odds_are_those_of_the_integrated_likelihood(rng):

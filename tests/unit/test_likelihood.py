@@ -46,8 +46,23 @@ def test_the_one_that_comes_nearest_weighs_all():
         "good": Refit(198.0, COUNT - 2, 0.85, 0.84, {}, weighed=good),
         "unknown": Refit(300.0, COUNT - 2, 0.9, 0.9, {}),
     }
-    found = by_one_likelihood(refits)
+    without = model(0.6, 0.1)
+    found = by_one_likelihood(refits, without)
     assert found["bad"].level > found["good"].level
     assert found["good"].level == pytest.approx(misfits({"good": good}, "good")["good"])
     assert found["unknown"].level == 300.0
-    assert by_one_likelihood({}) == {}
+    assert by_one_likelihood({}, without) == {}
+    both = misfits({"good": good, "without": without}, "good")
+    assert found["good"].gain(1.0) == pytest.approx(both["without"] - both["good"])
+
+
+def test_a_better_mesh_is_not_held_against_an_effect():
+    # by its own covariance, which forgives much, the model without the effect seems as good as the one with it
+    without, better = model(0.3, 1.0), model(0.1, 0.1)
+    own = {name: misfits({name: one}, name)[name] for name, one in (("without", without), ("better", better))}
+    assert own["without"] < own["better"]
+    refit = Refit(own["better"], COUNT - 2, 1.2, 1.2, {}, weighed=better)
+    assert refit.gain(own["without"]) < 0
+    refit = by_one_likelihood({"effect": refit}, without)["effect"]
+    # a pattern of three times the noise leaves 10 for each value, one of the noise 2, the noise alone 1
+    assert refit.explained(own["without"]) == pytest.approx(8 / 9, abs=0.1)

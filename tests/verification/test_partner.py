@@ -8,6 +8,7 @@ from small_body import SMALL, compared, fitted, written
 from fingerfit.diagnosis.candidates import candidates, makes_sense
 from fingerfit.diagnosis.comparison import anchor_of, rank_candidates
 from fingerfit.diagnosis.joint import comparison_of
+from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.ranking import best_places
 from fingerfit.diagnosis.refits import ended_of
 from fingerfit.fit.jobs import solve_missing
@@ -25,7 +26,7 @@ def test_the_partner_of_a_slip_is_found_by_known_slopes(tmp_path):
     slip = next(
         one for one in rank_candidates(before, before.score_test, tested) if one.candidate.effect.name == "base_slip"
     )
-    ended, _ = ended_of(problem, last, replace(slip, refitted=None), everything, before.score_test.misfit, 1)
+    ended, _ = ended_of(problem, last, replace(slip, refitted=None), everything, Weighed.of(before), 1)
 
     wider, left = ended.problem, [one for one in tested if makes_sense(one.effect, ended.problem)]
     assert {one.effect.name for one in left} == TRIED - {"base_slip"}
