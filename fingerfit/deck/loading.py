@@ -55,6 +55,7 @@ def loading_steps(
         largest_of([getattr(step, what) for step in study.steps]) for what in (control, "force" if resting else control)
     )
     before = float(changed_by("before", 0.0, {"largest": most}, present, values))
+    first = {**unloaded(study.course), "time": 0.0, "largest": largest}
     begun = 0.0 if resting else before
     swelling = _swelling(study, mesh, present, values)
     warm = [temperature(row) for row in swelling] if swelling.any() else [[]] * (count + 1)
@@ -66,6 +67,7 @@ def loading_steps(
                 "period": None,
                 "temperature": warm[0],
                 "aside": sorted(_aside(study, None, begun).items()),
+                "deeper": _deeper(mesh, first, present, values),
             }
         )
     for k, (step, known) in enumerate(zip(study.steps, study.course, strict=True), 1):
@@ -82,8 +84,25 @@ def loading_steps(
             names["share"] = abs(getattr(step, control) or 0.0) / (largest or 1.0)
             aside[1] = float(changed_by("displacement_x", aside.get(1, 0.0), names, present, values))
         entry["aside"] = sorted(aside.items())
+        entry["deeper"] = _deeper(mesh, names, present, values)
         found.append(entry)
     return found
+
+
+def _deeper(
+    mesh: Mesh, names: Mapping[str, float], present: Sequence[Effect], values: Mapping[str, float]
+) -> list[tuple[int, float]]:
+    """How much deeper than its own node the indenter goes at each node under it, mm, nodes counted from 1.
+
+    Empty where no effect changes that.
+    """
+    if not any("deeper" in effect.changes for effect in present):
+        return []
+    top, indenter = mesh.node_sets["TOP"], mesh.node_sets["INDENTER"][0]
+    aside = mesh.points[[indenter, *top], 0] - mesh.points[indenter, 0]
+    found = changed_by("deeper", np.zeros(len(aside)), {**names, "aside": aside}, present, values)
+    found = np.broadcast_to(found, len(aside))
+    return [(int(node) + 1, float(one)) for node, one in zip(top, found[1:] - found[0], strict=True)]
 
 
 def _swelling(study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float]) -> np.ndarray:

@@ -77,13 +77,31 @@ def families(score_test: ScoreTest, ranking: Sequence[Ranked]) -> dict[str, tupl
     return {family: (best[family], odds[family]) for family in sorted(best, key=lambda name: -odds[name])}
 
 
-def leads(score_test: ScoreTest, ranking: Sequence[Ranked], one: Ranked) -> bool:
+def leads(
+    score_test: ScoreTest, ranking: Sequence[Ranked], one: Ranked, behind: Mapping[str, float] | None = None
+) -> bool:
     """Whether an effect that explains a part is surely the largest one.
 
     Its family is far likelier than any other, and has a probe: without one nobody knows whether it has something
-    better than this member.
+    better than this member. Where both were refitted, that decides; else the odds of the first pass.
+
+    Parameters
+    ----------
+    score_test : ScoreTest
+    ranking : sequence of Ranked
+    one : Ranked
+    behind : mapping, optional
+        Of refits of other effects: logarithm of the odds of this one against it, by name.
     """
     odds = {family: value for family, (_, value) in families(score_test, ranking).items()}
     own = one.candidate.effect.family
     probed = any(other.candidate.effect.probe and other.candidate.effect.family == own for other in ranking)
-    return probed and own in odds and all(odds[own] - odds[other] > SURE for other in odds.keys() - {own})
+    if not probed or own not in odds:
+        return False
+    leading = {other: odds[own] - odds[other] for other in odds.keys() - {own}}
+    refitted = dict[str, float]()
+    for other in ranking:
+        effect = other.candidate.effect
+        if effect.family != own and effect.name in (behind or {}):
+            refitted[effect.family] = min((behind or {})[effect.name], refitted.get(effect.family, np.inf))
+    return all(value > SURE for value in (leading | refitted).values())

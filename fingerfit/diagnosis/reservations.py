@@ -77,7 +77,12 @@ def _nearest(score_test: ScoreTest, ranking: Sequence[Ranked], family: str) -> s
 
 
 def largest_part(
-    verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], refits: Mapping[str, Refit], error: float
+    verdict: Verdict,
+    score_test: ScoreTest,
+    ranking: Sequence[Ranked],
+    refits: Mapping[str, Refit],
+    error: float,
+    tried: Mapping[str, Refit] | None = None,
 ) -> Verdict:
     """The verdict, but where nothing explains it all, what surely is the largest part of it: more is missing.
 
@@ -91,6 +96,8 @@ def largest_part(
         By name of the effect: those that count.
     error : float
         Of the model, in units of the noise floor, on the fitted steps.
+    tried : mapping, optional
+        All refits, which other families are judged by.
     """
     if verdict.kind != "unexplained" or not refits or error <= 1.0:
         return verdict
@@ -98,7 +105,9 @@ def largest_part(
     one = next(one for one in ranking if one.candidate.effect.name == best)
     share = (error**2 - refits[best].fitted ** 2) / (error**2 - 1.0)
     beyond = refits[best].gain(score_test.misfit) > verdict.threshold
-    if not (beyond and share > LARGEST and leads(score_test, ranking, one)):
+    spread = max(1.0, refits[best].level / max(refits[best].freedom, 1))
+    behind = {name: (refit.level - refits[best].level) / 2 / spread for name, refit in (tried or {}).items()}
+    if not (beyond and share > LARGEST and leads(score_test, ranking, one, behind)):
         return verdict
     fell = f"the error falls from {error:.2g} to {refits[best].fitted:.2g} times the noise level"
     text = f"missing: {one.candidate.effect.title}; it is the largest part ({fell}), more is missing"

@@ -38,6 +38,7 @@ CHANGES = (
     "before",
     "increment",
     "follow",
+    "deeper",
     "beside_x",
     "beside_y",
     "swelling",

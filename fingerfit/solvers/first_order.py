@@ -48,8 +48,8 @@ def answers(folder: Path, deck: str, known: Outcome, moved: Sequence[str]) -> li
     -------
     list
         None where that cannot be: where the answer depends on the way to it (relaxation, contact), where nodes have
-        displacements that the answer does not tell (of walls, of rigid bodies that turn), and where the moved deck has
-        other unknowns.
+        displacements that neither the deck prescribes nor the answer tells (of walls, of rigid bodies that turn), and
+        where the moved deck has other unknowns.
     """
     here = _read(folder / "deck.inp", deck)
     found: list[_Moved | None] = [None] * len(moved)
@@ -103,8 +103,10 @@ class _Moved:
         return bool(np.isfinite(self.displacement[-1]).all() and np.isfinite(self.internal[-1]).all())
 
     def outcome(self) -> Outcome:
-        shape = (len(self.displacement), -1, self.model.dim)
-        displacement, internal = (np.array(part).reshape(shape) for part in (self.displacement, self.internal))
+        shape, told = (len(self.displacement), -1, self.model.dim), slice(self.watched.nodes)
+        displacement, internal = (
+            np.array(part).reshape(shape)[:, told] for part in (self.displacement, self.internal)
+        )
         reaction = internal[:, self.watched.top].sum(axis=1)
         return Outcome(CONVERGED, displacement, reaction, displacement[:, self.watched.indenter], "to first order")
 
@@ -121,8 +123,12 @@ class _Place:
     left: np.ndarray
 
     @classmethod
-    def of(cls, known: _Moved, step: int, u: np.ndarray) -> _Place | None:
+    def of(cls, known: _Moved, step: int, told: np.ndarray) -> _Place | None:
+        """That of a step from what the answer tells of it; all other displacements must be prescribed."""
         system, load = known.system(step), load_at_end(known.model, known.steps[step])
+        if not system.prescribed[len(told) :].all():
+            return None
+        u = np.append(told, load.given[len(told) :])
         q = u[system.free]
         evaluation = system.evaluate(u)
         if evaluation is None or not len(q) or not np.allclose(system.expand(q, load.given), u, rtol=0, atol=1e-9):
@@ -139,7 +145,7 @@ class _Place:
 
 
 def _read(path: Path, text: str) -> _Moved | None:
-    """A deck whose answer follows from its loads alone, at displacements that are told of all its nodes."""
+    """A deck whose answer follows from its loads alone."""
     try:
         deck = read_deck(path, text)
         if deck.contacts or not all(step.finite for step in deck.steps):
@@ -150,4 +156,4 @@ def _read(path: Path, text: str) -> _Moved | None:
     except InputError:
         return None  # the simulation says why
     alone = not model.rigid and all(body.history is None for body in model.bodies)
-    return _Moved(model, watched) if alone and watched.nodes == len(deck.mesh.points) else None
+    return _Moved(model, watched) if alone else None

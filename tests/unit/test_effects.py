@@ -314,14 +314,26 @@ def test_tilt_in_the_equations_and_in_the_solution(tmp_path):
     centre = int(MESH.node_sets["INDENTER"][0])
     rows = numbers[1::2]
     assert len(rows) == len(MESH.node_sets["TOP"]) - 1
-    for node, axis, one, master, _, factor in rows:
+    for node, axis, one, master, _, factor, deeper, along, by in rows:
         aside = MESH.points[int(node) - 1, 0] - MESH.points[centre, 0]
         assert (axis, one, master) == (2, 1.0, centre + 1)
         assert factor == pytest.approx(-1 - 0.01 * aside)
+        assert (deeper, along, by) == (6000000 + node, 2, -1.0)
     outcome = solve(text, tmp_path)
     top = MESH.node_sets["TOP"]
     x, depth = MESH.points[top, 0] - MESH.points[centre, 0], -outcome.displacement[-1, top, 1]
     assert depth == pytest.approx(depth[x == 0] * (1 + 0.01 * x), rel=1e-6)
+
+
+@pytest.mark.parametrize("control", ["force", "displacement"])
+def test_a_tilt_that_comes_early(control, tmp_path):
+    """At half the load it is as said, at the last step there is none."""
+    top, centre = MESH.node_sets["TOP"], int(MESH.node_sets["INDENTER"][0])
+    tested = study(control, [10.0, 20.0] if control == "force" else [0.5, 1.0])
+    outcome = solve(deck({"tilt.midway": 0.02}, of=tested), tmp_path)
+    x, depth = MESH.points[top, 0] - MESH.points[centre, 0], -outcome.displacement[:, top, 1]
+    assert depth[0] - depth[0, x == 0] == pytest.approx(0.02 * x, abs=1e-6)
+    assert depth[1] - depth[1, x == 0] == pytest.approx(0 * x, abs=1e-6)
 
 
 @pytest.mark.parametrize("element", ["CPE4", "CPE8H"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_verdict import TESTS, World
 
-from fingerfit.diagnosis.families import ENOUGH, families, nominated
+from fingerfit.diagnosis.families import ENOUGH, SURE, families, nominated
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.reservations import largest_part, of_family
 from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, decide, nearest, to_refit
@@ -167,6 +167,13 @@ def test_the_largest_part_is_named_where_its_family_leads(error, rival, kind):
     assert ("the error falls from 5 to 3 times the noise level), more is missing" in verdict.sentence) == bool(
         verdict.effects
     )
+    # refits of both decide where there are some: half of the difference, over what the better one leaves for each value
+    spread = refits["base_slip"].level / refits["base_slip"].freedom
+    for far, leads in ((3 * SURE, True), (SURE / 3, False)):
+        misfit = refits["base_slip"].level + 2 * spread * far
+        tried = refits | {"tilt": Refit(misfit, score_test.freedom, error, 1.0, {})}
+        again = largest_part(nearest, score_test, ranking, refits, 5.0, tried)
+        assert again.kind == ("missing" if leads and error < 4.0 else "unexplained")
     # nobody knows what else a family has that no probe stands for
     known = [one for one in ranking if not one.candidate.effect.probe]
     assert largest_part(nearest, score_test, known, refits, 5.0) is nearest

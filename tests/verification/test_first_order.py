@@ -27,6 +27,7 @@ CASES = {
     "compressible": ({"poisson": 0.45}, "poisson", 0.45),
     "exponent": ({}, "alpha", 1.4),
     "tilt": ({"tilt.slope": 0.01}, "tilt.slope", 0.08),
+    "tilt that comes early": ({"tilt.slope": 0.01, "tilt.midway": 0.02}, "tilt.midway", 0.4),
     "sideways": ({"sideways.moved": 0.1}, "sideways.moved", 1.2),
     "base slip": ({"base_slip.share": 0.016}, "base_slip.share", 0.016),
     "indenter slip": ({"indenter_slip.share": 0.005}, "indenter_slip.share", 0.005),

@@ -59,7 +59,7 @@ def test_the_refit_ends_at_the_minimum_of_what_it_fits(world):
 def test_where_the_first_step_has_no_solution_a_shorter_one_is_taken(world, monkeypatch):
     comparison, ranking, _ = world
     (tilt,) = (one for one in ranking if one.candidate.effect.name == "tilt")
-    (slope,) = tilt.candidate.effect.parameters
+    slope, _ = tilt.candidate.effect.parameters
     solved, known = comparison.read, FirstPass(comparison)
 
     def read(asked):
