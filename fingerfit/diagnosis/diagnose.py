@@ -24,6 +24,7 @@ from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
 from fingerfit.diagnosis.refits import Everything, ended_of, refit_of, with_outline
 from fingerfit.diagnosis.reservations import (
     LARGEST,
+    LOUD,
     by_settings,
     doubted,
     elsewhere,
@@ -132,9 +133,11 @@ def diagnose(
     """
     found = _test_all(problem, last, everything, threads)
     run, refits = found.run, dict[str, Refit]()
+    fitted, held_out = errors(found.comparison)
+    if fitted > LOUD:  # that something is missing is known: nothing is named by chance because much was tried
+        found = replace(found, tests=1)
     score_test, ranking, tests = found.score_test, found.ranking, found.tests
     halves, ended = set[str](), dict[str, Refit]()
-    fitted, held_out = errors(found.comparison)
     outline = sides_of(found.comparison)
     verdict = decide(score_test, ranking, {}, tests, held_out=held_out)
     unexplained = not explains(score_test)
