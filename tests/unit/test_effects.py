@@ -189,6 +189,24 @@ def test_gradient_is_linear_in_each_layer():
     assert change.min() == pytest.approx(-0.1, abs=1e-4)
 
 
+@pytest.mark.parametrize(("name", "axis"), [("body_gradient", 1), ("sideways_gradient", 0)])
+def test_gradients_over_the_body_cross_its_layers_and_have_no_mean(name, axis):
+    s = centres()[:, axis] / 12.0 - 0.5
+    change = np.log(moduli({f"{name}.slope": 0.6}) / plain_moduli())
+    assert change == pytest.approx(0.6 * s, abs=1e-4)
+    bent = np.log(moduli({f"{name}.bend": 0.4}) / plain_moduli())
+    # moduli are those at the centres or means of elements, which are a twelfth of the squared length apart
+    assert bent == pytest.approx(0.4 * (6 * s**2 - 0.5), abs=0.02)
+    assert abs(np.polyfit(s, bent, 2)[0] - 2.4) < 0.01
+
+
+def test_in_one_layer_a_gradient_is_one_inside_of_it():
+    alone = layered_block(12.0, LAYERS[:1], 4, 2, "CPE8H")
+    of = replace(study(), body=replace(study().body, layers=study().body.layers[:1]))
+    values = {"body_gradient.slope": 0.6, "body_gradient.bend": 0.6}
+    assert deck(values, of=of, mesh=alone) == deck(of=of, mesh=alone)
+
+
 def test_split_layer_changes_its_layer_only():
     change = np.log(
         moduli({"split_layer.contrast": 0.6, "split_layer.layer": 2, "split_layer.share": 0.5}) / plain_moduli()
