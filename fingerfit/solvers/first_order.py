@@ -104,9 +104,7 @@ class _Moved:
 
     def outcome(self) -> Outcome:
         shape, told = (len(self.displacement), -1, self.model.dim), slice(self.watched.nodes)
-        displacement, internal = (
-            np.array(part).reshape(shape)[:, told] for part in (self.displacement, self.internal)
-        )
+        displacement, internal = (np.array(part).reshape(shape)[:, told] for part in (self.displacement, self.internal))
         reaction = internal[:, self.watched.top].sum(axis=1)
         return Outcome(CONVERGED, displacement, reaction, displacement[:, self.watched.indenter], "to first order")
 

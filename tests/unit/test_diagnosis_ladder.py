@@ -206,23 +206,23 @@ def test_without_the_parents_estimate_it_is_one_line(config):
 
 def test_effects_with_all_their_numbers_need_no_estimate_before(config):
     plain = load_settings(config).starts()
-    write_text(config, with_effects(effects="  effects:\n    tilt: {slope: 0.01}\n    base_slip: {share: 0.1}\n"))
+    write_text(config, with_effects(effects="  effects:\n    gradient: {slope: 0.01}\n    base_slip: {share: 0.1}\n"))
     found = stages.warm(load_settings(config)).starts()
-    assert found == plain | {"tilt.slope": 0.01, "base_slip.share": 0.1}
+    assert found == plain | {"gradient.slope": 0.01, "base_slip.share": 0.1}
 
 
 def test_the_search_starts_at_the_parents_estimate(config, tmp_path):
     write_text(
         config,
-        with_effects(effects="  effects:\n    tilt: {slope: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"),
+        with_effects(effects="  effects:\n    gradient: {slope: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"),
     )
-    values = {"mu_top": 0.031, "mu_bottom": 0.062, "tilt.slope": 0.017}
+    values = {"mu_top": 0.031, "mu_bottom": 0.062, "gradient.slope": 0.017}
     parameters = {name: {"value": value} for name, value in values.items()}
-    keep_json(tmp_path / "results/study/base+tilt/estimate.json", {"parameters": parameters})
+    keep_json(tmp_path / "results/study/base+gradient/estimate.json", {"parameters": parameters})
     found = stages.warm(load_settings(config)).starts()
     wanted = values | {"inclusion.contrast": 0.7, "inclusion.along": 0.3, "inclusion.across": 0.15}
     assert found == pytest.approx(wanted)
-    assert str(stages.model_folder(load_settings(config))) == "results/study/base+tilt+inclusion"
+    assert str(stages.model_folder(load_settings(config))) == "results/study/base+gradient+inclusion"
 
 
 @pytest.mark.parametrize(("given", "count"), [("{}", 8), ("{modes: 12}", 12), ("{modes: 3, m2: 0.1}", 3)])
@@ -241,7 +241,7 @@ def test_a_field_that_is_added_by_hand_has_the_modes_that_were_said(config, tmp_
 def diagnosed(folder, model, named, **refits):
     """A diagnosis on the way, with the values of `mu_top` of the effects that were refitted."""
     ranking = [
-        {"effect": name, "refit": {"parameters": {"mu_top": value, "mu_bottom": 0.06, "tilt.slope": 0.02}}}
+        {"effect": name, "refit": {"parameters": {"mu_top": value, "mu_bottom": 0.06, "gradient.slope": 0.02}}}
         for name, value in refits.items()
     ]
     keep_json(folder / f"results/study/{model}/diagnosis.json", {"ranking": ranking, "effects": named})
@@ -250,23 +250,23 @@ def diagnosed(folder, model, named, **refits):
 def test_models_that_could_not_be_told_from_it_stay_with_a_model(config, tmp_path):
     write_text(
         config,
-        with_effects(effects="  effects:\n    tilt: {slope: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"),
+        with_effects(effects="  effects:\n    gradient: {slope: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"),
     )
-    named, other = ["tilt", "skin"], ["relaxation", "ageing"]
-    diagnosed(tmp_path, "base", named, tilt=0.03, skin=0.045, soft_bed=0.09)
-    diagnosed(tmp_path, "base+tilt", other, inclusion=0.03, relaxation=0.02, ageing=0.04)
+    named, other = ["gradient", "skin"], ["relaxation", "ageing"]
+    diagnosed(tmp_path, "base", named, gradient=0.03, skin=0.045, soft_bed=0.09)
+    diagnosed(tmp_path, "base+gradient", other, inclusion=0.03, relaxation=0.02, ageing=0.04)
     parameters = {
-        name: {"value": value} for name, value in {"mu_top": 0.031, "mu_bottom": 0.062, "tilt.slope": 0.017}.items()
+        name: {"value": value} for name, value in {"mu_top": 0.031, "mu_bottom": 0.062, "gradient.slope": 0.017}.items()
     }
-    keep_json(tmp_path / "results/study/base+tilt/estimate.json", {"parameters": parameters})
+    keep_json(tmp_path / "results/study/base+gradient/estimate.json", {"parameters": parameters})
     # an effect that is added though others were named has no rivals of its own; those of the first one stay
     assert stages.warm(load_settings(config)).model.rivals == {
         "base+skin": {"mu_top": pytest.approx(1.5), "mu_bottom": pytest.approx(1.0)}
     }
-    diagnosed(tmp_path, "base+tilt", ["inclusion"], inclusion=0.03, relaxation=0.02)
+    diagnosed(tmp_path, "base+gradient", ["inclusion"], inclusion=0.03, relaxation=0.02)
     assert list(stages.warm(load_settings(config)).model.rivals) == ["base+skin"]
-    diagnosed(tmp_path, "base+tilt", ["ageing", "inclusion"], inclusion=0.04, ageing=0.02)
-    assert stages.warm(load_settings(config)).model.rivals["base+tilt+ageing"]["mu_top"] == pytest.approx(0.5)
+    diagnosed(tmp_path, "base+gradient", ["ageing", "inclusion"], inclusion=0.04, ageing=0.02)
+    assert stages.warm(load_settings(config)).model.rivals["base+gradient+ageing"]["mu_top"] == pytest.approx(0.5)
 
 
 # --- what is told

@@ -327,7 +327,7 @@ def test_load_steps_are_made_smaller_where_time_counts_too():
 
 
 def test_tilt_in_the_equations_and_in_the_solution(tmp_path):
-    text = deck({"tilt.slope": 0.01})
+    text = deck({"tilt.slope": 0.01, "tilt.power": 0.5})
     (numbers,) = cards(text, "EQUATION")
     centre = int(MESH.node_sets["INDENTER"][0])
     rows = numbers[1::2]
@@ -345,12 +345,12 @@ def test_tilt_in_the_equations_and_in_the_solution(tmp_path):
 
 @pytest.mark.parametrize("control", ["force", "displacement"])
 def test_a_tilt_that_comes_early(control, tmp_path):
-    """At half the load it is as said, at the last step there is none."""
+    """At half the load it is as its power says, at the last step there is none."""
     top, centre = MESH.node_sets["TOP"], int(MESH.node_sets["INDENTER"][0])
     tested = study(control, [10.0, 20.0] if control == "force" else [0.5, 1.0])
-    outcome = solve(deck({"tilt.midway": 0.02}, of=tested), tmp_path)
+    outcome = solve(deck({"tilt.early": 0.02, "tilt.power": 0.5}, of=tested), tmp_path)
     x, depth = MESH.points[top, 0] - MESH.points[centre, 0], -outcome.displacement[:, top, 1]
-    assert depth[0] - depth[0, x == 0] == pytest.approx(0.02 * x, abs=1e-6)
+    assert depth[0] - depth[0, x == 0] == pytest.approx(0.02 * (np.sqrt(0.5) - 0.5) / 0.5 * x, abs=1e-6)
     assert depth[1] - depth[1, x == 0] == pytest.approx(0 * x, abs=1e-6)
 
 

@@ -363,13 +363,13 @@ def test_the_next_best_are_refitted_after_the_best(world):
 def test_confusions_and_summary(world):
     near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
     score_test = world.score_test(30 * world.signal(0))
-    ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=near, skin=world.signal(2))
+    ranking = world.ranking(score_test, gradient=world.signal(0), inclusion=near, skin=world.signal(2))
     assert alike(score_test, ranking[0], ranking[1]) == pytest.approx(0.81)
     (pair,) = confusions(score_test, ranking)
-    assert (pair["a"], pair["b"]) == ("tilt", "inclusion")
+    assert (pair["a"], pair["b"]) == ("gradient", "inclusion")
     assert pair["likeness"] == pytest.approx(0.81)
     first, second, third = summary(score_test, ranking)
-    assert (first["effect"], second["effect"], third["effect"]) == ("tilt", "inclusion", "skin")
+    assert (first["effect"], second["effect"], third["effect"]) == ("gradient", "inclusion", "skin")
     assert first["size"] == {"slope": pytest.approx(30.0)}
     assert first["share_of_excess"] == pytest.approx(1.0)
     assert second["share_of_excess"] == pytest.approx(0.81)
