@@ -268,20 +268,22 @@ class Comparison:
         name, _, test = name.partition(AT)
         if self.problem.test and (test not in ("", self.problem.test) or self.problem.lacks(effect)):
             return np.zeros(len(self.residual.kept))
-        parameter = next(p for p in effect.parameters if p.name == name)
+        # a place that the fit moves has bounds in place of a step
+        steps = {place: 0.01 * (high - low) for place, (low, high) in effect.refine.items()}
+        step = (steps | {p.name: p.step for p in effect.parameters})[name]
         data, points = self.data, self.problem.meshes[SEARCH].body
         now = {**effect.null(), **self.problem.own(values)}
-        further = {**now, effect.key(name): now[effect.key(name)] + parameter.step}
+        further = {**now, effect.key(name): now[effect.key(name)] + step}
         before, after = (
             Observation((effect,), guess, points.min(axis=0), points.max(axis=0), self.problem.study.course)
             for guess in (now, further)
         )
         frame = Picture(data.before, data.spacing, data.origin, data.direction)
         value: np.ndarray = np.zeros(self.residual.value.shape)
-        for n, (step, picture, way) in enumerate(
+        for n, (number, picture, way) in enumerate(
             zip(data.picture_step, self.prediction.pictures, self.residual.fits, strict=True)
         ):
-            k = int(step) + 1
+            k = int(number) + 1
             at, seen = positions(frame, way.pixel), picture.ravel()[way.pixel]
             places = np.stack(at, axis=-1)
             change = after.intensity(seen, k, *at) - before.intensity(seen, k, *at)
@@ -289,13 +291,13 @@ class Comparison:
             value[n] = np.nan_to_num(means(np.column_stack([moved, change]), way.patch, value.shape[1]))
         if len(data.points_step):
             places, moved = data.points + self.prediction.points, np.zeros_like(data.points_displacement)
-            for step in np.unique(data.points_step):
-                its = data.points_step == step
-                moved[its] = after.shift(int(step) + 1, places[its]) - before.shift(int(step) + 1, places[its])
+            for number in np.unique(data.points_step):
+                its, k = data.points_step == number, int(number) + 1
+                moved[its] = after.shift(k, places[its]) - before.shift(k, places[its])
             value[len(data.picture_step) :] = np.nan_to_num(points_by_patch(data, moved, self.patches))
         response = self.prediction.response
         changed = seen_response(after, response, data) - seen_response(before, response, data)
-        return flat(value, changed) / parameter.step
+        return flat(value, changed) / step
 
 
 def anchor_of(problem: InverseProblem, last: Round) -> Asked:

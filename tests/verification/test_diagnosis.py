@@ -1,5 +1,7 @@
 """A small body with a hidden inclusion, fitted and diagnosed in this process: where it is, and what would show it better."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import LAYERS
@@ -61,6 +63,17 @@ def test_slopes_of_what_is_observed_do_not_depend_on_where_they_are_taken(world)
     slopes = [comparison.observed(effect, {"misregistration.x": x}, "x") for x in (0.0, 0.07)]
     assert np.abs(slopes[0]).max() > 0.1
     assert slopes[1] == pytest.approx(slopes[0], abs=1e-9)
+
+
+def test_a_place_that_is_fitted_changes_what_is_observed(world):
+    comparison, ranking = world
+    shift = next(one.candidate.effect for one in ranking if one.candidate.effect.name == "misregistration")
+    effect = replace(
+        shift, scan={"part": (0.5,)}, refine={"part": (0.0, 1.0)}, observes={"shift_x": "x * part", "shift_y": "y"}
+    )
+    at = {"misregistration.x": 0.1, "misregistration.part": 0.5}
+    by_size, by_place = (comparison.observed(effect, at, name) for name in ("x", "part"))
+    assert by_place == pytest.approx(by_size * 0.1 / 0.5, abs=1e-9)
 
 
 def test_better_measurements_separate_two_effects_better(world):
