@@ -336,7 +336,7 @@ def test_tilt_in_the_equations_and_in_the_solution(tmp_path):
         aside = MESH.points[int(node) - 1, 0] - MESH.points[centre, 0]
         assert (axis, one, master) == (2, 1.0, centre + 1)
         assert factor == pytest.approx(-1 - 0.01 * aside)
-        assert (deeper, along, by) == (6000000 + node, 2, -1.0)
+        assert (deeper, along, by) == (7000000 + node, 2, -1.0)
     outcome = solve(text, tmp_path)
     top = MESH.node_sets["TOP"]
     x, depth = MESH.points[top, 0] - MESH.points[centre, 0], -outcome.displacement[-1, top, 1]
