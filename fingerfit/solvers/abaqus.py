@@ -198,8 +198,9 @@ def _outcome(found: list[FilIncrement], deck: Deck, what: str) -> Outcome:
         # equilibrium: base and springs hold what the indenter pushes, whose own nodes may follow one of them
         reaction[step] = -forces[base].sum(axis=0)
         for spring in deck.springs:
-            (node, axis), grounded = spring.first, spring.second is None
-            reaction[step, axis] += grounded * spring.stiffness * displacement[step, node, axis]
+            if spring.second is None:
+                node, axis = spring.first
+                reaction[step, axis] += spring.force(displacement[step, node, axis])
     status = CONVERGED if len(found) == len(deck.steps) else DIVERGED
     message = f"{len(found)} steps"
     if status == DIVERGED:
