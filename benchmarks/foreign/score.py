@@ -15,6 +15,7 @@ from typing import Any
 FAMILY = {
     "ageing": "loading",
     "band": "structure",
+    "base_friction": "base",
     "base_probe": "base",
     "base_slip": "base",
     "bias_field": "observation",
@@ -34,6 +35,7 @@ FAMILY = {
     "gradient": "structure",
     "inclusion": "structure",
     "inclusion_in_space": "structure",
+    "indenter_friction": "indenter",
     "indenter_place": "indenter",
     "indenter_probe": "indenter",
     "indenter_slip": "indenter",
