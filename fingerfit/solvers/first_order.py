@@ -105,7 +105,8 @@ class _Moved:
     def outcome(self) -> Outcome:
         shape = (len(self.displacement), -1, self.model.dim)
         displacement, internal = (np.array(part).reshape(shape) for part in (self.displacement, self.internal))
-        reaction = internal[:, self.watched.top].sum(axis=1)
+        steps = zip(internal, displacement, strict=True)
+        reaction = np.array([self.watched.reaction(self.model.deck, *step) for step in steps])
         return Outcome(CONVERGED, displacement, reaction, displacement[:, self.watched.indenter], "to first order")
 
 
