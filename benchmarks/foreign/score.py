@@ -15,6 +15,9 @@ from typing import Any
 FAMILY = {
     "ageing": "loading",
     "band": "structure",
+    "base_friction": "base",
+    "body_gradient": "structure",
+    "sideways_gradient": "structure",
     "base_probe": "base",
     "base_slip": "base",
     "bias_field": "observation",
@@ -34,6 +37,7 @@ FAMILY = {
     "gradient": "structure",
     "inclusion": "structure",
     "inclusion_in_space": "structure",
+    "indenter_friction": "indenter",
     "indenter_place": "indenter",
     "indenter_probe": "indenter",
     "indenter_slip": "indenter",
@@ -76,12 +80,12 @@ PROBES = {name for name in FAMILY if name.endswith("_probe")}
 """Effects that stand for a family: *of no known form* is not the name of a member."""
 IN_SPACE = {"misregistration": "misregistration_in_space", "inclusion": "inclusion_in_space"}
 ALIKE = {
-    "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"}, "base_slip": {"debonding"},
-    "indenter_slip": {"indenter_debonding"},
+    "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"},
+    "base_slip": {"debonding", "base_friction"}, "indenter_slip": {"indenter_debonding", "indenter_friction"},
     "bias_field": {"uneven_brightness"},
 }  # fmt: skip
-"""Members that are as right: other laws of the same stiffening, an inclusion of any shape, a base that is loose from an
-edge on, brightness that is uneven in another form."""
+"""Members that are as right: other laws of the same stiffening, an inclusion of any shape, a side that is loose from an
+edge on or slips beyond a limit, brightness that is uneven in another form."""
 CLOSE = 0.05
 """Share of a constant within which it is right."""
 TRACE = 0.5

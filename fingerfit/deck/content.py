@@ -43,11 +43,30 @@ class Orientation:
 
 @dataclass(frozen=True)
 class Spring:
-    """Spring in N/mm at one node and axis, to ground or to a second one."""
+    """Spring at one node and axis, to ground or to a second one.
+
+    Parameters
+    ----------
+    stiffness : float
+        N/mm, of a linear spring.
+    table : tuple of (float, float)
+        Force in N and relative displacement in mm of a nonlinear one, displacements ascending; empty for a linear one.
+    """
 
     first: NodeAxis
     second: NodeAxis | None
     stiffness: float
+    table: tuple[tuple[float, float], ...] = ()
+
+    def force(self, moved: float) -> float:
+        """Force in N at a relative displacement in mm, that of the first end less that of the second one.
+
+        A table is followed by straight lines; beyond its ends the force is that of the end.
+        """
+        if not self.table:
+            return self.stiffness * moved
+        forces, displacements = zip(*self.table, strict=True)
+        return float(np.interp(moved, displacements, forces))
 
 
 @dataclass

@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerfit.deck.cards import Card, squeeze
 from fingerfit.deck.content import ContactPair, Law, Surface, Tie
-from fingerfit.deck.state import SNEG, SPOS, Handler, Key, Reading
+from fingerfit.deck.state import SNEG, SPOS, Handler, Key, Reading, Table
 
 ANALYTICAL = ("SEGMENTS", "CYLINDER", "REVOLUTION")
 
@@ -225,13 +225,32 @@ def on_tie(reading: Reading, card: Card) -> None:
 
 
 def on_spring(reading: Reading, card: Card) -> None:
-    card.allow("ELSET")
+    card.allow("ELSET", "NONLINEAR")
     rows = [(line, [v for v in row if v]) for line, row in card.rows()]
-    if len(rows) != 2 or len(rows[0][1]) not in (1, 2) or len(rows[1][1]) != 1:
-        raise card.error(f"{len(rows)} lines", "the axis (two for SPRING2), then the stiffness")
+    bent = "NONLINEAR" in card.options
+    if not rows or len(rows[0][1]) not in (1, 2) or not (bent or (len(rows) == 2 and len(rows[1][1]) == 1)):
+        second = "lines of force and relative displacement" if bent else "the stiffness"
+        raise card.error(f"{len(rows)} lines", f"the axis (two for SPRING2), then {second}")
     axes = [reading.axis(card, text, rows[0][0]) for text in rows[0][1]]
-    stiffness = card.number(rows[1][1][0], rows[1][0])
-    reading.springs.append((reading.name(card.need("ELSET")), axes, stiffness, card))
+    stiffness, table = 0.0, _force_table(card) if bent else ()
+    if not bent:
+        stiffness = card.number(rows[1][1][0], rows[1][0])
+    reading.springs.append((reading.name(card.need("ELSET")), axes, stiffness, table, card))
+
+
+def _force_table(card: Card) -> Table:
+    """Force and relative displacement of each line below the axes."""
+    found: list[tuple[float, float]] = []
+    for line, row in list(card.rows())[1:]:
+        if len(row) != 2 or not all(row):
+            raise card.error(", ".join(row) or "an empty line", "force and relative displacement", line)
+        force, moved = (card.number(text, line) for text in row)
+        if found and moved <= found[-1][1]:
+            raise card.error(f"displacement {moved:g} after {found[-1][1]:g}", "displacements that ascend", line)
+        found.append((force, moved))
+    if len(found) < 2:
+        raise card.error(f"{len(found)} lines of force and relative displacement", "two or more")
+    return tuple(found)
 
 
 def on_initial_conditions(reading: Reading, card: Card) -> None:

@@ -289,7 +289,7 @@ class _Faces:
 
 def _springs(reading: Reading) -> list[Spring]:
     found = []
-    for elset, axes, stiffness, card in reading.springs:
+    for elset, axes, stiffness, table, card in reading.springs:
         if elset not in reading.elsets:
             raise card.error(elset, "an element set that is defined")
         for key in reading.elsets[elset]:
@@ -299,7 +299,7 @@ def _springs(reading: Reading) -> list[Spring]:
             nodes = [reading.index[k] for k in keys]
             ends = list(zip(nodes, (axes[0], axes[-1]), strict=False))
             reading.used.extend((card, card.line, end) for end in ends)
-            found.append(Spring(ends[0], ends[1] if kind == "SPRING2" else None, stiffness))
+            found.append(Spring(ends[0], ends[1] if kind == "SPRING2" else None, stiffness, table))
     return found
 
 

@@ -22,6 +22,8 @@ SPOS, SNEG = -1, -2
 """Sides of a rigid element, in place of a face: where its normal points to, and the other one."""
 Pressed = tuple[float, str | None, str]
 """Pressure in MPa, name of its amplitude, and keyword that gave it."""
+Table = tuple[tuple[float, float], ...]
+"""Force in N and relative displacement in mm of a nonlinear spring, displacements ascending."""
 
 LINES = {"T3D2": 2, "T3D3": 3}
 """Elements that mesh generators write for the lines of a body, with their number of nodes."""
@@ -57,7 +59,7 @@ class Reading:
         self.orientations: dict[str, Orientation] = {}
         self.sections: list[tuple[Section, Card]] = []
         self.equations: list[list[tuple[int, int, float]]] = []
-        self.springs: list[tuple[str, list[int], float, Card]] = []
+        self.springs: list[tuple[str, list[int], float, Table, Card]] = []
         self.surfaces: dict[str, Surface] = {}
         self.faces: dict[str, list[tuple[Key, int | None]]] = {}
         self.rigid: list[tuple[int, int, list[int], list[Key], str]] = []

@@ -138,9 +138,9 @@ class _Writer:
                 axes.append(spring.second[1] + 1)
             yield f"*ELEMENT, TYPE=SPRING{len(ends)}, ELSET={name}"
             yield _row(number, *ends)
-            yield f"*SPRING, ELSET={name}"
+            yield f"*SPRING, ELSET={name}" + ", NONLINEAR" * bool(spring.table)
             yield _row(*axes)
-            yield _text(spring.stiffness)
+            yield from (_row(*pair) for pair in spring.table or [(float(spring.stiffness),)])
 
     def _surface(self, name: str, surface: Surface) -> Iterator[str]:
         rigid = []

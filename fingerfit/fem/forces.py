@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fingerfit.fem.system import Contribution
@@ -48,6 +50,81 @@ class Springs:
     def energy(self, u: np.ndarray) -> float:
         """Energy in N mm."""
         return float(self.forces(u).force @ u) / 2
+
+
+class NonlinearSprings:
+    """Springs whose force follows a table: straight lines between its points, constant beyond its ends.
+
+    Parameters
+    ----------
+    first, second : ndarray of int, shape (springs,)
+        Degrees of freedom; a second one of -1 is the ground.
+    tables : sequence of sequence of (float, float)
+        For each spring force in N and relative displacement in mm (first end less second end), displacements ascending.
+    """
+
+    symmetric = True
+
+    def __init__(self, first: np.ndarray, second: np.ndarray, tables: Sequence[Sequence[tuple[float, float]]]) -> None:
+        self.first, self.second = first, second
+        self._linked = second >= 0
+        a, b = first[self._linked], second[self._linked]
+        self._rows = np.concatenate([first, b, a, b])
+        self._columns = np.concatenate([first, b, b, a])
+        # shorter tables go on with the force of their end, as all do
+        longest = max(map(len, tables))
+        force, at = np.empty((len(tables), longest)), np.empty((len(tables), longest))
+        for n, table in enumerate(tables):
+            own = np.array(table, dtype=float)
+            more = longest - len(own)
+            force[n] = np.append(own[:, 0], np.full(more, own[-1, 0]))
+            at[n] = np.append(own[:, 1], own[-1, 1] + np.ptp(own[:, 1]) * np.arange(1, more + 1))
+        wide = np.diff(at)
+        none = np.zeros((len(tables), 1))
+        self._slope = np.hstack([none, np.diff(force) / wide, none])
+        work = np.hstack([none, np.cumsum(wide * (force[:, 1:] + force[:, :-1]) / 2, axis=1)])
+        # of each stretch, in its order: one before the table, those within, one behind it
+        self._at, self._from = at, np.hstack([at[:, :1], at])
+        self._force, self._work = np.hstack([force[:, :1], force]), np.hstack([none, work])
+        self._rest = self._energies(np.zeros(len(tables)))
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """Degrees of freedom at their ends."""
+        return np.unique(self._rows)
+
+    def begin(self, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
+        """Nothing."""
+
+    def forces(self, u: np.ndarray, tangent: bool = True) -> Contribution:
+        """Forces and stiffness; at a point of the table the stiffness behind it."""
+        chosen, along = self._stretch(self._moved(u))
+        slope = self._slope[chosen]
+        own = self._force[chosen] + slope * along
+        k = slope[self._linked]
+        total = np.bincount(self.first, weights=own, minlength=len(u))
+        total -= np.bincount(self.second[self._linked], weights=own[self._linked], minlength=len(u))
+        return Contribution(total, self._rows, self._columns, np.concatenate([slope, k, -k, -k]))
+
+    def energy(self, u: np.ndarray) -> float:
+        """Energy in N mm, 0 at rest."""
+        return float((self._energies(self._moved(u)) - self._rest).sum())
+
+    def _moved(self, u: np.ndarray) -> np.ndarray:
+        """Relative displacements, mm."""
+        return u[self.first] - np.where(self._linked, u[self.second], 0.0)
+
+    def _stretch(self, moved: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+        """Which stretch of its table each spring is on, and how far on it, mm."""
+        chosen = np.arange(len(moved)), (moved[:, None] >= self._at).sum(axis=1)
+        return chosen, moved - self._from[chosen]
+
+    def _energies(self, moved: np.ndarray) -> np.ndarray:
+        chosen, along = self._stretch(moved)
+        return self._work[chosen] + (self._force[chosen] + self._slope[chosen] * along / 2) * along
 
 
 class Pressure:

@@ -30,7 +30,7 @@ from fingerfit.solvers.process import LOG, has_left, read_left, run, write_cards
 
 COMMAND = "abaqus job={job} cpus={threads} interactive ask_delete=OFF"
 """Template of the command; a site changes it by FINGERFIT_ABAQUS, for example to go through a container."""
-ADAPTER = 3
+ADAPTER = 4
 """Part of the identity; raised when the adapter accepts other decks or reads something else, so that old answers go."""
 TIME_LIMIT = 4 * 3600.0
 """Seconds for one deck, licence included."""
@@ -181,6 +181,7 @@ def _outcome(found: list[FilIncrement], deck: Deck, what: str) -> Outcome:
     # a deck of parts is numbered anew by ABAQUS, in the order of its instances
     flat = not any(scope for scope, _ in deck.labels)
     index = {label if flat else n + 1: n for n, (_, label) in enumerate(deck.labels)}
+    top = set(deck.mesh.node_sets.get("TOP", indenter).tolist())
     displacement = np.zeros((len(found), nodes, dim))
     reaction = np.zeros((len(found), dim))
     # nodes of no element, as those that only place a surface, have no results
@@ -198,8 +199,10 @@ def _outcome(found: list[FilIncrement], deck: Deck, what: str) -> Outcome:
         # equilibrium: base and springs hold what the indenter pushes, whose own nodes may follow one of them
         reaction[step] = -forces[base].sum(axis=0)
         for spring in deck.springs:
-            (node, axis), grounded = spring.first, spring.second is None
-            reaction[step, axis] += grounded * spring.stiffness * displacement[step, node, axis]
+            node, axis = spring.first
+            # those that hold the indenter's nodes sideways are how the body slips under it
+            if spring.second is None and not (axis < dim - 1 and node in top):
+                reaction[step, axis] += spring.force(displacement[step, node, axis])
     status = CONVERGED if len(found) == len(deck.steps) else DIVERGED
     message = f"{len(found)} steps"
     if status == DIVERGED:

@@ -47,6 +47,25 @@ class Watched:
         nodes = len(deck.mesh.points) if every is None else int(every.max()) + 1
         return cls(int(found[0]), deck.mesh.node_sets.get("TOP", found), nodes)
 
+    def reaction(self, deck: Deck, internal: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """Force of the indenter on the body, shape (dim,), N.
+
+        Springs that hold its nodes sideways are how the body slips under it: what they hold, the body does not.
+
+        Parameters
+        ----------
+        deck : Deck
+        internal, moved : ndarray, shape (nodes, dim)
+            Internal forces, N, and displacements, mm.
+        """
+        total, top = internal[self.top].sum(axis=0), set(self.top.tolist())
+        for spring in deck.springs:
+            for end, way in ((spring.first, 1), (spring.second, -1)):
+                if end is not None and end[0] in top and end[1] < len(total) - 1:
+                    other = 0.0 if spring.second is None else moved[spring.second]
+                    total[end[1]] -= way * spring.force(moved[spring.first] - other)
+        return np.asarray(total)
+
 
 @dataclass(frozen=True)
 class StepResult:

@@ -146,7 +146,7 @@ def check_balance(
     axis = forces.shape[1] - 1
     sizes = float(np.abs(forces[:, axis]).sum())
     held = sum(
-        abs(spring.stiffness * moved[spring.first[0], axis])
+        abs(spring.force(moved[spring.first[0], axis]))
         for spring in deck.springs
         if spring.second is None and spring.first[1] == axis
     )

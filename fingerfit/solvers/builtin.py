@@ -104,7 +104,7 @@ class BuiltinSolver:
             if not (silent or asked.printed):
                 continue
             displacement.append(step.displacement[: watched.nodes])
-            reaction.append(step.internal[watched.top].sum(axis=0))
+            reaction.append(watched.reaction(read, step.internal, step.displacement))
             moved.append(step.displacement[watched.indenter])
             iterations.append(step.iterations)
         return Outcome(

@@ -54,6 +54,7 @@ ADAPTER = 3
 """Part of the identity; raised when the adapter accepts other decks or reads something else, so that old answers go."""
 TIME_LIMIT = 3600.0
 """Seconds for one deck."""
+_BETWEEN = "SPRING_BETWEEN_FOR_CCX"
 RESIDUAL = 1e-5
 """Residual force over the mean one at which it stops iterating; by itself it stops at 5e-3, which fits would see."""
 
@@ -189,7 +190,11 @@ def _own_cards(cards: list[Card], deck: Deck, residual: float | None) -> Iterato
     controlled, unnamed = "CONTROLS" in names, "ALL" not in deck.mesh.node_sets
     printing = [squeeze(c.name) == "NODEPRINT" and c.options.get("NSET", "").upper() == "ALL" for c in cards]
     silent, prints = not any(printing), False
+    between = _between_springs(cards, deck)
     for card, name, own in zip(cards, names, printing, strict=True):
+        if name == "SPRING":
+            yield from between
+            between = []
         prints = own or (prints and name != "STEP")
         if name == "STEP" and unnamed:
             unnamed = False
@@ -200,6 +205,23 @@ def _own_cards(cards: list[Card], deck: Deck, residual: float | None) -> Iterato
             for nodes, what in [("ALL", "U")] * silent + [(_pushed(deck), "RF"), ("ALL", "RF")]:
                 yield _card("NODE PRINT", {"NSET": nodes, "FREQUENCY": "1000000"}, what)
         yield card
+
+
+def _between_springs(cards: list[Card], deck: Deck) -> list[Card]:
+    """A spring without stiffness between two nodes, for decks whose nonlinear springs all go to the ground.
+
+    ccx 2.20 sets enough constants aside for *SPRING, NONLINEAR only where there is a SPRING2, and else says that there
+    are no springs.
+    """
+    if not any(s.table for s in deck.springs) or any(s.second for s in deck.springs):
+        return []
+    numbers = [text.split(",")[0] for card in cards if squeeze(card.name) == "ELEMENT" for _, text in card.data]
+    number = max(int(text) for text in numbers if text.strip().isdigit()) + 1
+    nodes = [deck.labels[node][1] for node in deck.mesh.blocks[0].nodes[0, :2]]
+    return [
+        _card("ELEMENT", {"TYPE": "SPRING2", "ELSET": _BETWEEN}, f"{number}, {nodes[0]}, {nodes[1]}"),
+        _card("SPRING", {"ELSET": _BETWEEN}, "1, 1", "0."),
+    ]
 
 
 def _pushed(deck: Deck) -> str:

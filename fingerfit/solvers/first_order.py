@@ -103,9 +103,11 @@ class _Moved:
         return bool(np.isfinite(self.displacement[-1]).all() and np.isfinite(self.internal[-1]).all())
 
     def outcome(self) -> Outcome:
-        shape, told = (len(self.displacement), -1, self.model.dim), slice(self.watched.nodes)
-        displacement, internal = (np.array(part).reshape(shape)[:, told] for part in (self.displacement, self.internal))
-        reaction = internal[:, self.watched.top].sum(axis=1)
+        shape = (len(self.displacement), -1, self.model.dim)
+        displacement, internal = (np.array(part).reshape(shape) for part in (self.displacement, self.internal))
+        steps = zip(internal, displacement, strict=True)
+        reaction = np.array([self.watched.reaction(self.model.deck, *step) for step in steps])
+        displacement = displacement[:, : self.watched.nodes]
         return Outcome(CONVERGED, displacement, reaction, displacement[:, self.watched.indenter], "to first order")
 
 

@@ -318,12 +318,17 @@ class Model:
     def _add_forces(self) -> None:
         deck, points = self.deck, self.deck.mesh.points
         if deck.springs:
-            from fingerfit.fem.forces import Springs
+            from fingerfit.fem.forces import NonlinearSprings, Springs
 
-            ends = [(s.first, s.second or (0, -1)) for s in deck.springs]
-            first = np.array([self.dof(*a) for a, _ in ends])
-            second = np.array([self.dof(*b) if b[1] >= 0 else -1 for _, b in ends])
-            self.terms.append(Springs(first, second, np.array([s.stiffness for s in deck.springs])))
+            first = np.array([self.dof(*s.first) for s in deck.springs])
+            second = np.array([self.dof(*s.second) if s.second else -1 for s in deck.springs])
+            bent = np.array([bool(s.table) for s in deck.springs])
+            if not bent.all():
+                stiffness = np.array([s.stiffness for s in deck.springs])
+                self.terms.append(Springs(first[~bent], second[~bent], stiffness[~bent]))
+            if bent.any():
+                tables = [s.table for s in deck.springs if s.table]
+                self.terms.append(NonlinearSprings(first[bent], second[bent], tables))
         loaded = list(dict.fromkeys(face for step in deck.steps for face in step.pressure))
         if loaded:
             from fingerfit.fem.forces import Pressure

@@ -37,6 +37,7 @@ FEATURES = frozenset(
         "*RIGID BODY",
         "*RIGID BODY of rigid elements",
         "*SPRING",
+        "*SPRING, NONLINEAR",
         "*STATIC, LONG TERM",
         "*STEP without NLGEOM",
         "*SURFACE, TYPE=CYLINDER",
@@ -92,6 +93,7 @@ def _model(deck: Deck) -> Iterator[tuple[str, Any]]:
     yield "*RIGID BODY", deck.rigid
     yield "*RIGID BODY of rigid elements", any(surface.facets for surface in deck.surfaces.values())
     yield "*SPRING", deck.springs
+    yield "*SPRING, NONLINEAR", any(spring.table for spring in deck.springs)
     yield "*TIE", deck.ties
     for body in deck.rigid:
         if body.surface:

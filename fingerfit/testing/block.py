@@ -88,6 +88,12 @@ def _sprung(text: str) -> str:
     return text.replace("*MATERIAL", rows + "*MATERIAL", 1)
 
 
+def _bent(text: str) -> str:
+    """Within its table at the first node, beyond its end at the second one."""
+    rows = "*ELEMENT, TYPE=SPRING1, ELSET=SPRUNG\n900, 20\n901, 24\n*SPRING, ELSET=SPRUNG, NONLINEAR\n2\n"
+    return text.replace("*MATERIAL", rows + "-0.04, -0.6\n-0.03, -0.1\n0., 0.\n0.02, 0.5\n*MATERIAL", 1)
+
+
 def _swelling(text: str) -> str:
     """Hardly pressed: programs subtract the strain of swelling from another one, and differ by the product of both."""
     text = text.replace("*SOLID SECTION", "*EXPANSION, ZERO=0.\n1.\n*SOLID SECTION")
@@ -101,6 +107,7 @@ CHANGES: dict[str, Callable[[str], str]] = {
     "*EXPANSION": _swelling,
     "*INITIAL CONDITIONS, TYPE=STRESS": _stressed,
     "*SPRING": _sprung,
+    "*SPRING, NONLINEAR": _bent,
     "*VISCOELASTIC": _relaxing,
 }
 """Features that a program may leave out without a word, each with what brings it into the deck of the glued block."""

@@ -183,10 +183,11 @@ def loose_by(share):
     ("firm", "loose"),
     [
         ({"indenter_slip.share": 1e-5}, {"indenter_slip.share": 0.99}),
+        ({"indenter_friction.share": 1e-5}, {"indenter_friction.share": 0.99}),
         (probe_of(1e-5), probe_of(0.99)),
         (loose_by(1e-5), loose_by(0.99)),
     ],
-    ids=["slip", "probe", "debonding"],
+    ids=["slip", "friction", "probe", "debonding"],
 )  # fmt: skip
 def test_a_slipping_indenter_takes_the_body_along_as_far_as_it_holds_it(tmp_path, firm, loose):
     glued, _, top = moved_aside(tmp_path)
@@ -195,6 +196,15 @@ def test_a_slipping_indenter_takes_the_body_along_as_far_as_it_holds_it(tmp_path
     assert held == pytest.approx(glued, abs=1e-3)  # tractions of 0.02 MPa and, at the singular edge, a few times that
     left, _, _ = moved_aside(tmp_path, **loose)
     assert np.abs(left[top, 0].mean()) < 0.1
+
+
+@pytest.mark.parametrize("effect", ["slip", "friction"])
+def test_springs_that_go_aside_with_the_indenter_give_its_force(tmp_path, effect):
+    """Hardly slipping as much as one that is glued, and less the more it slips: all that the base holds."""
+    _, glued, _ = moved_aside(tmp_path)
+    forces = [moved_aside(tmp_path, **{f"indenter_{effect}.share": share})[1] for share in (1e-5, 0.6, 0.99)]
+    assert forces[0] == pytest.approx(glued, rel=1e-4)
+    assert abs(glued) > abs(forces[1]) > 3 * abs(forces[2])
 
 
 @pytest.mark.parametrize("probe", [False, True], ids=["member", "probe"])

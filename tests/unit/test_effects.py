@@ -383,6 +383,38 @@ def test_springs_stand_for_their_areas(name, edge, tmp_path, plain):
     assert np.abs(outcome.displacement[-1, side, 0]).max() > 0.01
 
 
+@pytest.mark.parametrize(("name", "edge"), [("base_friction", "BOTTOM"), ("indenter_friction", "TOP")])
+def test_shear_beyond_the_limit_slips(name, edge, tmp_path):
+    """By the law along its table: traction limit u / sqrt(u^2 + u0^2), with u0 a five-hundredth of the height."""
+    text, mu = deck({f"{name}.share": 0.5}), MU["mu_bottom" if name == "base_friction" else "mu_top"]
+    springs = [np.array(block[1:]) for block in cards(text, f"SPRING, ELSET={name.upper()}_\\d+, NONLINEAR")]
+    assert len(springs) == len(MESH.node_sets[edge])
+    for table in springs:
+        force, u = table.T
+        assert np.all(np.diff(u) > 0) and u[-1] == pytest.approx(12.0) and u.min() == -u.max()
+        assert force == pytest.approx(force[-1] * u / np.hypot(u, 0.024), rel=1e-5)
+    assert sum(table[-1, 0] for table in springs) == pytest.approx(12.0 * 70.0 * 0.2 * mu, rel=1e-5)
+
+
+@pytest.mark.parametrize(("name", "edge"), [("base", "BOTTOM"), ("indenter", "TOP")])
+def test_from_held_to_free_by_the_limit_of_the_shear(name, edge, tmp_path, plain):
+    """Next to nothing slips below it, and far above it the whole edge, as far as where springs hardly hold it."""
+
+    def moved(effect, share):
+        outcome = solve(deck({f"{name}_{effect}.share": share}), tmp_path)
+        assert outcome.status == CONVERGED
+        return outcome.displacement[-1, :, 0]
+
+    side = MESH.node_sets[edge]
+    assert moved("friction", 1e-4) == pytest.approx(plain.displacement[-1, :, 0], abs=1e-3)
+    slips = [np.abs(moved("friction", share)[side]).max() for share in (0.05, 0.3, 0.6, 0.9)]
+    free = np.abs(moved("slip", 0.99)[side]).max()
+    assert slips == sorted(slips)
+    # of a free edge in 40 N: a small part sticks, nearly all slips
+    assert slips[0] < 0.03 * free and slips[-1] > 0.9 * free
+    assert moved("friction", 0.99) == pytest.approx(moved("slip", 0.99), abs=0.02 * free)
+
+
 def test_a_base_that_is_loose_everywhere_slips_and_one_that_is_loose_on_the_left_is_held_on_the_right(tmp_path):
     share, base, x = 0.75, MESH.node_sets["BOTTOM"], MESH.points[:, 0]
     everywhere = {"debonding.left": share, "debonding.right": share, "debonding.extent": 0.95}
@@ -417,10 +449,13 @@ def test_the_pressure_under_a_curved_indenter_adds_up_to_nearly_the_force(curve,
     assert -outcome.reaction[:, 1] == pytest.approx(FORCES, rel=0.08)
 
 
-def test_the_last_node_of_a_slipping_indenter_does_not_run_ahead(tmp_path):
+@pytest.mark.parametrize(
+    "values", [{"indenter_slip.share": 0.002}, {"indenter_friction.share": 0.3}], ids=lambda v: min(v)
+)
+def test_the_last_node_of_a_slipping_indenter_does_not_run_ahead(tmp_path, values):
     """Alone it moved inwards, against all others, ten times as far as on the finest meshes."""
     mesh = layered_block(12.0, LAYERS, 8, 3, "CPE8H", 4.0)
-    outcome = solve(deck({"indenter_slip.share": 0.002}, mesh=mesh), tmp_path, mesh)
+    outcome = solve(deck(values, mesh=mesh), tmp_path, mesh)
     top = mesh.node_sets["TOP"][np.argsort(mesh.points[mesh.node_sets["TOP"], 0])]
     u = outcome.displacement[-1, top, 0]
     assert u[0] == pytest.approx(u[1], rel=1e-6)

@@ -107,6 +107,42 @@ def test_pressures_on_elements_and_on_surfaces_are_let_go_one_by_one(run):
     assert deck.steps[-1].pressure == {(0, 1): 0.2}
 
 
+NONLINEAR = "*ELEMENT, TYPE=SPRING1, ELSET=G\n9, 2\n10, 3\n*SPRING, ELSET=G, NONLINEAR\n1\n{}\n"
+BETWEEN = "*ELEMENT, TYPE=SPRING2, ELSET=H\n11, 3, 2\n*SPRING, ELSET=H, NONLINEAR\n2, 1\n0., -1.\n0.2, 0.01\n0.3, 1.\n"
+
+
+def test_a_deck_with_nonlinear_springs_is_written_and_read_again(run):
+    linear = "*ELEMENT, TYPE=SPRING1, ELSET=L\n12, 4\n*SPRING, ELSET=L\n1\n0.3\n"
+    text = SQUARE + NONLINEAR.format("-1., -0.1\n0., 0.\n0.05, 0.01\n0.06, 1.") + BETWEEN + linear
+    deck, wanted = run(text + step("*CLOAD", "3, 1, 0.4"))
+    again, found = run(format_deck(deck))
+    assert again.springs == deck.springs
+    assert [len(spring.table) for spring in again.springs] == [4, 4, 3, 0]
+    assert again.springs[2].second == (1, 0)
+    assert found == pytest.approx(wanted, abs=1e-12)
+
+
+UNREADABLE = {
+    "0., 0.": "line 22, .SPRING: found 1 lines of force and relative displacement; expected two or more",
+    "": "line 22, .SPRING: found 0 lines",
+    "0., 0.\n1., 0.1\n2., 0.1": "line 26, .SPRING: found displacement 0.1 after 0.1; expected displacements that ascend",
+    "0., 0.\n-1., -0.1": "line 25, .SPRING: found displacement -0.1 after 0;",
+    "0., 0.\n1., 0.1, 2.": "line 25, .SPRING: found 1., 0.1, 2.; expected force and relative displacement",
+    "0., 0., 1.\n1., 0.1, 1.": "line 24, .SPRING: found 0., 0., 1.; expected force and relative displacement",
+    "0., 0.\n1.": "line 25, .SPRING: found 1.; expected force and relative displacement",
+    "0., 0.\n, 1.": "line 25, .SPRING: found , 1.; expected force and relative displacement",
+    "0., 0.\n1., much": "line 25, .SPRING: found much; expected a number",
+}
+
+
+@pytest.mark.parametrize("rows", UNREADABLE, ids=lambda rows: rows.replace("\n", "|"))
+def test_tables_of_springs_that_make_no_sense_are_refused_with_their_line(tmp_path, rows):
+    (tmp_path / "deck.inp").write_text(SQUARE + NONLINEAR.format(rows).replace("\n\n", "\n") + step())
+    with pytest.raises(InputError, match=UNREADABLE[rows]) as caught:
+        read_deck(tmp_path / "deck.inp")
+    assert "deck.inp" in str(caught.value) and "\n" not in str(caught.value)
+
+
 AXES = {
     "CLOAD 0": (step("*CLOAD", "4, 0, 0.1"), "line 22, .CLOAD: found axis 0; expected an axis from 1 to 6"),
     "CLOAD 7": (step("*CLOAD", "4, 7, 0.1"), "line 22, .CLOAD: found axis 7"),

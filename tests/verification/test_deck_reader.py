@@ -4,14 +4,17 @@ import numpy as np
 import pytest
 from blocks import CUBE, RECTANGLE
 from scipy.optimize import brentq, fsolve
+from seeds import generator
 from solving import solve_deck
 
 from fingerfit.cli import main
 from fingerfit.core.errors import InputError
 from fingerfit.deck import mesh_keywords, model_keywords
 from fingerfit.deck.cards import read_cards
+from fingerfit.deck.content import Spring
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import IGNORED, LATER, read_deck
+from fingerfit.fem.forces import NonlinearSprings
 from fingerfit.material.holzapfel import Holzapfel
 from fingerfit.material.prony import Prony
 from fingerfit.material.yeoh import Yeoh
@@ -290,6 +293,53 @@ def test_springs_to_ground_and_between_nodes(run):
     between = "*ELEMENT, TYPE=SPRING2, ELSET=G\n10, 1, 2\n11, 4, 3\n*SPRING, ELSET=G\n1, 1\n2.5\n"
     _, steps = run(SQUARE + ELASTIC + HELD + between + PULL)
     assert last(steps)[1, 0] == pytest.approx(0.2 / (stiffness + 5.0))
+
+
+TABLE = [(-0.3, -0.2), (-0.25, -0.01), (0.0, 0.0), (0.05, 0.01), (0.15, 0.1)]
+"""Force and displacement of two springs at the ends of a bar of 2.5 N/mm; between the entries 5, 1.11, 25 and 0.26 N/mm."""
+
+
+def test_nonlinear_springs_follow_their_table_and_hold_the_force_of_its_ends(run):
+    """Closed form: 2.5 u + 2 F(u) is what pulls; within each stretch and beyond both ends, also back again."""
+    rows = "".join(f"{force}, {at}\n" for force, at in TABLE)
+    ground = "*ELEMENT, TYPE=SPRING1, ELSET=G\n10, 2\n11, 3\n*SPRING, ELSET=G, NONLINEAR\n1\n" + rows
+    between = "*ELEMENT, TYPE=SPRING2, ELSET=G\n10, 2, 1\n11, 3, 4\n*SPRING, ELSET=G, NONLINEAR\n1, 1\n" + rows
+    against = "*ELEMENT, TYPE=SPRING2, ELSET=G\n10, 1, 2\n11, 4, 3\n*SPRING, ELSET=G, NONLINEAR\n1, 1\n"
+    against += "".join(f"{-force}, {-at}\n" for force, at in reversed(TABLE))
+    wanted = [0.004, 0.05, 0.1, 0.4, 0.05, -0.005, -0.1, -0.5, 0.02]
+    at = [2.5 * u + 2 * np.interp(u, [row[1] for row in TABLE], [row[0] for row in TABLE]) for u in wanted]
+    pull = "".join(PULL.replace("0.1\n", f"{float(total) / 2}\n") for total in at)
+    for springs in (ground, between, against):
+        _, steps = run(SQUARE + ELASTIC + HELD + springs + pull)
+        assert [step.arrived for step in steps] == [True] * len(wanted)
+        assert [step.displacement[1, 0] for step in steps] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_forces_of_springs_are_slopes_of_their_energy_and_stiffnesses_those_of_the_forces():
+    """Tables of unlike length; differences within a stretch are exact up to rounding, 1e-16 of 0.1 over 1e-6."""
+    tables = [TABLE, [(1.0, -1.0), (3.0, 0.5)], [(0.1, 0.02), (0.0, 0.03), (0.4, 0.3)]]
+    term = NonlinearSprings(np.array([0, 1, 2]), np.array([3, -1, 0]), tables)
+    assert term.energy(np.zeros(4)) == 0
+    step = 1e-6
+    for u in generator(7).uniform(-0.4, 0.4, (40, 4)):
+        moved = [u[0] - u[3], u[1], u[2] - u[0]]
+        near = [abs(x - at) for x, table in zip(moved, tables, strict=True) for _, at in table]
+        if min(near) < 3 * step:
+            continue
+        found = term.forces(u)
+        own = [Spring((0, 0), None, 0.0, tuple(table)).force(x) for x, table in zip(moved, tables, strict=True)]
+        assert found.force == pytest.approx([own[0] - own[2], own[1], own[2], -own[0]], abs=1e-14)
+        matrix = np.zeros((4, 4))
+        np.add.at(matrix, (found.rows, found.columns), found.values)
+        moves = step * np.eye(4)
+        slopes = [(term.energy(u + d) - term.energy(u - d)) / (2 * step) for d in moves]
+        assert slopes == pytest.approx(found.force, abs=1e-8)
+        changes = np.array([(term.forces(u + d).force - term.forces(u - d).force) / (2 * step) for d in moves])
+        assert np.abs(changes.T - matrix).max() < 1e-8
+
+
+def test_a_spring_without_table_has_the_force_of_its_stiffness():
+    assert Spring((0, 0), None, 2.5).force(-0.1) == -0.25
 
 
 RIGID = """*NODE

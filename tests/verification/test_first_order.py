@@ -31,6 +31,8 @@ CASES = {
     "sideways": ({"sideways.moved": 0.1}, "sideways.moved", 1.2),
     "base slip": ({"base_slip.share": 0.016}, "base_slip.share", 0.016),
     "indenter slip": ({"indenter_slip.share": 0.005}, "indenter_slip.share", 0.005),
+    "base friction": ({"base_friction.share": 0.5}, "base_friction.share", 0.05),
+    "indenter friction": ({"indenter_friction.share": 0.5}, "indenter_friction.share", 0.05),
     "swelling": ({"swelling.volume": 0.05}, "swelling.volume", 0.3),
     "stress at the beginning": ({"prestretch.stretch": 0.05}, "prestretch.stretch", 0.2),
     "load at the beginning": ({"state_probe.load": 0.1}, "state_probe.load", 0.45),

@@ -113,6 +113,7 @@ def factor(keyword, row, column):
     return {
         ("CLOAD", 2): FORCE, ("BOUNDARY", 3): LARGER, ("SOLID SECTION", 0): LARGER, ("VISCOELASTIC", 2): SLOWER,
         ("SPRING", 0): LARGER if row == 1 else 1.0,  # area over compliance; the line above is the direction
+        **{("NONLINEAR", n): (FORCE, LARGER)[n] if row else 1.0 for n in (0, 1)},  # force and displacement below it
         **{("VISCO", n): SLOWER for n in range(4)},
         ("SURFACE BEHAVIOR", 0): 1 / LARGER, **{(kind, n): LARGER for kind in ("NODE", "SURFACE") for n in (1, 2)},
     }.get((keyword, column), 1.0)  # fmt: skip
@@ -123,7 +124,7 @@ def numbers(deck):
     keyword, row, found, words = "", 0, {}, []
     for n, line in enumerate(deck.splitlines()):
         if line.startswith("*"):
-            keyword, row = line.split(",")[0].strip("*"), 0
+            keyword, row = line.split(",")[-1 if line.endswith("NONLINEAR") else 0].strip("* "), 0
             words.append(keyword if keyword == "INCLUDE" else line)
             continue
         for column, text in enumerate(line.split(",")):
