@@ -169,7 +169,7 @@ def traced(
     explains the data without it, are more than `SURE`; before it was seen, each of those that were tested had an equal
     share of what speaks for any of them. Nor is it where what it explains is no more than the form of the effects that
     the model has may be off by; what a model leaves beyond the noise may be that as well, where the pictures are
-    explained.
+    explained. Where these differ by more than `LOUD`, nothing is a trace.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def traced(
     signal : float
         Misfit that the effects of the model explain: `signal_of`.
     """
-    if verdict.kind == "adequate":
+    if verdict.kind == "adequate" or base.fitted > LOUD:
         return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     names = " or ".join(one.candidate.effect.title for one in named)

@@ -497,6 +497,12 @@ def test_what_is_beside_the_law_is_the_elements_of_each_layer_once_more():
             assert len(set(numbers)) == len(numbers) == MESH.element_count
             assert min(numbers) > MESH.element_count
             assert text.count("*SOLID SECTION") == 2 * text.count("*HYPERELASTIC, OGDEN")
+    # of one layer, where that is asked for, and not at all of one that is not there
+    for name, number, prefix in (("yeoh", "c2", "YEOH"), ("exponential", "b", "EXP")):
+        one = deck({f"{name}.{number}": 0.5, f"{name}.layer": 2.0})
+        assert re.findall(rf"ELSET={prefix}_(\w+)\n", one) == ["MIDDLE"]
+        assert one.count("*HYPERELASTIC") == len(LAYERS) + 1
+        assert deck({f"{name}.{number}": 0.5, f"{name}.layer": 5.0}) == PLAIN
     both = deck({"yeoh.c2": 0.5, "fibres.stiffness": 0.05})
     numbers = [row[0] for block in cards(both, "ELEMENT, TYPE=CPE8H, ELSET=\\w+") for row in block]
     assert len(set(numbers)) == 2 * MESH.element_count

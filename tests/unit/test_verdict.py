@@ -11,7 +11,7 @@ from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
-from fingerfit.diagnosis.reservations import by_settings, doubted, traced
+from fingerfit.diagnosis.reservations import LOUD, by_settings, doubted, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import (
     LEVEL,
@@ -486,6 +486,14 @@ def test_what_does_not_matter_is_a_trace(found, misfit, value, held_out, kind):
     assert verdict.kind == (found if kind == "missing" else kind)
     assert ("tilt of the indenter" in verdict.sentence) == (kind == "adequate")
     assert verdict.effects == (("tilt",) if kind == "missing" else ())
+
+
+def test_where_pictures_surely_differ_nothing_is_a_trace():
+    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
+    named, refits = Verdict("missing", ("tilt",), "", 12.0), {"tilt": Refit(60.0, 99, 1.0, 1.0, {"mu_top": 0.1})}
+    for fitted, kind in ((0.99 * LOUD, "adequate"), (1.01 * LOUD, "missing")):
+        base = Refit(100.0, 100, fitted, 1.0, {"mu_top": 0.1})
+        assert traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20).kind == kind
 
 
 @pytest.mark.parametrize(

@@ -87,10 +87,15 @@ def place_words(place: Mapping[str, float], told: Mapping[str, str], layers: Seq
     ('at 85 % of the width', 'angle = 45')
     >>> place_words({"number": 2}, {"number": "in the layer {layer}"}, ["top", "bottom"])
     'in the layer bottom'
+    >>> place_words({"number": 0}, {"number": "in the layer {layer}"}, ["top", "bottom"])
+    'in all layers'
     """
     found = []
     for name, value in place.items():
         words = str(told.get(name, name + " = {value}"))
+        if value == 0 and "{layer}" in words:
+            found.append("in all layers")
+            continue
         layer = layers[int(value) - 1] if 1 <= value <= len(layers) else number(value)
         for key, text in {"value": number(value), "percent": f"{100 * float(value):.0f}", "layer": layer}.items():
             words = words.replace(f"{{{key}}}", text)
