@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import StateError
+from fingerfit.core.processes import side_by_side
 from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.residual import Residual, common_modes, residual_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
+from fingerfit.fit.first_order import beside
 from fingerfit.fit.minimum import best_values, finest, left_over
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR
@@ -34,6 +36,8 @@ SMOOTH = 0.25
 """Length over which the error of a mesh is alike, as a share of the body's height."""
 ACROSS_POINTS = 6
 """Patches over the width of the region where points were measured."""
+TOGETHER = 8
+"""Answers to first order that have their models in memory at once."""
 ALIKE = 0.9
 """Correlation of that error between steps."""
 
@@ -90,6 +94,24 @@ class Comparison:
         """The same of an answer that is not kept."""
         solved = outcome.status == CONVERGED and outcome.steps >= len(self.data.step)
         return self._readers[self.problem.mesh_of(asked)].read(outcome) if solved else None
+
+    def read_beside(self, asked: Sequence[Asked], threads: int = 1) -> list[Asked]:
+        """Read what is a step from the anchor, which is solved, to first order.
+
+        Returns
+        -------
+        list of Asked
+            What has no answer to first order and must be simulated.
+        """
+
+        def answered(part: Sequence[Asked]) -> list[np.ndarray | None]:
+            found = zip(part, beside(self.problem, self.anchor, part), strict=True)
+            return [self.read_answer(one, answer) if answer else None for one, answer in found]
+
+        parts = [asked[n : n + TOGETHER] for n in range(0, len(asked), TOGETHER)]
+        read = [one for part in side_by_side(answered, parts, threads) for one in part]
+        self._read |= {one.sim: answer for one, answer in zip(asked, read, strict=True) if answer is not None}
+        return [one for one, answer in zip(asked, read, strict=True) if answer is None]
 
     def own(self, slope: Slope | None = None) -> np.ndarray:
         """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""

@@ -233,9 +233,10 @@ def _test_all(
         tested, lacking = [one.candidate for one in known.everywhere], known.lacking
         possible = [one for one in tested if makes_sense(one.effect, problem)]
         found = [one for one in possible if may_be(one.effect, one.place, problem)]
-    asked = () if known else [asked for candidate in found for asked in candidate.asked]
-    run = solve_missing(problem, [anchor_of(problem, last), *asked], threads)
+    asked = [] if known else [asked for candidate in found for asked in candidate.asked]
+    run = solve_missing(problem, [anchor_of(problem, last)], threads)
     comparison = comparison_of(problem, last, everything)
+    run += solve_missing(problem, comparison.read_beside(asked, threads), threads)
     score_test, without = comparison.score_test, known.comparison.anchor if known else None
     everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
     ranking = best_places(everywhere)

@@ -59,6 +59,10 @@ class JointComparison(Comparison):
         """Displacements and response of the simulations of a guess; None where a test has no solution."""
         return joined([test.read(one) for test, one in zip(self._tests, asked.every, strict=True)])
 
+    def read_beside(self, asked: Sequence[Asked], threads: int = 1) -> list[Asked]:
+        """Nothing of several tests is read to first order."""
+        return list(asked)
+
     def own(self, slope: Slope | None = None) -> np.ndarray:
         """Slopes of the model's own constants, shape (kept, parameters)."""
         return np.concatenate([test.own() for test in self._tests])
