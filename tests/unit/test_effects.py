@@ -198,6 +198,9 @@ def test_gradients_over_the_body_cross_its_layers_and_have_no_mean(name, axis):
     # moduli are those at the centres or means of elements, which are a twelfth of the squared length apart
     assert bent == pytest.approx(0.4 * (6 * s**2 - 0.5), abs=0.02)
     assert abs(np.polyfit(s, bent, 2)[0] - 2.4) < 0.01
+    wavy = np.log(moduli({f"{name}.third": 0.4}) / plain_moduli())
+    assert np.polyfit(s, wavy, 3)[0] == pytest.approx(8.0, rel=0.01)
+    assert wavy.mean() == pytest.approx(0.0, abs=1e-3)
 
 
 def test_in_one_layer_a_gradient_is_one_inside_of_it():
