@@ -36,6 +36,8 @@ SMOOTH = 0.25
 """Length over which the error of a mesh is alike, as a share of the body's height."""
 ACROSS_POINTS = 6
 """Patches over the width of the region where points were measured."""
+NEAR = 0.1
+"""Share of its step at which a law of the material is tried to first order."""
 TOGETHER = 8
 """Answers to first order that have their models in memory at once."""
 ALIKE = 0.9
@@ -96,7 +98,7 @@ class Comparison:
         return self._readers[self.problem.mesh_of(asked)].read(outcome) if solved else None
 
     def read_beside(self, asked: Sequence[Asked], threads: int = 1) -> list[Asked]:
-        """Read what is a step from the anchor, which is solved, to first order.
+        """Read candidates' simulations to first order, beside the anchor, which is solved.
 
         Returns
         -------
@@ -104,14 +106,31 @@ class Comparison:
             What has no answer to first order and must be simulated.
         """
 
+        null = self.read(self.anchor)
+
         def answered(part: Sequence[Asked]) -> list[np.ndarray | None]:
-            found = zip(part, beside(self.problem, self.anchor, part), strict=True)
-            return [self.read_answer(one, answer) if answer else None for one, answer in found]
+            near = [self._nearer(one) for one in part]
+            found = zip(near, beside(self.problem, self.anchor, [one for one, _ in near]), strict=True)
+            read = [(self.read_answer(one, answer) if answer else None, share) for (one, share), answer in found]
+            return [None if one is None or null is None else null + (one - null) / share for one, share in read]
 
         parts = [asked[n : n + TOGETHER] for n in range(0, len(asked), TOGETHER)]
         read = [one for part in side_by_side(answered, parts, threads) for one in part]
         self._read |= {one.sim: answer for one, answer in zip(asked, read, strict=True) if answer is not None}
         return [one for one, answer in zip(asked, read, strict=True) if answer is None]
+
+    def _nearer(self, asked: Asked) -> tuple[Asked, float]:
+        """A candidate's simulation nearer to the anchor, and which share of its step is left.
+
+        Of laws of the material, whose energies are far from linear within a step.
+        """
+        key = asked.role
+        effect = self.problem.effects[key.partition(".")[0]]
+        if effect.acts != "material":
+            return asked, 1.0
+        absent = effect.null()[key]
+        value = absent + NEAR * (asked.values[key] - absent)
+        return self.problem.ask({**asked.values, key: value}, key), NEAR
 
     def own(self, slope: Slope | None = None) -> np.ndarray:
         """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""

@@ -233,10 +233,13 @@ def _test_all(
         tested, lacking = [one.candidate for one in known.everywhere], known.lacking
         possible = [one for one in tested if makes_sense(one.effect, problem)]
         found = [one for one in possible if may_be(one.effect, one.place, problem)]
-    asked = [] if known else [asked for candidate in found for asked in candidate.asked]
-    run = solve_missing(problem, [anchor_of(problem, last)], threads)
+    asked = [] if known else [(one.effect, asked) for one in found for asked in one.asked]
+    # where the sides lie in the first picture is read from simulations
+    begun_by = [one for effect, one in asked if "before" in effect.changes]
+    others = [one for effect, one in asked if "before" not in effect.changes]
+    run = solve_missing(problem, [anchor_of(problem, last), *begun_by], threads)
     comparison = comparison_of(problem, last, everything)
-    run += solve_missing(problem, comparison.read_beside(asked, threads), threads)
+    run += solve_missing(problem, comparison.read_beside(others, threads), threads)
     score_test, without = comparison.score_test, known.comparison.anchor if known else None
     everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
     ranking = best_places(everywhere)

@@ -1,5 +1,6 @@
 """A small body of two layers with something hidden in it, fitted in this process by a model that does not have it."""
 
+import numpy as np
 from seeds import seed_of
 
 from fingerfit.core.files import write_json
@@ -72,3 +73,21 @@ def compared(problem, last, everything, found):
     """The comparison of the fitted model, with candidates and what they are compared with solved; and their number."""
     run = solve_missing(problem, [anchor_of(problem, last), *(asked for one in found for asked in one.asked)], 1)
     return Comparison(problem, last, everything), run
+
+
+def to_first_order(comparison, candidates):
+    """Signatures of candidates by simulations and to first order, by effect, and the names of those that have both."""
+    again = Comparison(comparison.problem, comparison.last, comparison.data)
+    left = {one.sim for one in again.read_beside([asked for one in candidates for asked in one.asked])}
+    read = {one.effect.name for one in candidates if not left & {asked.sim for asked in one.asked}}
+    test = comparison.score_test
+    exact, first = (
+        {one.effect.name: test.signature(c.columns(one)) for one in candidates if one.effect.name in read}
+        for c in (comparison, again)
+    )
+    return exact, first, read
+
+
+def alike_to(a, b):
+    """Cosine between two signatures of one column."""
+    return float(np.ravel(a) @ np.ravel(b) / np.linalg.norm(a) / np.linalg.norm(b))

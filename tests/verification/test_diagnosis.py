@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import LAYERS
-from small_body import PLACE, compared, fitted, written
+from small_body import PLACE, alike_to, compared, fitted, to_first_order, written
 
 from fingerfit.deck.questions import areas
 from fingerfit.diagnosis.candidates import candidates
@@ -63,6 +63,17 @@ def test_slopes_of_what_is_observed_do_not_depend_on_where_they_are_taken(world)
     slopes = [comparison.observed(effect, {"misregistration.x": x}, "x") for x in (0.0, 0.07)]
     assert np.abs(slopes[0]).max() > 0.1
     assert slopes[1] == pytest.approx(slopes[0], abs=1e-9)
+
+
+def test_candidates_read_to_first_order_look_as_their_simulations_do(world):
+    comparison, ranking = world
+    chosen = [one.candidate for one in best_places(ranking) if one.candidate.asked]
+    exact, first, read = to_first_order(comparison, chosen)
+    # a tilt has nodes of its own: other unknowns
+    assert read == {"inclusion", "gradient"}
+    for name in read:
+        assert alike_to(exact[name], first[name]) > 0.99
+        assert np.linalg.norm(first[name]) == pytest.approx(np.linalg.norm(exact[name]), rel=0.3)
 
 
 def test_a_place_that_is_fitted_changes_what_is_observed(world):

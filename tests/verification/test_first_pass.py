@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_body import compared, fitted, written
+from small_body import alike_to, compared, fitted, to_first_order, written
 
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis import first_pass, trials
@@ -54,6 +54,17 @@ def test_the_refit_ends_at_the_minimum_of_what_it_fits(world):
     again = first.refit(wider, start)
     assert again.converged
     assert again.misfit == pytest.approx(ranking[0].refitted.misfit, rel=2 * FALL)
+
+
+def test_laws_of_the_material_are_read_near_the_model(world):
+    """At a tenth of their step: Poisson's ratio alone changes the bulk modulus by half within one."""
+    comparison, ranking, _ = world
+    chosen = [one.candidate for one in ranking if one.candidate.effect.acts == "material"]
+    exact, first, read = to_first_order(comparison, chosen)
+    assert read == {"stiffening", "compressibility"}
+    for name in read:
+        assert alike_to(exact[name], first[name]) > 0.95
+        assert np.linalg.norm(first[name]) == pytest.approx(np.linalg.norm(exact[name]), rel=0.3)
 
 
 def test_where_the_first_step_has_no_solution_a_shorter_one_is_taken(world, monkeypatch):
