@@ -200,7 +200,7 @@ def test_discover_tells_each_rung(place):
     wanted = [
         f"base: error {base['error']['fitted']:.3g} times the noise level, {base['error']['held_out']:.3g} on held-out steps;"
         f" {base['simulations']['run']} simulations run, 0 reused from models below; {base['sentence']}",
-        "config.yaml: added tilt (tilt of the indenter), starting at slope ",
+        "config.yaml: added tilt (tilt of the indenter), starting at power ",
         f"base+tilt: error {tilted['error']['fitted']:.3g} times the noise level,"
         f" {tilted['error']['held_out']:.3g} on held-out steps; 0 simulations run,",
         "ladder: results/study/ladder.json; page: results/study/report.html",
