@@ -167,9 +167,14 @@ class _Trial:
 
 def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
     """A candidate a share of its first step off its absent value, to the side that its slopes point to."""
-    sizes = zip(one.candidate.effect.parameters, one.finding.size, strict=True)
+    parameters = one.candidate.effect.parameters
+    # of a number that changes nothing, slopes leave a size of rounding errors, of either sign
+    sizes = [
+        size if abs(size) > 1e-9 * abs(p.step) else p.step for p, size in zip(parameters, one.finding.size, strict=True)
+    ]
     steps = [
-        np.clip(share * np.copysign(p.step, size or p.step), p.lower - p.null, p.upper - p.null) for p, size in sizes
+        np.clip(share * np.copysign(p.step, size), p.lower - p.null, p.upper - p.null)
+        for p, size in zip(parameters, sizes, strict=True)
     ]
     return replace(one, finding=replace(one.finding, size=np.array(steps)))
 
