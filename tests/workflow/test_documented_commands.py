@@ -179,7 +179,7 @@ LEFT = {
         "results/phantom/base/export/error_by_step.csv": ["step"],
     },
     "calculix": {"results/phantom/calculix/table.txt": ["solver calculix"]},
-    "tilt": {"tilt/config.yaml": ["tilt: {slope:"], "results/tilt/base/diagnosis.json": ["verdict"]},
+    "tilt": {"tilt/config.yaml": ["tilt: {power:"], "results/tilt/base/diagnosis.json": ["verdict"]},
     "new": {"mesh.png": [], "mine/config.yaml": ["# CHECK"]},
     "fingertip": {"subject.inp": ["C3D10H"], "studies/fingertip-coarse/subject.inp": ["C3D4"]},
     "breast": {
