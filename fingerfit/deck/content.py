@@ -41,6 +41,10 @@ class Orientation:
     directions: tuple[tuple[float, ...], ...] = ()
 
 
+Table = tuple[tuple[float, float], ...]
+"""Force in N and relative displacement in mm of a nonlinear spring, displacements ascending."""
+
+
 @dataclass(frozen=True)
 class Spring:
     """Spring at one node and axis, to ground or to a second one.
@@ -49,14 +53,14 @@ class Spring:
     ----------
     stiffness : float
         N/mm, of a linear spring.
-    table : tuple of (float, float)
-        Force in N and relative displacement in mm of a nonlinear one, displacements ascending; empty for a linear one.
+    table : Table
+        Empty for a linear one.
     """
 
     first: NodeAxis
     second: NodeAxis | None
     stiffness: float
-    table: tuple[tuple[float, float], ...] = ()
+    table: Table = ()
 
     def force(self, moved: float) -> float:
         """Force in N at a relative displacement in mm, that of the first end less that of the second one.

@@ -55,19 +55,19 @@ def loading_steps(
         largest_of([getattr(step, what) for step in study.steps]) for what in (control, "force" if resting else control)
     )
     before = float(changed_by("before", 0.0, {"largest": most}, present, values))
-    first = {**unloaded(study.course), "time": 0.0, "largest": largest}
     begun = 0.0 if resting else before
     swelling = _swelling(study, mesh, present, values)
     warm = [temperature(row) for row in swelling] if swelling.any() else [[]] * (count + 1)
     found, last = [], 0.0
     if any("before" in effect.changes for effect in present) or swelling[0].any():
+        names = {**unloaded(study.course), "time": 0.0, "largest": largest}
         found.append(
             {
                 **({"force": before, "displacement": 0.0} if resting else {control: before}),
                 "period": None,
                 "temperature": warm[0],
                 "aside": sorted(_aside(study, None, begun).items()),
-                "deeper": _deeper(mesh, first, present, values),
+                "deeper": _deeper(mesh, names, present, values),
             }
         )
     for k, (step, known) in enumerate(zip(study.steps, study.course, strict=True), 1):

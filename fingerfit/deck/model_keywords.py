@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from fingerfit.deck.cards import Card, squeeze
-from fingerfit.deck.content import ContactPair, Law, Surface, Tie
-from fingerfit.deck.state import SNEG, SPOS, Handler, Key, Reading, Table
+from fingerfit.deck.content import ContactPair, Law, Surface, Table, Tie
+from fingerfit.deck.state import SNEG, SPOS, Handler, Key, Reading
 
 ANALYTICAL = ("SEGMENTS", "CYLINDER", "REVOLUTION")
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.cards import Card
-from fingerfit.deck.content import ContactPair, DeckStep, Law, NodeAxis, Orientation, Section, Surface, Tie
+from fingerfit.deck.content import ContactPair, DeckStep, Law, NodeAxis, Orientation, Section, Surface, Table, Tie
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Block, Mesh
 
@@ -22,8 +22,6 @@ SPOS, SNEG = -1, -2
 """Sides of a rigid element, in place of a face: where its normal points to, and the other one."""
 Pressed = tuple[float, str | None, str]
 """Pressure in MPa, name of its amplitude, and keyword that gave it."""
-Table = tuple[tuple[float, float], ...]
-"""Force in N and relative displacement in mm of a nonlinear spring, displacements ascending."""
 
 LINES = {"T3D2": 2, "T3D3": 3}
 """Elements that mesh generators write for the lines of a body, with their number of nodes."""

@@ -37,7 +37,7 @@ SMOOTH = 0.25
 ACROSS_POINTS = 6
 """Patches over the width of the region where points were measured."""
 NEAR = 0.1
-"""Share of its step at which a law of the material is tried to first order."""
+"""Share of its step at which a law of the material is tried to first order (decision 15)."""
 TOGETHER = 8
 """Answers to first order that have their models in memory at once."""
 ALIKE = 0.9
@@ -100,6 +100,8 @@ class Comparison:
     def read_beside(self, asked: Sequence[Asked], threads: int = 1) -> list[Asked]:
         """Read candidates' simulations to first order, beside the anchor, which is solved.
 
+        Not those of states before the first picture: where the sides lie in it is read from whole simulations.
+
         Returns
         -------
         list of Asked
@@ -108,25 +110,29 @@ class Comparison:
         null = self.read(self.anchor)
         # a number that changes nothing has the anchor's own deck: its slope is 0, not what rounding leaves
         asked = [one for one in asked if one.sim not in self._read]
+        near = [one for one in asked if "before" not in self._effect(one).changes]
 
         def answered(part: Sequence[Asked]) -> list[np.ndarray | None]:
-            near = [self._nearer(one) for one in part]
-            found = zip(near, beside(self.problem, self.anchor, [one for one, _ in near]), strict=True)
+            nearer = [self._nearer(one) for one in part]
+            found = zip(nearer, beside(self.problem, self.anchor, [one for one, _ in nearer]), strict=True)
             read = [(self.read_answer(one, answer) if answer else None, share) for (one, share), answer in found]
             return [None if one is None or null is None else null + (one - null) / share for one, share in read]
 
-        parts = [asked[n : n + TOGETHER] for n in range(0, len(asked), TOGETHER)]
+        parts = [near[n : n + TOGETHER] for n in range(0, len(near), TOGETHER)]
         read = [one for part in side_by_side(answered, parts, threads) for one in part]
-        self._read |= {one.sim: answer for one, answer in zip(asked, read, strict=True) if answer is not None}
-        return [one for one, answer in zip(asked, read, strict=True) if answer is None]
+        self._read |= {one.sim: answer for one, answer in zip(near, read, strict=True) if answer is not None}
+        return [one for one in asked if one.sim not in self._read]
+
+    def _effect(self, asked: Asked) -> Effect:
+        """The effect that a candidate's simulation shows; its role is the number that is not absent."""
+        return self.problem.effects[asked.role.partition(".")[0]]
 
     def _nearer(self, asked: Asked) -> tuple[Asked, float]:
         """A candidate's simulation nearer to the anchor, and which share of its step is left.
 
         Of laws of the material, whose energies are far from linear within a step.
         """
-        key = asked.role
-        effect = self.problem.effects[key.partition(".")[0]]
+        key, effect = asked.role, self._effect(asked)
         if effect.acts != "material":
             return asked, 1.0
         absent = effect.null()[key]

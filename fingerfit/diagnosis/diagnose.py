@@ -46,6 +46,7 @@ from fingerfit.diagnosis.verdict import (
     GOOD,
     Refit,
     Verdict,
+    best_of,
     decide,
     ended_well,
     excess,
@@ -233,13 +234,10 @@ def _test_all(
         tested, lacking = [one.candidate for one in known.everywhere], known.lacking
         possible = [one for one in tested if makes_sense(one.effect, problem)]
         found = [one for one in possible if may_be(one.effect, one.place, problem)]
-    asked = [] if known else [(one.effect, asked) for one in found for asked in one.asked]
-    # where the sides lie in the first picture is read from simulations
-    begun_by = [one for effect, one in asked if "before" in effect.changes]
-    others = [one for effect, one in asked if "before" not in effect.changes]
-    run = solve_missing(problem, [anchor_of(problem, last), *begun_by], threads)
+    asked = [] if known else [asked for candidate in found for asked in candidate.asked]
+    run = solve_missing(problem, [anchor_of(problem, last)], threads)
     comparison = comparison_of(problem, last, everything)
-    run += solve_missing(problem, comparison.read_beside(others, threads), threads)
+    run += solve_missing(problem, comparison.read_beside(asked, threads), threads)
     score_test, without = comparison.score_test, known.comparison.anchor if known else None
     everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
     ranking = best_places(everywhere)
@@ -368,8 +366,7 @@ def _partner(
             break
     problem.asked.update(ended.problem.asked)
     tried = by_one_likelihood(tried, found.weighed)
-    beside = [(one, tried[name]) for one in found.ranking if (name := one.candidate.effect.name) in tried]
-    return min(beside, key=lambda pair: pair[1].level, default=None), run
+    return best_of(found.ranking, tried), run
 
 
 def by_one_likelihood(refits: Mapping[str, Refit], without: Weighed) -> dict[str, Refit]:

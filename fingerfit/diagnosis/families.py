@@ -99,9 +99,8 @@ def leads(
     if not probed or own not in odds:
         return False
     leading = {other: odds[own] - odds[other] for other in odds.keys() - {own}}
+    family_of = {other.candidate.effect.name: other.candidate.effect.family for other in ranking}
     refitted = dict[str, float]()
-    for other in ranking:
-        effect = other.candidate.effect
-        if effect.family != own and effect.name in (behind or {}):
-            refitted[effect.family] = min((behind or {})[effect.name], refitted.get(effect.family, np.inf))
-    return all(value > SURE for value in (leading | refitted).values())
+    for name, value in (behind or {}).items():
+        refitted[family_of[name]] = min(value, refitted.get(family_of[name], np.inf))
+    return all(value > SURE for family, value in (leading | refitted).items() if family != own)

@@ -100,7 +100,7 @@ def ended_of(
 ) -> tuple[Ended, int]:
     """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
 
-    A prediction from slopes can be far too large, and a search that starts there finds another valley, or bodies
+    A prediction from slopes can be far too large, and a search that starts there finds another local minimum, or bodies
     without a solution.
 
     Raises

@@ -12,7 +12,7 @@ from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.sides import Sides
-from fingerfit.diagnosis.verdict import GOOD, MATTERS, Refit, Verdict, excess, explains, threshold
+from fingerfit.diagnosis.verdict import GOOD, MATTERS, Refit, Verdict, best_of, excess, explains, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE, STATE, Effect
@@ -51,19 +51,18 @@ def of_family(
         verdict = replace(verdict, sentence=verdict.sentence + _nearest(score_test, ranking, family))
     if verdict.kind != "unexplained" or score_test.freedom < 1:
         return replace(verdict, family=family)
-    shares = dict[str, float]()
-    best = min(refits, key=lambda name: refits[name].level, default=None)
-    if best is not None and refits[best].gain(score_test.misfit) > verdict.threshold:
-        effect = next(one.candidate.effect for one in ranking if one.candidate.effect.name == best)
-        shares[effect.family] = refits[best].explained(score_test.misfit)
-    excess = max(score_test.misfit - score_test.freedom, 1.0)
-    for family, (one, odds) in families(score_test, ranking).items():
-        if family != NUMERICS and odds > SURE:
-            shares.setdefault(family, one.finding.fall / excess)
-    for family, share in shares.items():
-        text = f"{verdict.sentence}; most of it may lie in {FAMILIES[family]} ({100 * min(1.0, share):.0f} %)"
-        return replace(verdict, family=family, sentence=text)
-    return verdict
+    best = best_of(ranking, refits)
+    if best is not None and best[1].gain(score_test.misfit) > verdict.threshold:
+        behind = [(best[0].candidate.effect.family, best[1].explained(score_test.misfit))]
+    else:
+        excess = max(score_test.misfit - score_test.freedom, 1.0)
+        odds = families(score_test, ranking).items()
+        behind = [(name, one.finding.fall / excess) for name, (one, own) in odds if name != NUMERICS and own > SURE]
+    if not behind:
+        return verdict
+    family, share = behind[0]
+    text = f"{verdict.sentence}; most of it may lie in {FAMILIES[family]} ({100 * min(1.0, share):.0f} %)"
+    return replace(verdict, family=family, sentence=text)
 
 
 def _nearest(score_test: ScoreTest, ranking: Sequence[Ranked], family: str) -> str:
@@ -99,19 +98,19 @@ def largest_part(
     tried : mapping, optional
         All refits, which other families are judged by.
     """
-    if verdict.kind != "unexplained" or not refits or error <= 1.0:
+    best = best_of(ranking, refits)
+    if verdict.kind != "unexplained" or best is None or error <= 1.0:
         return verdict
-    best = min(refits, key=lambda name: refits[name].level)
-    one = next(one for one in ranking if one.candidate.effect.name == best)
-    share = (error**2 - refits[best].fitted ** 2) / (error**2 - 1.0)
-    beyond = refits[best].gain(score_test.misfit) > verdict.threshold
-    spread = max(1.0, refits[best].level / max(refits[best].freedom, 1))
-    behind = {name: (refit.level - refits[best].level) / 2 / spread for name, refit in (tried or {}).items()}
+    one, own = best
+    share = (error**2 - own.fitted**2) / (error**2 - 1.0)
+    beyond = own.gain(score_test.misfit) > verdict.threshold
+    spread = max(1.0, own.level / max(own.freedom, 1))
+    behind = {name: (refit.level - own.level) / 2 / spread for name, refit in (tried or {}).items()}
     if not (beyond and share > LARGEST and leads(score_test, ranking, one, behind)):
         return verdict
-    fell = f"the error falls from {error:.2g} to {refits[best].fitted:.2g} times the noise level"
+    fell = f"the error falls from {error:.2g} to {own.fitted:.2g} times the noise level"
     text = f"missing: {one.candidate.effect.title}; it is the largest part ({fell}), more is missing"
-    return Verdict("missing", (best,), text, verdict.threshold)
+    return Verdict("missing", (one.candidate.effect.name,), text, verdict.threshold)
 
 
 def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> Verdict:

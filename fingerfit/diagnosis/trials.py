@@ -29,6 +29,8 @@ FIRST_MOVES, FEWEST = 4, 6
 and Talwalkar 2016)."""
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
+ROUNDING = 1e-9
+"""Of a step: a predicted size below it is what rounding leaves of a number that changes nothing, of either sign."""
 NEARER = (1.0, 0.25, -0.25)
 """Shares of the first step at which a candidate starts, the next one where the body has no solution."""
 
@@ -167,15 +169,10 @@ class _Trial:
 
 def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
     """A candidate a share of its first step off its absent value, to the side that its slopes point to."""
-    parameters = one.candidate.effect.parameters
-    # of a number that changes nothing, slopes leave a size of rounding errors, of either sign
-    sizes = [
-        size if abs(size) > 1e-9 * abs(p.step) else p.step for p, size in zip(parameters, one.finding.size, strict=True)
-    ]
-    steps = [
-        np.clip(share * np.copysign(p.step, size), p.lower - p.null, p.upper - p.null)
-        for p, size in zip(parameters, sizes, strict=True)
-    ]
+    steps = list[float]()
+    for p, size in zip(one.candidate.effect.parameters, one.finding.size, strict=True):
+        side = size if abs(size) > ROUNDING * abs(p.step) else p.step
+        steps.append(np.clip(share * np.copysign(p.step, side), p.lower - p.null, p.upper - p.null))
     return replace(one, finding=replace(one.finding, size=np.array(steps)))
 
 

@@ -106,11 +106,14 @@ class Refit:
         before : float
             Misfit of the model without the effect by its own likelihood, which does where there is no other one.
         """
-        return (before if self.before is None else self.before) - self._misfit
+        return self._without(before) - self._misfit
 
     def explained(self, before: float) -> float:
         """Share of the misfit beyond the noise that the effect explains, by one likelihood; `before` as for `gain`."""
-        return self.gain(before) / max((before if self.before is None else self.before) - self.freedom, 1.0)
+        return self.gain(before) / max(self._without(before) - self.freedom, 1.0)
+
+    def _without(self, before: float) -> float:
+        return before if self.before is None else self.before
 
 
 @dataclass(frozen=True)
@@ -210,20 +213,22 @@ def _common_limit(one: ScoreTest | Refit, level: float) -> float:
     return float(chdtri(one.common_freedom, level)) * max(1.0, spread)
 
 
+def best_of(ranking: Sequence[Ranked], refits: Mapping[str, Refit]) -> tuple[Ranked, Refit] | None:
+    """The candidate whose refit leaves least, by one likelihood, and that refit; None without any."""
+    found = [(one, refits[name]) for one in ranking if (name := one.candidate.effect.name) in refits]
+    return min(found, key=lambda pair: pair[1].level, default=None)
+
+
 def half_explained(
     score_test: ScoreTest, ranking: Sequence[Ranked], refits: Mapping[str, Refit], tests: int
 ) -> Ranked | None:
     """The best refitted effect where it is one beyond chance, but does not explain enough alone."""
-    if not refits or score_test.freedom < 1:
+    found = best_of(ranking, refits)
+    if found is None or score_test.freedom < 1:
         return None
-    best = min((one for one in ranking if one.candidate.effect.name in refits), key=lambda one: _left(one, refits))
-    refit = refits[best.candidate.effect.name]
+    best, refit = found
     beyond = refit.gain(score_test.misfit) >= threshold(score_test, ranking, tests)
     return best if beyond and not explains(refit) and refit.explained(score_test.misfit) < ENOUGH else None
-
-
-def _left(one: Ranked, refits: Mapping[str, Refit]) -> float:
-    return refits[one.candidate.effect.name].level
 
 
 def decide(

@@ -10,26 +10,22 @@ from fingerfit.fem.system import Contribution
 from fingerfit.mesh.faces import Faces, area_vectors, cell_rule, cell_shape
 
 
-class Springs:
-    """Linear springs.
-
-    Parameters
-    ----------
-    first, second : ndarray of int, shape (springs,)
-        Degrees of freedom; a second one of -1 is the ground.
-    stiffness : ndarray, shape (springs,)
-        N/mm.
-    """
+class _Ends:
+    """What springs have in common: the degrees of freedom at their ends, and where their stiffness goes."""
 
     symmetric = True
 
-    def __init__(self, first: np.ndarray, second: np.ndarray, stiffness: np.ndarray) -> None:
-        self.first, self.second, self.stiffness = first, second, stiffness
-        linked = second >= 0
-        a, b, k = first[linked], second[linked], stiffness[linked]
+    def __init__(self, first: np.ndarray, second: np.ndarray) -> None:
+        self.first, self.second = first, second
+        self._linked = second >= 0
+        a, b = first[self._linked], second[self._linked]
         self._rows = np.concatenate([first, b, a, b])
         self._columns = np.concatenate([first, b, b, a])
-        self._values = np.concatenate([stiffness, k, -k, -k])
+
+    def _entries(self, stiffness: np.ndarray) -> np.ndarray:
+        """Entries of the stiffness matrix, at `_rows` and `_columns`, of springs of a stiffness, shape (springs,)."""
+        k = stiffness[self._linked]
+        return np.concatenate([stiffness, k, -k, -k])
 
     @property
     def dofs(self) -> np.ndarray:
@@ -42,6 +38,22 @@ class Springs:
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Nothing."""
 
+
+class Springs(_Ends):
+    """Linear springs.
+
+    Parameters
+    ----------
+    first, second : ndarray of int, shape (springs,)
+        Degrees of freedom; a second one of -1 is the ground.
+    stiffness : ndarray, shape (springs,)
+        N/mm.
+    """
+
+    def __init__(self, first: np.ndarray, second: np.ndarray, stiffness: np.ndarray) -> None:
+        super().__init__(first, second)
+        self.stiffness, self._values = stiffness, self._entries(stiffness)
+
     def forces(self, u: np.ndarray, tangent: bool = True) -> Contribution:
         """Forces and stiffness."""
         force = np.bincount(self._rows, weights=self._values * u[self._columns], minlength=len(u))
@@ -52,7 +64,7 @@ class Springs:
         return float(self.forces(u).force @ u) / 2
 
 
-class NonlinearSprings:
+class NonlinearSprings(_Ends):
     """Springs whose force follows a table: straight lines between its points, constant beyond its ends.
 
     Parameters
@@ -63,14 +75,8 @@ class NonlinearSprings:
         For each spring force in N and relative displacement in mm (first end less second end), displacements ascending.
     """
 
-    symmetric = True
-
     def __init__(self, first: np.ndarray, second: np.ndarray, tables: Sequence[Sequence[tuple[float, float]]]) -> None:
-        self.first, self.second = first, second
-        self._linked = second >= 0
-        a, b = first[self._linked], second[self._linked]
-        self._rows = np.concatenate([first, b, a, b])
-        self._columns = np.concatenate([first, b, b, a])
+        super().__init__(first, second)
         # shorter tables go on with the force of their end, as all do
         longest = max(map(len, tables))
         force, at = np.empty((len(tables), longest)), np.empty((len(tables), longest))
@@ -88,26 +94,14 @@ class NonlinearSprings:
         self._force, self._work = np.hstack([force[:, :1], force]), np.hstack([none, work])
         self._rest = self._energies(np.zeros(len(tables)))
 
-    @property
-    def dofs(self) -> np.ndarray:
-        """Degrees of freedom at their ends."""
-        return np.unique(self._rows)
-
-    def begin(self, dt: float, relaxed: bool = False) -> None:
-        """Nothing."""
-
-    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
-        """Nothing."""
-
     def forces(self, u: np.ndarray, tangent: bool = True) -> Contribution:
         """Forces and stiffness; at a point of the table the stiffness behind it."""
         chosen, along = self._stretch(self._moved(u))
         slope = self._slope[chosen]
         own = self._force[chosen] + slope * along
-        k = slope[self._linked]
         total = np.bincount(self.first, weights=own, minlength=len(u))
         total -= np.bincount(self.second[self._linked], weights=own[self._linked], minlength=len(u))
-        return Contribution(total, self._rows, self._columns, np.concatenate([slope, k, -k, -k]))
+        return Contribution(total, self._rows, self._columns, self._entries(slope))
 
     def energy(self, u: np.ndarray) -> float:
         """Energy in N mm, 0 at rest."""
