@@ -34,6 +34,7 @@ FAMILY = {
     "friction": "indenter",
     "geometry_probe": "geometry",
     "gradient": "structure",
+    "guide_friction": "loading",
     "inclusion": "structure",
     "inclusion_in_space": "structure",
     "indenter_friction": "indenter",
@@ -82,10 +83,10 @@ IN_SPACE = {"misregistration": "misregistration_in_space", "inclusion": "inclusi
 ALIKE = {
     "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"},
     "base_slip": {"debonding", "base_friction"}, "indenter_slip": {"indenter_debonding", "indenter_friction"},
-    "bias_field": {"uneven_brightness"},
+    "bias_field": {"uneven_brightness"}, "force_offset": {"guide_friction"},
 }  # fmt: skip
 """Members that are as right: other laws of the same stiffening, an inclusion of any shape, a side that is loose from an
-edge on or slips beyond a limit, brightness that is uneven in another form."""
+edge on or slips beyond a limit, brightness that is uneven in another form, an offset that the guide's friction is."""
 CLOSE = 0.05
 """Share of a constant within which it is right."""
 TRACE = 0.5

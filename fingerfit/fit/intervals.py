@@ -25,7 +25,8 @@ be a hundred times that of the best one. A choice ..."""
 SURE = 4.0
 """... unless the score has a scale of its own: half a chi-square of this curvature tells a constant to half of itself,
 however much better another direction is known."""
-
+PART = 0.1
+"""Of a direction of unit length, what a constant must have of it to be named with it."""
 FAR_OFF = 10.0
 """Standard deviations from which a force that the fit leaves is said: no noise makes that. A choice."""
 
@@ -238,6 +239,9 @@ def summarise(
         stdtrit(count - 1, 0.975) * np.sqrt(np.diag(noise)), ndtri(0.975) * np.sqrt(mesh**2 + np.diag(known))
     )
     interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
+    # the repetitions do not move what the score does not see: it may be anywhere
+    blind = np.linalg.norm(seen_directions(hessian, sure), axis=1) < PART
+    interval = np.where(blind[:, None], [(p.lower, p.upper) for p in parameters], interval)
     return Uncertainty(
         spread,
         mesh,
@@ -266,8 +270,8 @@ def identifiability(hessian: np.ndarray, names: Sequence[str], sure: float = np.
     for value, vector in zip(values, vectors.T, strict=True):
         if value > unseen(values[-1], sure) * max(values[-1], 1e-300):
             continue
-        involved = [name for name, part in zip(names, vector, strict=True) if abs(part) > 0.1]
-        parts = vector[np.abs(vector) > 0.1]
+        involved = [name for name, part in zip(names, vector, strict=True) if abs(part) > PART]
+        parts = vector[np.abs(vector) > PART]
         if len(involved) > 1 and np.ptp(parts) < 0.3 * np.abs(parts).max():
             text = f"only ratios of {', '.join(involved)} are identifiable: these data do not see their common scale"
         elif len(involved) == 1:

@@ -861,7 +861,9 @@ def test_the_probe_of_loading_does_what_its_members_do():
         {"force_offset.offset": 0.8},
         {"onset.offset": 0.15},
         {"soft_frame.most": 0.2},
-        {"nonlinear_sensor.bend": 0.004},
+        {"nonlinear_sensor.bend": 0.1},
+        {"nonlinear_sensor.bend": 0.1, "nonlinear_sensor.power": 1.5},
+        {"guide_friction.most": 0.8},
         {"ageing.change": 0.2},
     ],
 )

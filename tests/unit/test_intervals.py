@@ -145,6 +145,16 @@ def test_without_a_logarithm_the_interval_is_symmetric_in_the_value():
     assert as_json(found, parameters, [0.45])["poisson"]["standard_error"] == pytest.approx(shifts.std(ddof=1) * 0.2)
 
 
+def test_a_constant_that_the_data_do_not_see_may_be_anywhere_in_its_bounds():
+    hessian = np.diag([1.0, 0.0, 2.0])
+    shifts = generator(4).normal(0.0, 0.01, (60, 3)) * [1.0, 0.0, 1.0]
+    found = summarise(shifts, hessian, LOG, [0.02, 0.03, 0.06])
+    assert found.remarks == ("mu_b is not identifiable from these data",)
+    assert tuple(found.interval[1]) == (LOG[1].lower, LOG[1].upper)
+    others = summarise(shifts[:, [0, 2]], hessian[np.ix_([0, 2], [0, 2])], [LOG[0], LOG[2]], [0.02, 0.06])
+    assert found.interval[[0, 2]] == pytest.approx(others.interval)
+
+
 def test_correlation_of_two_constants():
     common, own = generator(5).normal(0.0, 1.0, (2, 4000))
     shifts = np.stack([common, -common + 0.1 * own], axis=1)

@@ -31,8 +31,8 @@ LENGTHS = {
 }  # fmt: skip
 SIZES = {
     **LENGTHS,
-    "preload.force": FORCE, "force_offset.offset": FORCE,
-    "loading_probe.load": FORCE, "loading_probe.midway": FORCE, "nonlinear_sensor.bend": 1 / FORCE,
+    "preload.force": FORCE, "force_offset.offset": FORCE, "guide_friction.most": FORCE,
+    "loading_probe.load": FORCE, "loading_probe.midway": FORCE,
     "indenter_probe.slope": 1 / LARGER, "indenter_probe.curve": 1 / LARGER**2,
 }  # fmt: skip
 """Factors on numbers of effects; those that are not here have none."""
