@@ -43,6 +43,8 @@ FAMILY = {
     "indenter_slip": "indenter",
     "intensity_drift": "observation",
     "interface": "geometry",
+    "jumping_brightness": "observation",
+    "jumping_pictures": "observation",
     "layer_stiffening": "material",
     "load_step": "numerics",
     "loading_probe": "loading",
@@ -84,9 +86,11 @@ ALIKE = {
     "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"},
     "base_slip": {"debonding", "base_friction"}, "indenter_slip": {"indenter_debonding", "indenter_friction"},
     "bias_field": {"uneven_brightness"}, "force_offset": {"guide_friction"},
+    "wandering_pictures": {"jumping_pictures"}, "intensity_drift": {"jumping_brightness"},
 }  # fmt: skip
 """Members that are as right: other laws of the same stiffening, an inclusion of any shape, a side that is loose from an
-edge on or slips beyond a limit, brightness that is uneven in another form, an offset that the guide's friction is."""
+edge on or slips beyond a limit, brightness that is uneven in another form, an offset that the guide's
+friction is, pictures that change from step to step by amounts of their own."""
 CLOSE = 0.05
 """Share of a constant within which it is right."""
 TRACE = 0.5

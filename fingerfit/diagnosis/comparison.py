@@ -322,8 +322,9 @@ class Comparison:
         data, points = self.data, self.problem.meshes[SEARCH].body
         now = {**effect.null(), **self.problem.own(values)}
         further = {**now, effect.key(name): now[effect.key(name)] + step}
+        whole = self.problem.effects[effect.name]  # formulas have all numbers of a series
         before, after = (
-            Observation((effect,), guess, points.min(axis=0), points.max(axis=0), self.problem.study.course)
+            Observation((whole,), guess, points.min(axis=0), points.max(axis=0), self.problem.study.course)
             for guess in (now, further)
         )
         frame = Picture(data.before, data.spacing, data.origin, data.direction)

@@ -315,7 +315,8 @@ def _refits(
                 continue
             (refit, run), effect = made, ranked.candidate.effect
             if explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH:
-                explained, by_series = max((explained, by_series), (ranked.odds(spread), bool(effect.series)))
+                field = bool(effect.series) and effect.probe
+                explained, by_series = max((explained, by_series), (ranked.odds(spread), field))
             share = min(1.0, max(0.0, refit.explained(found.score_test.misfit)))
             if not effect.probe and explains(refit) and refit.fitted <= GOOD:
                 named.add(effect.family)

@@ -208,8 +208,6 @@ def _brightness_and_shifts(
 
     The noise of the prescribed quantity moves pictures and response together: one unknown for each step.
     """
-    from scipy.optimize import lsq_linear
-
     data, number = problem.data, np.flatnonzero(problem.observed)
     scale, steps = np.sqrt(2.0) * data.picture_noise or 1.0, len(data.step)
 
@@ -222,23 +220,31 @@ def _brightness_and_shifts(
     columns = np.stack([values(left + one) - base for one in [*(model.slopes[n] for n in number), *unknown]], axis=1)
     likely = np.concatenate([np.zeros((steps, len(number))), np.eye(steps)], axis=1)
     ends = np.full(steps, np.inf)
-    bounds = np.concatenate([low[number] - 1e-9, -ends]), np.concatenate([high[number] + 1e-9, ends])
-    found = lsq_linear(np.concatenate([columns, likely]), -np.concatenate([base, np.zeros(steps)]), bounds)
-    return np.asarray(found.x[: len(number)])
+    bounds = np.concatenate([low[number], -ends]), np.concatenate([high[number], ends])
+    residual = np.concatenate([base, np.zeros(steps)])
+    return _between(*bounds, np.concatenate([columns, likely]), residual)[: len(number)]
+
+
+def _between(low: np.ndarray, high: np.ndarray, columns: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Linear least squares between bounds; what changes nothing stays, as that of a picture not fitted."""
+    from scipy.optimize import lsq_linear
+
+    found, seen = np.zeros(columns.shape[1]), columns.any(axis=0)
+    # bounds that coincide, as at a corner of the space, are kept a little apart
+    if seen.any():
+        found[seen] = lsq_linear(columns[:, seen], -left, (low[seen] - 1e-9, high[seen] + 1e-9)).x
+    return found
 
 
 def _least_squares(
     problem: InverseProblem, model: LinearModel, low: np.ndarray, high: np.ndarray, known: bool
 ) -> np.ndarray:
     """Minimum of the likelihood of forces, points and priors alone, between bounds: linear least squares."""
-    from scipy.optimize import lsq_linear
-
     left = problem.deviations(model.base)
     columns = np.stack([problem.deviations(model.base + slope) - left for slope in model.slopes], axis=1)
     if known and (priors := problem.priors):
         columns, left = np.concatenate([columns, priors.rows]), np.append(left, -priors.left(model.values))
-    # bounds that coincide, as at a corner of the space, are kept a little apart
-    return np.asarray(lsq_linear(columns, -left, (low - 1e-9, high + 1e-9)).x)
+    return _between(low, high, columns, left)
 
 
 def _linear_model(problem: InverseProblem, last: Round, base: Asked) -> LinearModel:

@@ -24,6 +24,7 @@ FORCE = LARGER**2
 LENGTHS = {
     "onset.offset": LARGER, "soft_frame.most": LARGER, "interface.down": LARGER, "tilt.slope": 1 / LARGER,
     **{f"{name}.{axis}": LARGER for name in ("misregistration", "wandering_pictures") for axis in "xy"},
+    **{f"jumping_pictures.{axis}{k}": LARGER for axis in "xy" for k in range(1, 13)},
     **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
     **{f"loading_probe.{name}": LARGER for name in ("reading", "growing")},
     **dict.fromkeys(("sideways.moved", "indenter_probe.moved", "indenter_probe.midway"), LARGER),
