@@ -283,7 +283,7 @@ def run(args: argparse.Namespace) -> None:
 
     config = args.config or Path("config.yaml")
     if args.study is not None:
-        from fingerfit.check.check import settings_for
+        from fingerfit.settings.runs import settings_for
 
         settings, config, source = settings_for(args.study, args.config)
         if settings is None:

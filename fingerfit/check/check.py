@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -15,7 +14,6 @@ import numpy as np
 from fingerfit.core.errors import FingerfitError, InputError, Problems, SolverError
 from fingerfit.core.files import write_text
 from fingerfit.core.folders import template_folders
-from fingerfit.core.keys import read_yaml
 from fingerfit.deck.context import deck_context, place_of
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import blocks
@@ -31,8 +29,8 @@ from fingerfit.prepare.plausible import refuse_magnitudes
 from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.prepare.regions import region_lines
 from fingerfit.settings.bound import effects_of
-from fingerfit.settings.choices import CONFIG
-from fingerfit.settings.config import FitSettings, MeshSettings, Settings, load_settings
+from fingerfit.settings.config import FitSettings, MeshSettings, Settings
+from fingerfit.settings.runs import settings_for
 from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.several import of_test
 from fingerfit.study.study import SIDEWAYS, Study
@@ -132,41 +130,6 @@ def _checked(path: Path, study: Study, settings: Settings | None, where: Path, s
         check_data(settings, study, data)
         refuse_magnitudes(settings, study, mesh, where)
     return Checked(path, study, settings, source, mesh, data, finer)
-
-
-def settings_for(path: Path, config: Path | None) -> tuple[Settings | None, Path, str]:
-    """Settings for a study, their file, and where they are from in words.
-
-    Parameters
-    ----------
-    path : Path
-        Study.
-    config : Path or None
-        As for `check_study`.
-
-    Raises
-    ------
-    InputError
-        For settings of another study that were asked for, or that lie in this one's folder.
-    """
-    folder, own, here = study_path(path).parent, study_path(path).parent / CONFIG, Path(CONFIG)
-    if config is None and not os.path.lexists(own):
-        there = read_yaml(here) if os.path.lexists(here) else None
-        other = there.get("study") if isinstance(there, dict) else None
-        if there is None or (isinstance(other, str) and not _same(Path(other), folder)):
-            found = "there is no config.yaml" if there is None else f"config.yaml is for {other}"
-            return None, here, f"none: {found}, so mesh, constants, template and solver are not checked"
-        config = here
-    config = config or own
-    settings = load_settings(config)
-    if not _same(Path(settings.study), folder):
-        raise InputError(config, "study", settings.study, f"{path}, the study that is checked, or other settings")
-    return settings, config, str(config)
-
-
-def _same(study: Path, folder: Path) -> bool:
-    """Whether a study is the one in a folder."""
-    return os.path.realpath(study_path(study).parent) == os.path.realpath(folder)
 
 
 def _coarse(study: Study) -> MeshSettings | None:

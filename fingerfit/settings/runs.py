@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,9 @@ from pydantic import Field
 
 from fingerfit.core.described import HEAD, rows
 from fingerfit.core.errors import InputError
+from fingerfit.core.keys import read_yaml
 from fingerfit.settings.config import CONFIG, RUNS, Settings, load_settings
+from fingerfit.study.reader import study_path
 
 
 class Config(Settings):
@@ -49,6 +52,50 @@ def load_runs(source: Mapping[str, Any], where: Path | str = CONFIG) -> list[Set
         if not isinstance(run, Mapping) or RUNS in run:
             raise InputError(where, f"{RUNS}.{n}", run, "the keys that differ from those above, or {} for none")
     return [load_settings(_merged(shared, run), f"{where}: {RUNS}.{n}") for n, run in enumerate(runs)]
+
+
+def settings_for(path: Path, config: Path | None) -> tuple[Settings | None, Path, str]:
+    """Settings for a study, their file, and where they are from in words.
+
+    Parameters
+    ----------
+    path : Path
+        Study.
+    config : Path or None
+        Their file, if it is another one than in the study's folder, or else in this one.
+
+    Raises
+    ------
+    InputError
+        For settings of another study that were asked for, or that lie in this one's folder.
+    """
+    folder, own, here = study_path(path).parent, study_path(path).parent / CONFIG, Path(CONFIG)
+    if config is None and not os.path.lexists(own):
+        named = _studies(read_yaml(here)) if os.path.lexists(here) else None
+        if named is None or not any(_same(Path(study), folder) for study in named):
+            found = "there is no config.yaml" if named is None else f"config.yaml is for {', '.join(named) or 'none'}"
+            return None, here, f"none: {found}, so mesh, constants, template and solver are not checked"
+        config = here
+    config = config or own
+    every = load_runs(read_yaml(config), config)
+    ours = [settings for settings in every if _same(Path(settings.study), folder)]
+    if not ours:
+        raise InputError(config, "study", every[0].study, f"{path}, the study that is checked, or other settings")
+    which = f"; of its {len(ours)} models of this study the first, {ours[0].model.name}" if len(ours) > 1 else ""
+    return ours[0], config, f"{config}{which}"
+
+
+def _studies(source: Any) -> list[str]:
+    """Studies that a config.yaml names, whatever else is wrong with it."""
+    runs = source.get(RUNS) if isinstance(source, dict) else None
+    given = [source, *(runs if isinstance(runs, list) else [])]
+    found = [one["study"] for one in given if isinstance(one, dict) and isinstance(one.get("study"), str)]
+    return list(dict.fromkeys(found))
+
+
+def _same(study: Path, folder: Path) -> bool:
+    """Whether a study is the one in a folder."""
+    return os.path.realpath(study_path(study).parent) == os.path.realpath(folder)
 
 
 def _merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

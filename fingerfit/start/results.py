@@ -7,10 +7,11 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from fingerfit.check.check import settings_for
 from fingerfit.core.errors import InputError, StateError
+from fingerfit.core.keys import read_yaml
 from fingerfit.provenance.results import model_folder, study_folder
-from fingerfit.settings.config import CONFIG, load_settings
+from fingerfit.settings.config import CONFIG, RUNS, Settings
+from fingerfit.settings.runs import load_runs, settings_for
 
 
 def page(study: Path | None, config: Path | None) -> Path:
@@ -21,7 +22,14 @@ def page(study: Path | None, config: Path | None) -> Path:
     FingerfitError
         Without settings, and where no page was made yet.
     """
-    settings = load_settings(config or Path(CONFIG)) if study is None else settings_for(study, config)[0]
+    if study is None:
+        where = config or Path(CONFIG)
+        every = load_runs(read_yaml(where), where)
+        if len({study_folder(one) for one in every}) > 1:
+            raise InputError(where, RUNS, "several studies", "fingerfit open STUDY, with one of them")
+        settings: Settings | None = every[0]
+    else:
+        settings = settings_for(study, config)[0]
     if settings is None:
         raise InputError(study or CONFIG, "settings", "none", f"{study}/config.yaml, or --config FILE")
     found = study_folder(settings) / "report.html"

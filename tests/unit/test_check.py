@@ -134,6 +134,23 @@ def test_settings_of_another_study_are_refused(place, capsys):
     )
 
 
+def test_of_several_models_the_first_of_the_study_is_checked(place, capsys):
+    shutil.copytree("study", "other")
+    models = [{"model": {"name": name}} for name in ("stiff", "soft")]
+    write("config.yaml", {**CONFIG, "runs": [{"study": "other"}, *models]})
+    assert main(["check", "study", "--no-solve"]) == 0
+    assert "settings: config.yaml; of its 2 models of this study the first, stiff\n" in capsys.readouterr().out
+    assert main(["check", "other", "--no-solve"]) == 0
+    assert "settings: config.yaml\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("runs", [None, 3, "study", [], [{}], [3]])
+def test_runs_that_are_none_are_told_in_one_line(place, capsys, runs):
+    write("config.yaml", {**CONFIG, "runs": runs})
+    assert main(["check", "study", "--no-solve"]) == int(runs != [{}])
+    assert "Traceback" not in capsys.readouterr().err
+
+
 def test_settings_of_another_study_are_not_taken(place, capsys):
     shutil.copytree("study", "other")
     assert main(["check", "other"]) == 0

@@ -220,6 +220,11 @@ def test_the_page_is_named_and_shown_where_there_is_a_screen(tmp_path, monkeypat
     monkeypatch.setenv("BROWSER", "something")
     assert main(["open", "--config", "tilt/config.yaml"]) == 0
     assert shown[-1] == page.as_uri()
+    settings = yaml.safe_load(Path("tilt/config.yaml").read_text(encoding="utf-8"))
+    Path("two.yaml").write_text(yaml.safe_dump({**settings, "runs": [{}, {"study": "other"}]}), encoding="utf-8")
+    assert main(["open", "--config", "two.yaml"]) == 1
+    assert "two.yaml: runs: found several studies; expected fingerfit open STUDY" in capsys.readouterr().err
+    assert main(["open", "tilt", "--config", "two.yaml"]) == 0
 
 
 @pytest.mark.parametrize(
