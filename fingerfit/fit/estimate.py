@@ -266,7 +266,9 @@ def table_of(found: dict[str, Any]) -> str:
         f" {sims['run']} distinct simulations ({sims['asked']} requested); stop: {search['stop']}",
     ]
     if found["search_mesh"]:
-        changes = [_change(name, entry, found["search_mesh"][name]) for name, entry in found["parameters"].items()]
+        searched = found["search_mesh"]
+        changed = {name: one for name, one in found["parameters"].items() if one["value"] != searched[name]}
+        changes = [_change(name, entry, searched[name]) for name, entry in changed.items()] or ["none"]
         lines.append(f"change from the coarse to the finer mesh: {', '.join(changes)}")
     if search["diverged"]:
         lines.append(f"{search['diverged']} guesses had no solution")

@@ -239,9 +239,10 @@ def summarise(
         stdtrit(count - 1, 0.975) * np.sqrt(np.diag(noise)), ndtri(0.975) * np.sqrt(mesh**2 + np.diag(known))
     )
     interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
-    # the repetitions do not move what the score does not see: it may be anywhere
-    blind = np.linalg.norm(seen_directions(hessian, sure), axis=1) < PART
+    # the repetitions do not move what the score does not see: it may be anywhere in its bounds
+    blind = _unseen_constants(hessian, sure)
     interval = np.where(blind[:, None], [(p.lower, p.upper) for p in parameters], interval)
+    spread = np.where(blind, [_extent(p) / np.sqrt(12.0) for p in parameters], spread)
     return Uncertainty(
         spread,
         mesh,
@@ -259,14 +260,30 @@ def _ends(parameter: Parameter, value: float, half: float) -> tuple[float, float
     return value - half * size, value + half * size
 
 
+def _extent(parameter: Parameter) -> float:
+    """Distance of the bounds in search coordinates."""
+    if parameter.log:
+        return float(np.log(parameter.upper / parameter.lower))
+    return (parameter.upper - parameter.lower) / parameter.scale
+
+
+def _unseen_constants(hessian: np.ndarray, sure: float) -> np.ndarray:
+    """Which constants the score does not see, whatever the others are, bool."""
+    return np.asarray(np.linalg.norm(seen_directions(hessian, sure), axis=1) < PART)
+
+
 def identifiability(hessian: np.ndarray, names: Sequence[str], sure: float = np.inf) -> tuple[str, ...]:
     """Sentences on what the score does not see, from its curvature in search coordinates.
 
     >>> identifiability(np.array([[1.0, -1.0], [-1.0, 1.0]]), ["mu_a", "mu_b"])[0]
     'only ratios of mu_a, mu_b are identifiable: these data do not see their common scale'
     """
-    values, vectors = np.linalg.eigh(hessian)
-    remarks = []
+    blind = _unseen_constants(hessian, sure)
+    alone = [name for name, unknown in zip(names, blind, strict=True) if unknown]
+    verb = "is" if len(alone) == 1 else "are"
+    remarks = [f"{', '.join(alone)} {verb} not identifiable from these data"] if alone else []
+    names = [name for name in names if name not in alone]
+    values, vectors = np.linalg.eigh(hessian[np.ix_(~blind, ~blind)])
     for value, vector in zip(values, vectors.T, strict=True):
         if value > unseen(values[-1], sure) * max(values[-1], 1e-300):
             continue
@@ -274,8 +291,6 @@ def identifiability(hessian: np.ndarray, names: Sequence[str], sure: float = np.
         parts = vector[np.abs(vector) > PART]
         if len(involved) > 1 and np.ptp(parts) < 0.3 * np.abs(parts).max():
             text = f"only ratios of {', '.join(involved)} are identifiable: these data do not see their common scale"
-        elif len(involved) == 1:
-            text = f"{involved[0]} is not identifiable from these data"
         else:
             terms = " ".join(f"{part:+.2f} log {name}" for name, part in zip(involved, parts, strict=True))
             text = f"the combination {terms} is not identifiable from these data"
