@@ -167,7 +167,8 @@ def diagnose(
     own = {p.name: estimate[p.name] for p in problem.settings.parameters() if p.name.partition(AT)[0] in constants}
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
     tolerance = problem.settings.fit.tolerance
-    signal = signal_of(found.comparison)
+    blamed = [one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects]
+    signal = signal_of(found.comparison, blamed)
     verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, intervals, signal)
     measurements = list[tuple[str, float]]()
     further, more = identification(found.comparison, threads)

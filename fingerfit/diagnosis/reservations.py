@@ -15,7 +15,7 @@ from fingerfit.diagnosis.sides import Sides
 from fingerfit.diagnosis.verdict import GOOD, MATTERS, Refit, Verdict, best_of, excess, explains, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
-from fingerfit.model.effect import FAMILIES, NUMERICS, OUTLINE, STATE, Effect
+from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, OUTLINE, STATE, Effect
 from fingerfit.study.several import AT
 
 LARGEST = 0.5
@@ -216,14 +216,19 @@ def traced(
     return Verdict("adequate", (), text, verdict.threshold)
 
 
-def signal_of(comparison: Comparison) -> float:
-    """Misfit that a model would have without the numbers of its effects, by slopes, the constants following."""
+def signal_of(comparison: Comparison, named: Sequence[Effect] = ()) -> float:
+    """Misfit that a model would have without the numbers of its effects, by slopes, the constants following.
+
+    A shift or a brightness that has another form leaves shifts and brightness: where all that is `named` acts on the
+    body, effects on the observation do not count.
+    """
+    bodily = bool(named) and all(effect.acts != OBSERVATION for effect in named)
     problem, score_test = comparison.problem, comparison.score_test
     parameters, values = problem.settings.parameters(), comparison.base.values
     amounts = {
         effect.key(number.name): number.null
         for effect in map(problem.effects.get, problem.settings.model.effects)
-        if effect is not None
+        if effect is not None and not (bodily and effect.acts == OBSERVATION)
         for number in effect.parameters
     }
     names = [p.name.partition(AT)[0] for p in parameters]
