@@ -300,13 +300,16 @@ def decide(
     plainer = [name for name in tried if _plainer(refits[name], refits[best], _worse(score_test))]
     rivals = [name for name in tried if _rival(refits[name], refits[best]) and name not in plainer]
     rivals = [*sorted(plainer, key=lambda name: refits[name].level), best, *(name for name in rivals if name != best)]
+    rivals = _without_series(rivals, by_name, refits)
     if len(rivals) > 1:
         names = " or ".join(_title(by_name[name]) for name in rivals)
         return Verdict(
             "indistinguishable", tuple(rivals), f"missing: {names}; these data cannot tell them apart", limit
         )
-    text = f"missing: {_title(by_name[best])}; it explains {100 * min(share, 1.0):.0f} % of the misfit beyond the noise"
-    return Verdict("missing", (best,), text, limit)
+    (named,) = rivals
+    percent = f"{100 * min(share, 1.0):.0f} %"
+    text = f"missing: {_title(by_name[named])}; it explains {percent} of the misfit beyond the noise"
+    return Verdict("missing", (named,), text, limit)
 
 
 def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float) -> dict[str, Refit]:
@@ -363,6 +366,18 @@ def _plainer(one: Refit, best: Refit, clearly: float) -> bool:
         errors.append((one.held_out, best.held_out))
     nearer = all(own < other - clearly for own, other in errors)
     return nearer and one.numbers < best.numbers and explains(one)
+
+
+def _without_series(rivals: Sequence[str], ranking: Mapping[str, Ranked], refits: Mapping[str, Refit]) -> list[str]:
+    """Rivals but for a series of numbers, one for each step, beside a member of its family that says it with fewer."""
+
+    def said(name: str) -> bool:
+        effect, numbers = ranking[name].candidate.effect, refits[name].numbers
+        alike = [one for one in rivals if ranking[one].candidate.effect.family == effect.family]
+        series = bool(effect.series) and not effect.probe
+        return series and any(refits[one].numbers < numbers for one in alike)
+
+    return [name for name in rivals if not said(name)]
 
 
 def _title(one: Ranked) -> str:

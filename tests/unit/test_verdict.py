@@ -363,17 +363,30 @@ def test_the_next_best_are_refitted_after_the_best(world):
 def test_confusions_and_summary(world):
     near = 0.9 * world.signal(0) + np.sqrt(1 - 0.9**2) * world.signal(1)
     score_test = world.score_test(30 * world.signal(0))
-    ranking = world.ranking(score_test, gradient=world.signal(0), inclusion=near, skin=world.signal(2))
+    ranking = world.ranking(score_test, compressibility=world.signal(0), inclusion=near, skin=world.signal(2))
     assert alike(score_test, ranking[0], ranking[1]) == pytest.approx(0.81)
     (pair,) = confusions(score_test, ranking)
-    assert (pair["a"], pair["b"]) == ("gradient", "inclusion")
+    assert (pair["a"], pair["b"]) == ("compressibility", "inclusion")
     assert pair["likeness"] == pytest.approx(0.81)
     first, second, third = summary(score_test, ranking)
-    assert (first["effect"], second["effect"], third["effect"]) == ("gradient", "inclusion", "skin")
-    assert first["size"] == {"slope": pytest.approx(30.0)}
+    assert (first["effect"], second["effect"], third["effect"]) == ("compressibility", "inclusion", "skin")
+    assert first["size"] == {"loss": pytest.approx(30.0)}
     assert first["share_of_excess"] == pytest.approx(1.0)
     assert second["share_of_excess"] == pytest.approx(0.81)
     assert third["predicted_fall"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("worse", "named"), [(3.0, "intensity_drift"), (400.0, "jumping_brightness")])
+def test_a_series_is_not_named_beside_a_member_that_says_it_with_fewer_numbers(world, worse, named):
+    steps = np.stack([world.signal(0), world.signal(1)], axis=1)
+    score_test = world.score_test(30 * world.signal(0))
+    ranking = world.ranking(score_test, intensity_drift=world.signal(0), jumping_brightness=steps)
+    refits = world.refits(score_test, ranking, intensity_drift=score_test.freedom + worse)
+    refits |= {
+        name: replace(refits[name], numbers=n) for name, n in (("intensity_drift", 1), ("jumping_brightness", 2))
+    }
+    found = decide(score_test, ranking, refits, TESTS)
+    assert (found.kind, found.effects) == ("missing", (named,))
 
 
 @pytest.mark.parametrize(("after", "kind"), [(2.01, "missing"), (2.05, "unexplained"), (1.0, "missing")])
