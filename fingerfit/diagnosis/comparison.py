@@ -322,7 +322,8 @@ class Comparison:
         data, points = self.data, self.problem.meshes[SEARCH].body
         now = {**effect.null(), **self.problem.own(values)}
         further = {**now, effect.key(name): now[effect.key(name)] + step}
-        whole = self.problem.effects[effect.name]  # formulas have all numbers of a series
+        # formulas have all numbers of a series
+        whole = self.problem.effects[effect.name] if effect.series else effect
         before, after = (
             Observation((whole,), guess, points.min(axis=0), points.max(axis=0), self.problem.study.course)
             for guess in (now, further)

@@ -43,7 +43,7 @@ def load_runs(source: Mapping[str, Any], where: Path | str = CONFIG) -> list[Set
     InputError
         For runs that are no list of mappings.
     """
-    if RUNS not in source:
+    if not isinstance(source, Mapping) or RUNS not in source:
         return [load_settings(source, where)]
     shared, runs = {key: value for key, value in source.items() if key != RUNS}, source[RUNS]
     if not isinstance(runs, list) or not runs:

@@ -206,17 +206,21 @@ def test_without_the_parents_estimate_it_is_one_line(config):
 
 def test_effects_with_all_their_numbers_need_no_estimate_before(config):
     plain = load_settings(config).starts()
-    write_text(config, with_effects(effects="  effects:\n    gradient: {slope: 0.01}\n    base_slip: {share: 0.1}\n"))
+    write_text(
+        config, with_effects(effects="  effects:\n    compressibility: {loss: 0.01}\n    base_slip: {share: 0.1}\n")
+    )
     found = stages.warm(load_settings(config)).starts()
-    assert found == plain | {"gradient.slope": 0.01, "base_slip.share": 0.1}
+    assert found == plain | {"compressibility.loss": 0.01, "base_slip.share": 0.1}
 
 
 def test_the_search_starts_at_the_parents_estimate(config, tmp_path):
     write_text(
         config,
-        with_effects(effects="  effects:\n    gradient: {slope: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"),
+        with_effects(
+            effects="  effects:\n    compressibility: {loss: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"
+        ),
     )
-    values = {"mu_top": 0.031, "mu_bottom": 0.062, "gradient.slope": 0.017}
+    values = {"mu_top": 0.031, "mu_bottom": 0.062, "compressibility.loss": 0.017}
     parameters = {name: {"value": value} for name, value in values.items()}
     keep_json(tmp_path / "results/study/base+gradient/estimate.json", {"parameters": parameters})
     found = stages.warm(load_settings(config)).starts()
@@ -241,7 +245,7 @@ def test_a_field_that_is_added_by_hand_has_the_modes_that_were_said(config, tmp_
 def diagnosed(folder, model, named, **refits):
     """A diagnosis on the way, with the values of `mu_top` of the effects that were refitted."""
     ranking = [
-        {"effect": name, "refit": {"parameters": {"mu_top": value, "mu_bottom": 0.06, "gradient.slope": 0.02}}}
+        {"effect": name, "refit": {"parameters": {"mu_top": value, "mu_bottom": 0.06, "compressibility.loss": 0.02}}}
         for name, value in refits.items()
     ]
     keep_json(folder / f"results/study/{model}/diagnosis.json", {"ranking": ranking, "effects": named})
@@ -250,13 +254,16 @@ def diagnosed(folder, model, named, **refits):
 def test_models_that_could_not_be_told_from_it_stay_with_a_model(config, tmp_path):
     write_text(
         config,
-        with_effects(effects="  effects:\n    gradient: {slope: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"),
+        with_effects(
+            effects="  effects:\n    compressibility: {loss: 0.01}\n    inclusion: {contrast: 0.7, along: 0.3}\n"
+        ),
     )
-    named, other = ["gradient", "skin"], ["relaxation", "ageing"]
+    named, other = ["compressibility", "skin"], ["relaxation", "ageing"]
     diagnosed(tmp_path, "base", named, gradient=0.03, skin=0.045, soft_bed=0.09)
     diagnosed(tmp_path, "base+gradient", other, inclusion=0.03, relaxation=0.02, ageing=0.04)
     parameters = {
-        name: {"value": value} for name, value in {"mu_top": 0.031, "mu_bottom": 0.062, "gradient.slope": 0.017}.items()
+        name: {"value": value}
+        for name, value in {"mu_top": 0.031, "mu_bottom": 0.062, "compressibility.loss": 0.017}.items()
     }
     keep_json(tmp_path / "results/study/base+gradient/estimate.json", {"parameters": parameters})
     # an effect that is added though others were named has no rivals of its own; those of the first one stay
