@@ -222,11 +222,11 @@ def test_the_search_starts_at_the_parents_estimate(config, tmp_path):
     )
     values = {"mu_top": 0.031, "mu_bottom": 0.062, "compressibility.loss": 0.017}
     parameters = {name: {"value": value} for name, value in values.items()}
-    keep_json(tmp_path / "results/study/base+gradient/estimate.json", {"parameters": parameters})
+    keep_json(tmp_path / "results/study/base+compressibility/estimate.json", {"parameters": parameters})
     found = stages.warm(load_settings(config)).starts()
     wanted = values | {"inclusion.contrast": 0.7, "inclusion.along": 0.3, "inclusion.across": 0.15}
     assert found == pytest.approx(wanted)
-    assert str(stages.model_folder(load_settings(config))) == "results/study/base+gradient+inclusion"
+    assert str(stages.model_folder(load_settings(config))) == "results/study/base+compressibility+inclusion"
 
 
 @pytest.mark.parametrize(("given", "count"), [("{}", 8), ("{modes: 12}", 12), ("{modes: 3, m2: 0.1}", 3)])
@@ -259,21 +259,23 @@ def test_models_that_could_not_be_told_from_it_stay_with_a_model(config, tmp_pat
         ),
     )
     named, other = ["compressibility", "skin"], ["relaxation", "ageing"]
-    diagnosed(tmp_path, "base", named, gradient=0.03, skin=0.045, soft_bed=0.09)
-    diagnosed(tmp_path, "base+gradient", other, inclusion=0.03, relaxation=0.02, ageing=0.04)
+    diagnosed(tmp_path, "base", named, compressibility=0.03, skin=0.045, soft_bed=0.09)
+    diagnosed(tmp_path, "base+compressibility", other, inclusion=0.03, relaxation=0.02, ageing=0.04)
     parameters = {
         name: {"value": value}
         for name, value in {"mu_top": 0.031, "mu_bottom": 0.062, "compressibility.loss": 0.017}.items()
     }
-    keep_json(tmp_path / "results/study/base+gradient/estimate.json", {"parameters": parameters})
+    keep_json(tmp_path / "results/study/base+compressibility/estimate.json", {"parameters": parameters})
     # an effect that is added though others were named has no rivals of its own; those of the first one stay
     assert stages.warm(load_settings(config)).model.rivals == {
         "base+skin": {"mu_top": pytest.approx(1.5), "mu_bottom": pytest.approx(1.0)}
     }
-    diagnosed(tmp_path, "base+gradient", ["inclusion"], inclusion=0.03, relaxation=0.02)
+    diagnosed(tmp_path, "base+compressibility", ["inclusion"], inclusion=0.03, relaxation=0.02)
     assert list(stages.warm(load_settings(config)).model.rivals) == ["base+skin"]
-    diagnosed(tmp_path, "base+gradient", ["ageing", "inclusion"], inclusion=0.04, ageing=0.02)
-    assert stages.warm(load_settings(config)).model.rivals["base+gradient+ageing"]["mu_top"] == pytest.approx(0.5)
+    diagnosed(tmp_path, "base+compressibility", ["ageing", "inclusion"], inclusion=0.04, ageing=0.02)
+    assert stages.warm(load_settings(config)).model.rivals["base+compressibility+ageing"]["mu_top"] == pytest.approx(
+        0.5
+    )
 
 
 # --- what is told
