@@ -288,15 +288,17 @@ def decide(
         kind = "adequate" if adequate else "unexplained"
         text = "no known effect improves the fit beyond chance"
         return Verdict(kind, (), text, limit)
-    share = refits[best].explained(score_test.misfit) if fell else 1.0
+
+    def percent(name: str) -> str:
+        share = refits[name].explained(score_test.misfit) if fell else 1.0
+        return f"{100 * min(share, 1.0):.0f} %"
+
     if half_explained(score_test, ranking, refits, tests) is not None:
         if partner is None or not explains(partner[1]) or not _generalises(score_test, partner[1], held_out):
-            nearest = f"{_title(by_name[best])} comes nearest but explains only {100 * share:.0f} % of the misfit"
+            nearest = f"{_title(by_name[best])} comes nearest but explains only {percent(best)} of the misfit"
             return Verdict("unexplained", (), f"unexplained: {nearest} beyond the noise", limit)
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
-        return Verdict(
-            "missing", (best,), f"{text} the misfit beyond the noise, alone {100 * share:.0f} % of it", limit
-        )
+        return Verdict("missing", (best,), f"{text} the misfit beyond the noise, alone {percent(best)} of it", limit)
     plainer = [name for name in tried if _plainer(refits[name], refits[best], _worse(score_test))]
     rivals = [name for name in tried if _rival(refits[name], refits[best]) and name not in plainer]
     rivals = [*sorted(plainer, key=lambda name: refits[name].level), best, *(name for name in rivals if name != best)]
@@ -307,8 +309,7 @@ def decide(
             "indistinguishable", tuple(rivals), f"missing: {names}; these data cannot tell them apart", limit
         )
     (named,) = rivals
-    percent = f"{100 * min(share, 1.0):.0f} %"
-    text = f"missing: {_title(by_name[named])}; it explains {percent} of the misfit beyond the noise"
+    text = f"missing: {_title(by_name[named])}; it explains {percent(named)} of the misfit beyond the noise"
     return Verdict("missing", (named,), text, limit)
 
 

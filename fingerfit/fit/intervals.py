@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.fit.objective import Objective
+from fingerfit.fit.slopes import coordinates
 from fingerfit.model.parameters import Parameter
 
 WIDTH = 0.02
@@ -239,10 +240,11 @@ def summarise(
         stdtrit(count - 1, 0.975) * np.sqrt(np.diag(noise)), ndtri(0.975) * np.sqrt(mesh**2 + np.diag(known))
     )
     interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
-    # the repetitions do not move what the score does not see: it may be anywhere in its bounds
-    blind = _unseen_constants(hessian, sure)
+    # the repetitions do not move what the score does not see: without a prior it may be anywhere in its bounds
+    blind = _unseen_constants(hessian, sure) & (np.sqrt(np.diag(known)) < SHORTEST)
     interval = np.where(blind[:, None], [(p.lower, p.upper) for p in parameters], interval)
-    spread = np.where(blind, [_extent(p) / np.sqrt(12.0) for p in parameters], spread)
+    low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
+    spread = np.where(blind, (high - low) / np.sqrt(12.0), spread)  # of an even distribution
     return Uncertainty(
         spread,
         mesh,
@@ -258,13 +260,6 @@ def _ends(parameter: Parameter, value: float, half: float) -> tuple[float, float
         return value * float(np.exp(-half)), value * float(np.exp(half))
     size = parameter.scale
     return value - half * size, value + half * size
-
-
-def _extent(parameter: Parameter) -> float:
-    """Distance of the bounds in search coordinates."""
-    if parameter.log:
-        return float(np.log(parameter.upper / parameter.lower))
-    return (parameter.upper - parameter.lower) / parameter.scale
 
 
 def _unseen_constants(hessian: np.ndarray, sure: float) -> np.ndarray:
@@ -291,6 +286,8 @@ def identifiability(hessian: np.ndarray, names: Sequence[str], sure: float = np.
         parts = vector[np.abs(vector) > PART]
         if len(involved) > 1 and np.ptp(parts) < 0.3 * np.abs(parts).max():
             text = f"only ratios of {', '.join(involved)} are identifiable: these data do not see their common scale"
+        elif len(involved) == 1:
+            text = f"{involved[0]} is not identifiable from these data"
         else:
             terms = " ".join(f"{part:+.2f} log {name}" for name, part in zip(involved, parts, strict=True))
             text = f"the combination {terms} is not identifiable from these data"

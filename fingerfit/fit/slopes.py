@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,7 +14,7 @@ Measured = TypeVar("Measured", bound=Any)
 """What a solution leads to: a prediction, or an array."""
 
 
-def coordinates(parameters: tuple[Parameter, ...], values: Mapping[str, float]) -> np.ndarray:
+def coordinates(parameters: Sequence[Parameter], values: Mapping[str, float]) -> np.ndarray:
     """Logarithms, or multiples of the scale of a parameter, shape (parameters,)."""
     return np.array([np.log(values[p.name]) if p.log else values[p.name] / p.scale for p in parameters])
 

@@ -26,13 +26,13 @@ class Config(Settings):
     )
 
 
-def load_runs(source: Mapping[str, Any], where: Path | str = CONFIG) -> list[Settings]:
+def load_runs(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) -> list[Settings]:
     """Check the settings of all models of a config.yaml: of the one in it, or of those under ``runs``.
 
     Parameters
     ----------
-    source : mapping
-        What was read from config.yaml.
+    source : mapping or Path
+        What was read from config.yaml, or the file.
     where : Path or str
         Named in errors.
 
@@ -43,6 +43,8 @@ def load_runs(source: Mapping[str, Any], where: Path | str = CONFIG) -> list[Set
     InputError
         For runs that are no list of mappings.
     """
+    if isinstance(source, Path):
+        where, source = source, read_yaml(source)
     if not isinstance(source, Mapping) or RUNS not in source:
         return [load_settings(source, where)]
     shared, runs = {key: value for key, value in source.items() if key != RUNS}, source[RUNS]
@@ -77,7 +79,7 @@ def settings_for(path: Path, config: Path | None) -> tuple[Settings | None, Path
             return None, here, f"none: {found}, so mesh, constants, template and solver are not checked"
         config = here
     config = config or own
-    every = load_runs(read_yaml(config), config)
+    every = load_runs(config)
     ours = [settings for settings in every if _same(Path(settings.study), folder)]
     if not ours:
         raise InputError(config, "study", every[0].study, f"{path}, the study that is checked, or other settings")

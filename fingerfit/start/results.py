@@ -8,7 +8,6 @@ import webbrowser
 from pathlib import Path
 
 from fingerfit.core.errors import InputError, StateError
-from fingerfit.core.keys import read_yaml
 from fingerfit.provenance.results import model_folder, study_folder
 from fingerfit.settings.config import CONFIG, RUNS, Settings
 from fingerfit.settings.runs import load_runs, settings_for
@@ -24,7 +23,7 @@ def page(study: Path | None, config: Path | None) -> Path:
     """
     if study is None:
         where = config or Path(CONFIG)
-        every = load_runs(read_yaml(where), where)
+        every = load_runs(where)
         if len({study_folder(one) for one in every}) > 1:
             raise InputError(where, RUNS, "several studies", "fingerfit open STUDY, with one of them")
         settings: Settings | None = every[0]

@@ -151,8 +151,17 @@ def test_a_constant_that_the_data_do_not_see_may_be_anywhere_in_its_bounds():
     found = summarise(shifts, hessian, LOG, [0.02, 0.03, 0.06])
     assert found.remarks == ("mu_b is not identifiable from these data",)
     assert tuple(found.interval[1]) == (LOG[1].lower, LOG[1].upper)
+    assert found.relative[1] == pytest.approx(np.log(LOG[1].upper / LOG[1].lower) / np.sqrt(12.0))
     others = summarise(shifts[:, [0, 2]], hessian[np.ix_([0, 2], [0, 2])], [LOG[0], LOG[2]], [0.02, 0.06])
     assert found.interval[[0, 2]] == pytest.approx(others.interval)
+
+
+def test_a_constant_that_a_prior_alone_knows_has_the_interval_of_the_prior():
+    hessian, known = np.diag([1.0, 0.0, 2.0]), np.diag([0.0, 0.2**2, 0.0])
+    shifts = generator(4).normal(0.0, 0.01, (60, 3)) * [1.0, 0.0, 1.0]
+    found = summarise(shifts, hessian, LOG, [0.02, 0.03, 0.06], known=known)
+    assert np.log(found.interval[1] / 0.03) == pytest.approx(norm.ppf(0.975) * 0.2 * np.array([-1.0, 1.0]))
+    assert found.relative[1] == pytest.approx(0.2)
 
 
 def test_correlation_of_two_constants():
@@ -185,6 +194,11 @@ def test_only_ratios():
 
 def test_one_constant_not_seen():
     assert identifiability(np.diag([1.0, 1e-6, 1.0]), NAMES) == ("mu_b is not identifiable from these data",)
+
+
+def test_one_constant_at_a_maximum_is_told_by_its_name():
+    """A score that curves down along a constant has no minimum there: it is no combination of several."""
+    assert identifiability(np.diag([1.0, -1.0, 1.0]), NAMES) == ("mu_b is not identifiable from these data",)
 
 
 def test_a_combination_not_seen():

@@ -11,7 +11,7 @@ from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
-from fingerfit.diagnosis.reservations import LOUD, by_settings, doubted, traced
+from fingerfit.diagnosis.reservations import LOUD, by_settings, doubted, signal_of, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import (
     LEVEL,
@@ -27,6 +27,7 @@ from fingerfit.diagnosis.verdict import (
     to_refit,
 )
 from fingerfit.model.catalogue import catalogue
+from fingerfit.model.parameters import Parameter
 
 EFFECTS = catalogue()
 VALUES, OWN, TESTS = 300, 3, 20
@@ -608,3 +609,24 @@ def test_a_refit_that_ends_worse_on_what_it_fitted_has_missed_its_minimum(count,
     score_test = SimpleNamespace(misfit=9.0 * count, freedom=count)
     refits = {"relaxation": Refit(0.8 * count, count - 1, fitted, 1.0, {})}
     assert ended_well(score_test, refits, 2.53) == (refits if counts else {})
+
+
+def test_a_shift_is_no_excuse_for_what_acts_on_the_body():
+    """What the effects of a model explain, beside something on the body, beside a shift, and beside nothing."""
+    parameters = [
+        Parameter("mu", "MPa", 0.01, 1.0, 0.1),
+        Parameter("tilt.slope", "1/mm", -1.0, 1.0, 0.0, log=False),
+        Parameter("misregistration.x", "mm", -1.0, 1.0, 0.0, log=False),
+    ]
+    model = SimpleNamespace(effects={"tilt": {}, "misregistration": {}}, parameters={"mu": None})
+    settings = SimpleNamespace(parameters=lambda: parameters, model=model)
+    values = {"mu": 0.1, "tilt.slope": 0.6, "misregistration.x": 0.8}
+    comparison = SimpleNamespace(
+        problem=SimpleNamespace(settings=settings, effects=EFFECTS),
+        score_test=SimpleNamespace(own=np.eye(4)[:, :3], left=np.zeros(4)),
+        base=SimpleNamespace(values=values),
+    )
+    tilt, shift = (0.6 / parameters[1].scale) ** 2, (0.8 / parameters[2].scale) ** 2
+    assert signal_of(comparison, [EFFECTS["gradient"]]) == pytest.approx(tilt)
+    assert signal_of(comparison, [EFFECTS["gradient"], EFFECTS["turned_pictures"]]) == pytest.approx(tilt + shift)
+    assert signal_of(comparison) == pytest.approx(tilt + shift)
