@@ -26,13 +26,25 @@ def catalogue(study: Path | None = None) -> dict[str, Effect]:
     InputError
         For an effect of a package whose name is taken.
     """
-    found: dict[str, Effect] = {}
+    return {path.stem: _read(path, changed) for path, changed in effect_files(study)}
+
+
+def effect_files(study: Path | None = None) -> tuple[tuple[Path, int], ...]:
+    """Files of `catalogue`, each with the time of its last change in ns: the last of a name is the one that counts.
+
+    Raises
+    ------
+    InputError
+        As of `catalogue`.
+    """
+    found = list[tuple[Path, int]]()
     for folder in (*template_folders(), *([study] if study else [])):
+        taken = {path.stem for path, _ in found}
         for path in sorted((folder / "effects").glob("*.yaml")):
-            if path.stem in found and folder != study:
+            if path.stem in taken and folder != study:
                 raise InputError(path, "name", path.stem, "one that no other effect has")
-            found[path.stem] = _read(path, path.stat().st_mtime_ns)
-    return found
+            found.append((path, path.stat().st_mtime_ns))
+    return tuple(found)
 
 
 def chosen(names: Sequence[str], known: Mapping[str, Effect], where: Path | str) -> tuple[Effect, ...]:

@@ -204,6 +204,8 @@ class Effect:
         ValueError
             For a formula of a scale that is none, or is not above 0.
         """
+        if not self.shares_of:
+            return self
         sizes, left = dict[str, float](), dict(self.shares_of)
         for name, formula in self.shares_of.items():
             if names_in(formula) <= scales.keys():

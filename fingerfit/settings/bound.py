@@ -10,12 +10,15 @@ import numpy as np
 
 from fingerfit.core.errors import FingerfitError
 from fingerfit.deck.mesh_file import read_mesh
-from fingerfit.model.catalogue import catalogue
+from fingerfit.model.catalogue import catalogue, effect_files
 from fingerfit.model.effect import Effect
 from fingerfit.model.regions import region_effects
 from fingerfit.model.scales import bound, scales
 from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.study import Study
+
+_KEPT = 8
+"""Studies whose effects are kept: each model of a diagnosis asks for them several times. A choice."""
 
 
 def effects_of(folder: Path, whole: bool = False) -> dict[str, Effect]:
@@ -32,11 +35,19 @@ def effects_of(folder: Path, whole: bool = False) -> dict[str, Effect]:
     FingerfitError
         For effects that cannot be read, and shares of what is not above 0.
     """
-    known, file = catalogue(folder), study_path(folder)
+    file = study_path(folder)
     if not file.is_file():
-        return known
-    sizes, regions, control = _of_study(file, _stamps(file.parent))
-    return {**region_effects(regions), **bound(known, dict(sizes), "" if whole else control)}
+        return catalogue(folder)
+    return dict(_bound(folder, effect_files(folder), file, _stamps(file.parent), whole))
+
+
+@functools.lru_cache(maxsize=_KEPT)
+def _bound(
+    folder: Path, effects: tuple[tuple[Path, int], ...], file: Path, stamps: tuple[tuple[str, int], ...], whole: bool
+) -> dict[str, Effect]:
+    """The effects of a study, as long as neither its files nor those of effects change."""
+    sizes, regions, control = _of_study(file, stamps)
+    return {**region_effects(regions), **bound(catalogue(folder), dict(sizes), "" if whole else control)}
 
 
 @functools.cache
