@@ -44,7 +44,7 @@ class Candidate:
 
 
 def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[list[Candidate], dict[str, InputError]]:
-    """Effects that make sense in this study and are not in the model, with their simulations at small sizes.
+    """Effects that are to be tried in this study and are not in the model, with their simulations at small sizes.
 
     Returns
     -------
@@ -83,8 +83,10 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
 
 
 def makes_sense(effect: Effect, problem: InverseProblem) -> bool:
-    """Whether a model may have an effect more: it is neither in it nor the same by another name, and can be tested."""
+    """Whether a model may have an effect more: to be tried, not in it by this or another name, and testable."""
     settings = problem.settings
+    if not settings.tries(effect.name):
+        return False
     if effect.name in (OUTLINE, *settings.model.effects) or foreign(effect, settings.model.law):
         return False
     if all(test.lacks(effect) for test in problem.every):  # one test that can have it is enough
@@ -115,6 +117,8 @@ def untestable(problem: InverseProblem) -> dict[str, InputError]:
     for effect in problem.effects.values():
         if effect.name in (OUTLINE, *problem.settings.model.effects) or effect.acts == OBSERVATION or effect.probe:
             continue
+        if not problem.settings.tries(effect.name):
+            continue
         if others := _replacing_the_same(effect, problem):
             found[effect.title] = InputError(study.path, "effects", f"a model without {others[0]}", ONE_OF_TWO)
             continue
@@ -127,6 +131,12 @@ def untestable(problem: InverseProblem) -> dict[str, InputError]:
             expected = "it in the study, or for a mesh in the settings: then the effect is tested"
             found[effect.title] = InputError(study.path, "effects", " and ".join(lacking), expected)
     return found
+
+
+def left_out(problem: InverseProblem) -> list[str]:
+    """Titles of the effects that config.yaml says not to try."""
+    settings, every = problem.settings, problem.effects.values()
+    return [e.title for e in every if not settings.tries(e.name) and e.name not in settings.model.effects]
 
 
 def _replacing_the_same(effect: Effect, problem: InverseProblem) -> list[str]:

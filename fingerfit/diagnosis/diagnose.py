@@ -11,7 +11,7 @@ import numpy as np
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import tell
-from fingerfit.diagnosis.candidates import candidates, makes_sense, may_be, untestable
+from fingerfit.diagnosis.candidates import candidates, left_out, makes_sense, may_be, untestable
 from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import Further, identification, separation
 from fingerfit.diagnosis.errors import errors
@@ -95,6 +95,8 @@ class Diagnosis:
         Effects that were not tried, by title, and what the solver lacks for them.
     untestable : dict
         Effects that were not tried, by title, and what would have to be measured.
+    left_out : list of str
+        Titles of the effects that were not tried, as ``diagnosis`` in config.yaml says.
     """
 
     comparison: Comparison
@@ -108,6 +110,7 @@ class Diagnosis:
     stiffness: np.ndarray
     lacking: dict[str, InputError]
     untestable: dict[str, InputError]
+    left_out: list[str]
 
 
 def diagnose(
@@ -183,7 +186,7 @@ def diagnose(
     mesh = next((effect for effect in problem.effects.values() if effect.signal == MESH_ERROR), None)
     if coarse and mesh:
         verdict = too_coarse(verdict, score_test, by_mesh, mesh)
-    if outline.off and verdict.kind != "adequate":
+    if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
         best = refits.get(verdict.effects[0]) if verdict.effects else None
         states, more = _states(problem, last, everything, found, begun(found.comparison, found.everywhere), threads)
         begins = {one.candidate.effect.name: one for one, _ in states}
@@ -199,8 +202,8 @@ def diagnose(
             refits |= {one.candidate.effect.name: refit for one, refit in unknown}
             verdict, run = strained(verdict, outline, next(iter(unknown), None)), run + more
     verdict = far_off(verdict, found.comparison)
-    verdict = untried(verdict, problem.settings.solver, list(found.lacking))
-    untold = found.lacking, untestable(problem)
+    untold = found.lacking, untestable(problem), left_out(problem)
+    verdict = untried(verdict, problem.settings.solver, list(found.lacking), len(untold[-1]))
     return Diagnosis(
         found.comparison, score_test, ranking, refits, verdict, run, measurements, further, stiffness, *untold
     )

@@ -391,9 +391,9 @@ def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:
     return replace(verdict, sentence=verdict.sentence + text)
 
 
-def untried(verdict: Verdict, solver: str, titles: Sequence[str]) -> Verdict:
-    """The verdict, and in its sentence the effects that were not tried since the solver lacks what they need."""
-    if not titles:
-        return verdict
-    sentence = f"{verdict.sentence}; not tried, since solver {solver} lacks what they need: {', '.join(titles)}"
-    return replace(verdict, sentence=sentence)
+def untried(verdict: Verdict, solver: str, titles: Sequence[str], left_out: int) -> Verdict:
+    """The verdict, and in its sentence what was not tried: what the solver cannot, and how many were left out."""
+    lacking = f"; not tried, since solver {solver} lacks what they need: {', '.join(titles)}" if titles else ""
+    count = "1 effect was" if left_out == 1 else f"{left_out} effects were"
+    chosen = f"; {count} not tried, as diagnosis in config.yaml says" if left_out else ""
+    return replace(verdict, sentence=verdict.sentence + lacking + chosen)

@@ -115,7 +115,10 @@ def settings_of(settings: Settings, stage: str) -> str:
         "plot": {},
         "ladder": {name: every[name] for name in ("study", "solver", "model", "fit")},
         "export": {},
-        "diagnose": {"solver": get_solver(settings.solver).identity(), "model": every["model"], "fit": fit},
+        "diagnose": {
+            "solver": get_solver(settings.solver).identity(),
+            **{name: every[name] for name in ("model", "fit", "diagnosis")},
+        },
     }
     return json.dumps(chosen[stage], sort_keys=True)
 

@@ -251,6 +251,7 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
             {"title": title, "lacks": str(error.found), "expected": error.expected}
             for title, error in {**found.lacking, **found.untestable}.items()
         ],
+        "left_out": found.left_out,
         "add": f"fingerfit add {verdict.effects[0]}" if verdict.effects else "",
         "simulations": found.run,
     }

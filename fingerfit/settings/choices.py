@@ -130,6 +130,11 @@ class Choices:
             raise problem
         return tuple(with_numbers(effect, self.model.effects[effect.name]) for effect in found)
 
+    def tries(self: Any, effect: str) -> bool:
+        """Whether the diagnosis tries an effect, where the study can have it."""
+        chosen = self.diagnosis
+        return (chosen.only is None or effect in chosen.only) and effect not in chosen.without
+
     def fixed(self: Any, known: Mapping[str, Effect] | None = None) -> dict[str, float]:
         """Numbers of effects that are not fitted: places and the like; `known` as of `effects`."""
         return {
@@ -213,6 +218,7 @@ def read_checked(path: Path, time_limit: int | None = None) -> Any:
                 "time_limit": time_limit or None,
                 "model": _ReadModel(**{**model, **meshes, "parameters": parameters}),
                 "fit": SimpleNamespace(**{**fit, "stages": stages}),
+                "diagnosis": SimpleNamespace(**data["diagnosis"]),
             }
         )
     except (TypeError, KeyError, AttributeError) as error:

@@ -117,6 +117,22 @@ class FitSettings(Keys):
     stages: list[StageSettings] = Field(min_length=1, description="Stages of the search, in order.")
 
 
+class DiagnosisSettings(Keys):
+    """Which effects the diagnosis tries."""
+
+    only: list[str] | None = Field(
+        default=None,
+        min_length=1,
+        description="Names of the effects that are tried (`fingerfit effects`). Left out: all that the study can have.",
+    )
+    without: list[str] = Field(
+        default_factory=list,
+        description="Names of effects that are not tried, since you know that they are not there: base_slip, where the"
+        " base is glued for certain. What is not tried is never named: the answer says how many there are, and the page"
+        " lists them.",
+    )
+
+
 class Settings(Choices, Keys):
     """config.yaml."""
 
@@ -136,6 +152,9 @@ class Settings(Choices, Keys):
     )
     model: ModelSettings = Field(description="The model of the body.")
     fit: FitSettings = Field(description="How the model is fitted.")
+    diagnosis: DiagnosisSettings = Field(
+        default_factory=DiagnosisSettings, description="Which effects the diagnosis tries."
+    )
 
 
 def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) -> Settings:
@@ -162,7 +181,7 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
     if problems:
         raise Problems(problems)
     settings.effects(where)
-    if problems := _strange_rivals(settings, where):
+    if problems := [*_strange_rivals(settings, where), *_strange_candidates(settings, where)]:
         raise Problems(problems)
     return settings  # type: ignore[no-any-return]
 
@@ -256,6 +275,20 @@ def _strange_rivals(settings: Settings, where: Path | str) -> list[FingerfitErro
             if name in known and known[name].log and far <= 0
         ]
     return problems
+
+
+def _strange_candidates(settings: Settings, where: Path | str) -> list[FingerfitError]:
+    """Names of effects that the diagnosis shall try, or not, and that the study does not know."""
+    named = {"only": settings.diagnosis.only or [], "without": settings.diagnosis.without}
+    if not any(named.values()) or not Path(settings.study).is_dir():
+        return []
+    known = sorted(settings.known_effects())
+    return [
+        unknown_key(where, f"diagnosis.{key}.", name, known)
+        for key, names in named.items()
+        for name in names
+        if name not in known
+    ]
 
 
 def too_long(where: Path | str, field: str, path: Path) -> list[FingerfitError]:

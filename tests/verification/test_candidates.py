@@ -4,8 +4,9 @@ import pytest
 import yaml
 from blocks import FIT, MODEL, STUDY
 
+from fingerfit.core.errors import FingerfitError
 from fingerfit.core.files import write_json
-from fingerfit.diagnosis.candidates import candidates
+from fingerfit.diagnosis.candidates import candidates, left_out, untestable
 from fingerfit.fit.simulate import begin
 from fingerfit.settings.config import load_settings
 
@@ -13,22 +14,49 @@ STEPS = "step,displacement,force\n1,0.4,10.0\n2,0.8,21.0\n3,1.2,32.0\n"
 ALPHA = {"unit": "1", "start": 2.0, "lower": 1.2, "upper": 20.0}
 
 
+def problem_of(folder, layers=1, **keys):
+    """A fit of forces alone of so many layers, with other keys of config.yaml; nothing is solved."""
+    names = ["top", "bottom"][:layers]
+    body = {"width": 12, "thickness": 70, "layers": [{"name": name, "height": 4.0} for name in names]}
+    write_json(folder / "study/study.yaml", {**STUDY, "body": body})
+    (folder / "study/steps.csv").write_text(STEPS)
+    config = {"study": str(folder / "study"), "solver": "builtin", "model": MODEL, "fit": FIT}
+    (folder / "config.yaml").write_text(yaml.safe_dump({**config, "results": str(folder / "results"), **keys}))
+    return begin(load_settings(folder / "config.yaml"), folder / "model")[0]
+
+
+def named(problem):
+    values = {one.name: one.start for one in problem.settings.parameters()}
+    return [(one.effect.name, *one.place.values()) for one in candidates(problem, values)[0]]
+
+
 @pytest.mark.parametrize("layers", [1, 2])
 @pytest.mark.parametrize("fitted", [False, True])
 def test_one_layer_that_stiffens_is_another_model_where_there_are_several(tmp_path, layers, fitted):
-    names = ["top", "bottom"][:layers]
-    body = {"width": 12, "thickness": 70, "layers": [{"name": name, "height": 4.0} for name in names]}
-    write_json(tmp_path / "study/study.yaml", {**STUDY, "body": body})
-    (tmp_path / "study/steps.csv").write_text(STEPS)
     parameters = {**MODEL["parameters"], **({"alpha": ALPHA} if fitted else {})}
     material = {key: value for key, value in MODEL["material"].items() if not (fitted and key == "alpha")}
     model = {**MODEL, "parameters": parameters, "material": material}
-    config = {"study": str(tmp_path / "study"), "solver": "builtin", "model": model, "fit": FIT}
-    (tmp_path / "config.yaml").write_text(yaml.safe_dump({**config, "results": str(tmp_path / "results")}))
-    problem, _ = begin(load_settings(tmp_path / "config.yaml"), tmp_path / "model")
-    values = {one.name: one.start for one in problem.settings.parameters()}
-    found = [(one.effect.name, *one.place.values()) for one in candidates(problem, values)[0]]
+    found = named(problem_of(tmp_path, layers, model=model))
     one_layer = [one for one in found if one[0] == "layer_stiffening"]
     assert one_layer == ([("layer_stiffening", 1), ("layer_stiffening", 2)] if layers == 2 else [])
     assert (("stiffening",) in found) != fitted
     assert len(found) == len(set(found))
+
+
+def test_what_config_yaml_leaves_out_is_not_tried(tmp_path):
+    every = {name for name, *_ in named(problem_of(tmp_path))}
+    assert {"compressibility", "base_slip"} < every
+    without = problem_of(tmp_path, diagnosis={"without": ["compressibility"]})
+    assert {name for name, *_ in named(without)} == every - {"compressibility"}
+    assert left_out(without) == [without.effects["compressibility"].title]
+    # a tilt needs pictures or points
+    only = problem_of(tmp_path, diagnosis={"only": ["compressibility", "tilt"]})
+    assert {name for name, *_ in named(only)} == {"compressibility"}
+    assert len(left_out(only)) == len(only.effects) - 2
+    assert list(untestable(only)) == [only.effects["tilt"].title]
+
+
+@pytest.mark.parametrize("key", ["only", "without"])
+def test_the_names_are_those_of_effects(tmp_path, key):
+    with pytest.raises(FingerfitError, match=rf"config.yaml: diagnosis.{key}.tlit: found an unknown key; expected tilt"):
+        problem_of(tmp_path, diagnosis={key: ["tlit"]})

@@ -124,6 +124,8 @@ def _not_shown(diagnosis: dict[str, Any]) -> str:
     hidden = [named[str(e.get("effect"))] for e in diagnosis.get("ranking") or [] if e.get("imitated")]
     untried = [f"{e.get('title')} (needs {e.get('lacks')})" for e in diagnosis.get("not_tried") or []]
     found = f" These data would not show: {', '.join(hidden)}." if hidden else ""
+    if left_out := diagnosis.get("left_out"):
+        found += f" Left out of the trial, as config.yaml says: {', '.join(map(str, left_out))}."
     return found + (f" Not tried, for lack of what they need: {', '.join(untried)}." if untried else "")
 
 
