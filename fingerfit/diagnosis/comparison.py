@@ -97,8 +97,8 @@ class Comparison:
         solved = outcome.status == CONVERGED and outcome.steps >= len(self.data.step)
         return self._readers[self.problem.mesh_of(asked)].read(outcome) if solved else None
 
-    def read_beside(self, asked: Sequence[Asked], threads: int = 1) -> list[Asked]:
-        """Read candidates' simulations to first order, beside the anchor, which is solved.
+    def read_beside(self, asked: Sequence[Asked], threads: int = 1, here: Asked | None = None) -> list[Asked]:
+        """Read candidates' simulations to first order, beside the anchor or, of a model without it, another solved one.
 
         Not those of states before the first picture: where the sides lie in it is read from whole simulations.
 
@@ -107,14 +107,15 @@ class Comparison:
         list of Asked
             What has no answer to first order and must be simulated.
         """
-        null = self.read(self.anchor)
+        here = here or self.anchor
+        null = self.read(here)
         # a number that changes nothing has the anchor's own deck: its slope is 0, not what rounding leaves
         asked = [one for one in asked if one.sim not in self._read]
         near = [one for one in asked if "before" not in self._effect(one).changes]
 
         def answered(part: Sequence[Asked]) -> list[np.ndarray | None]:
             nearer = [self._nearer(one) for one in part]
-            found = zip(nearer, beside(self.problem, self.anchor, [one for one, _ in nearer]), strict=True)
+            found = zip(nearer, beside(self.problem, here, [one for one, _ in nearer]), strict=True)
             read = [(self.read_answer(one, answer) if answer else None, share) for (one, share), answer in found]
             return [None if one is None or null is None else null + (one - null) / share for one, share in read]
 

@@ -56,7 +56,7 @@ from fingerfit.diagnosis.verdict import (
     nearest,
     to_refit,
 )
-from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.jobs import is_solved, solve_missing
 from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Round
@@ -238,11 +238,12 @@ def _test_all(
         tested, lacking = [one.candidate for one in known.everywhere], known.lacking
         possible = [one for one in tested if makes_sense(one.effect, problem)]
         found = [one for one in possible if may_be(one.effect, one.place, problem)]
-    asked = [] if known else [asked for candidate in found for asked in candidate.asked]
+    asked = [a for one in found for a in one.asked if not (known and is_solved(problem, a))]
+    without = known.comparison.anchor if known else None
     run = solve_missing(problem, [anchor_of(problem, last)], threads)
     comparison = comparison_of(problem, last, everything)
-    run += solve_missing(problem, comparison.read_beside(asked, threads), threads)
-    score_test, without = comparison.score_test, known.comparison.anchor if known else None
+    run += solve_missing(problem, comparison.read_beside(asked, threads, without), threads)
+    score_test = comparison.score_test
     everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
     ranking = best_places(everywhere)
     if _in_space(problem):

@@ -59,7 +59,7 @@ class JointComparison(Comparison):
         """Displacements and response of the simulations of a guess; None where a test has no solution."""
         return joined([test.read(one) for test, one in zip(self._tests, asked.every, strict=True)])
 
-    def read_beside(self, asked: Sequence[Asked], threads: int = 1) -> list[Asked]:
+    def read_beside(self, asked: Sequence[Asked], threads: int = 1, here: Asked | None = None) -> list[Asked]:
         """Nothing of several tests is read to first order."""
         return list(asked)
 

@@ -6,6 +6,7 @@ from scripts import EXAMPLES, script_of
 from searches import ends_alike_in_half
 from seeds import generator
 
+from fingerfit.diagnosis import diagnose as diagnosis
 from fingerfit.diagnosis.diagnose import diagnose, errors
 from fingerfit.diagnosis.ranges import excess_of
 from fingerfit.fit.simulate import begin, run_fit
@@ -21,26 +22,26 @@ def uniaxial(moved, alpha):
     return -2 * MU / alpha * (stretch ** (alpha - 1) - stretch ** (-alpha / 2 - 1)) * np.pi * 25**2
 
 
-def several_tests(folder, alpha, seed=1):
-    """Six tests whose specimens differ by a factor of up to 3 %, and by 0.1 % in each force."""
+def several_tests(folder, law, seed=1):
+    """Of an exponent, or of a function from displacement to force: six tests whose specimens differ by a factor of up to 3 %, and by 0.1 % in each force."""
     rng, moved = generator(seed), np.linspace(0, 15, 61)
-    paths = []
+    true, paths = law(moved) if callable(law) else uniaxial(moved, law), []
     for number, factor in enumerate(np.linspace(0.97, 1.03, 6)):
-        force = factor * uniaxial(moved, alpha) * (1 + rng.normal(0, 0.001, moved.shape))
+        force = factor * true * (1 + rng.normal(0, 0.001, moved.shape))
         rows = [f"{t},{d},{f}" for t, (d, f) in enumerate(zip(moved, force, strict=True))]
         paths.append(folder / f"{number}.csv")
         paths[-1].write_text("made up;\nTime (s),Compression (mm),Load (N)\n" + "\n".join(rows) + "\n")
     return paths
 
 
-def settings_of(folder, config, alpha):
+def settings_of(folder, config, law):
     """Settings of an example, for tests that are made up and written here."""
-    SCRIPT.make_study(several_tests(folder, alpha), folder / "study")
+    SCRIPT.make_study(several_tests(folder, law), folder / "study")
     return load_settings(EXAMPLES / f"ecoflex/{config}.yaml").model_copy(update={"study": str(folder / "study")})
 
 
-def diagnosed(folder, alpha):
-    problem, everything = begin(settings_of(folder, "fixed", alpha), folder / "results")
+def diagnosed(folder, law):
+    problem, everything = begin(settings_of(folder, "fixed", law), folder / "results")
     last, _ = run_fit(problem, 1)
     return diagnose(problem, last, everything)
 
@@ -88,3 +89,19 @@ def test_least_squares_end_at_the_constants_of_the_simplex(tmp_path):
         searches[kind] = settings.model_copy(update={"fit": fit})
     # from where they end, slopes lead to the same minimum of one score. Measured: within 1e-5
     ends_alike_in_half(searches["independent"], searches["least_squares"], tmp_path)
+
+
+def test_what_is_missing_beside_another_effect_is_looked_for(tmp_path, monkeypatch):
+    """Slopes that were answered to first order, and never simulated, are asked for again beside another anchor."""
+    calls = []
+
+    def looked_for(*given):
+        calls.append(partner(*given))
+        return calls[-1]
+
+    partner = diagnosis._partner
+    monkeypatch.setattr(diagnosis, "_partner", looked_for)
+    # two exponents: the coefficients of Yeoh's law explain part of it
+    diagnosed(tmp_path, lambda moved: uniaxial(moved, 2.0) + 0.3 * uniaxial(moved, 12.0))
+    ((found, _),) = calls
+    assert found is not None
