@@ -58,5 +58,7 @@ def test_what_config_yaml_leaves_out_is_not_tried(tmp_path):
 
 @pytest.mark.parametrize("key", ["only", "without"])
 def test_the_names_are_those_of_effects(tmp_path, key):
-    with pytest.raises(FingerfitError, match=rf"config.yaml: diagnosis.{key}.tlit: found an unknown key; expected tilt"):
+    with pytest.raises(
+        FingerfitError, match=rf"config.yaml: diagnosis.{key}.tlit: found an unknown key; expected tilt"
+    ):
         problem_of(tmp_path, diagnosis={key: ["tlit"]})
