@@ -13,11 +13,14 @@ run: setup  ## set up and identify the phantom study
 
 # a module's tests stay in one process, so that what they share is made once; tests/conftest.py puts long modules first
 # one thread of linear algebra for each of the processes, which are as many as the cores; another number if it is given
-TEST := OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} $(BIN)/python -m pytest -n $(CORES) --dist loadscope --no-loadscope-reorder -rs --durations=25
+TEST = OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadscope --no-loadscope-reorder -rs --durations=25
+WORKERS = $(CORES)
 
 test: setup  ## set up and run the tests but the slow ones: about 5 minutes
 	$(TEST) -m 'not slow'
 
+# one process more than cores: the tests of the cluster wait most of the time
+test-all: WORKERS = $(shell expr $(CORES) + 1)
 test-all: setup  ## set up and run all tests: half an hour
 	$(TEST)
 

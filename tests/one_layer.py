@@ -32,6 +32,8 @@ SHARED = {
     },
 }
 """What config.yaml says of it beside where it is."""
+FEW = ["compressibility", "inclusion", "base_slip", "tilt", "onset", "misregistration", "intensity_drift"]
+"""Effects that the diagnosis tries where it does not matter which ones: a tenth of all."""
 TWO_TESTS = {
     "units": {"length": "mm", "force": "N", "time": "s"},
     "control": "displacement",

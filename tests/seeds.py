@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
 VARIABLE = "FINGERFIT_TEST_SEED"
+EVERYTHING = "FINGERFIT_TEST_EVERYTHING"
+"""With this environment variable `part_of` leaves nothing out."""
 APART = 1000
 """Between the seeds of two values of the variable: more than any test's own seed, so that none is used twice."""
 LARGEST = 4_000_000
@@ -29,3 +33,17 @@ def seed_of(own: int) -> int:
 def generator(own: int) -> np.random.Generator:
     """Random numbers of one use."""
     return np.random.default_rng(seed_of(own))
+
+
+Item = TypeVar("Item")
+
+
+def part_of(cases: Sequence[Item], parts: int) -> list[Item]:
+    """One of so many parts of a long series of cases: which one, the seed of this run says.
+
+    Of neighbours, which are alike, as many are taken from everywhere. All are taken with `EVERYTHING`, and for the tables
+    of benchmarks/.
+    """
+    if os.environ.get(EVERYTHING) or os.environ.get("FINGERFIT_FAULTS"):
+        return list(cases)
+    return list(cases[project_seed() % parts :: parts])

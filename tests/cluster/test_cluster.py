@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from one_layer import DESCRIPTION, SHARED
+from one_layer import DESCRIPTION, FEW, SHARED
 from slurm import Cluster, NotStarted, processes, which, why_not
 
 from fingerfit.core.files import read_json
@@ -61,7 +61,8 @@ def environment(known):
 
 
 def configure(place, *names):
-    config = {**SHARED, "runs": [{"study": f"studies/{name}"} for name in names]}
+    runs = [{"study": f"studies/{name}"} for name in names]
+    config = {**SHARED, "diagnosis": {"only": FEW}, "runs": runs}
     (place / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
 
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 
 import battery
 import places
 import pytest
+from seeds import part_of
 from table import PROPERTY
+
+from fingerfit.cli import main
 
 pytestmark = pytest.mark.slow
 MODULES = ("study", "steps", "config", "files", "effects", "formulas", "templates", "experiment", "anatomy", "pictures",
            "meshes", "regions", "points", "decks", "solvers", "usage")  # fmt: skip
 AREAS = {name: importlib.import_module(f"bad_{name}") for name in MODULES}
-CASES = [(module.AREA, case) for module in AREAS.values() for case in module.CASES]
+ALL = [(module.AREA, case) for module in AREAS.values() for case in module.CASES]
+CASES = part_of(ALL, 2)
 
 
 @pytest.fixture(scope="session")
@@ -28,6 +33,18 @@ def studies(tmp_path_factory):
         return made[name]
 
     return of
+
+
+@pytest.fixture(scope="session", autouse=True)
+def libraries(studies, tmp_path_factory):
+    """Loaded once: each case is a fork of this process, and half of its time would be imports."""
+    place = tmp_path_factory.mktemp("first") / "w"
+    battery.copy(studies("plane"), place)
+    # under another name: effects are kept by their paths, which are relative ones here
+    (place / "study").rename(place / "other")
+    battery.put("config.yaml", "study", "other")(place)
+    with contextlib.chdir(place):
+        assert main([one.replace("study", "other") for one in battery.CHECK]) == 0
 
 
 @pytest.mark.parametrize(("area", "case"), CASES, ids=[f"{area}: {case}" for area, case in CASES])
@@ -49,6 +66,6 @@ def test_the_studies_are_fine_before_they_are_changed(name, studies, tmp_path):
 
 
 def test_there_are_enough_and_none_twice():
-    names = [f"{area}: {case}" for area, case in CASES]
-    assert len(names) >= 300
+    names = [f"{area}: {case}" for area, case in ALL]
+    assert len(names) >= 1500
     assert sorted(set(names)) == sorted(names)

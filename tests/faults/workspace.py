@@ -17,13 +17,14 @@ from typing import Any
 
 import yaml
 from battery import CLEAR, COLUMNS, NEITHER, ROWS
+from one_layer import FEW
 from places import EXPERIMENT, ROOT, dump
 
 from fingerfit.virtual.experiment import run_experiment
 
 HEALED = "healed"
 LONG = 300.0
-"""Seconds: fit and diagnosis of the study take 15 s of processor time each; what takes 20 times as long hangs."""
+"""Seconds: fit and diagnosis of the study take up to 15 s of processor time each; what takes 20 times as long hangs."""
 MODEL = "results/study/base"
 MESH = {"element": "CPE4", "across": 2, "per_layer": 2, "grading": 1}
 CONFIG: dict[str, Any] = {
@@ -43,6 +44,7 @@ CONFIG: dict[str, Any] = {
             {"name": "independent", "kind": "independent", "tolx": 0.5, "tolf": 1},
         ],
     },
+    "diagnosis": {"only": FEW},
 }
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from seeds import part_of
 from small_body import compared, fitted, written
 
 from fingerfit.diagnosis.candidates import candidates
@@ -68,7 +69,7 @@ def named(folder, family, hidden, known, own):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [*CASES, *MORE])
+@pytest.mark.parametrize("case", [*CASES, *part_of(list(MORE), 2)])
 def test_it_is_named(case, tmp_path):
     family, hidden, names, own = {**CASES, **MORE}[case]
     first, effect, refit = named(tmp_path, family, hidden, names, own)

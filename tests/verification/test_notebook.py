@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from one_layer import FEW
 from small_body import SMALL, config_of, written
 
 import fingerfit
@@ -20,7 +21,8 @@ def names(tmp_path_factory):
     """What the documented lines leave behind."""
     folder = tmp_path_factory.mktemp("notebook")
     study = written(folder, effects={"tilt": {"slope": 0.02}})
-    (folder / "tilt.yaml").write_text(yaml.safe_dump(config_of(study, SMALL), sort_keys=False))
+    config = {**config_of(study, SMALL), "diagnosis": {"only": [*FEW, "indenter_probe"]}}
+    (folder / "tilt.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
     (lines,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL)
     found = {}
     with pytest.MonkeyPatch.context() as patch:

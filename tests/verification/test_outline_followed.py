@@ -13,6 +13,11 @@ from fingerfit.forward.predict import in_first_picture, since_first_picture
 from fingerfit.settings.config import load_settings
 from fingerfit.virtual import experiment
 
+TRIED = [
+    "outline", "swollen", "prestretch", "state_probe", "inclusion", "tilt", "base_slip", "compressibility", "wall",
+    "interface", "geometry_probe", "misregistration", "stretched_pictures", "distorted_pictures", "observation_probe",
+]  # fmt: skip
+"""What moves sides or pictures, and one of each other family."""
 LACKS = 0.8
 """mm of the height that the study does not state: four pixels."""
 
@@ -29,6 +34,7 @@ def study(tmp_path_factory):
 def fitted(study, folder, effects):
     config = config_of(study, SMALL)
     config["model"]["effects"] = effects
+    config["diagnosis"] = {"only": TRIED}
     problem, everything = begin(load_settings(config), folder)
     last, _ = run_fit(problem, 2)
     return problem, last, everything

@@ -42,7 +42,13 @@ CONFIG = {
         "effects": {"stiffening": {"shift": 0.6}, "compressibility": {"loss": 0.01}},
     },
     "fit": {"score": "likelihood", "replicates": 40, "stages": [{"name": "grid", "kind": "grid", "points": 2}]},
-}
+    "diagnosis": {
+        "only": [
+            "stiffening", "compressibility", "second_term", "yeoh", "fibres", "material_probe", "base_slip", "onset",
+            "soft_frame", "force_offset", "nonlinear_sensor", "loading_probe", "swelling",
+        ]
+    },
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 import yaml
+from one_layer import FEW
 from test_provenance import CONFIG, DESCRIPTION, ROOT, snakemake
 
 from fingerfit.core.files import read_json
 from fingerfit.virtual.experiment import run_experiment
 
 OPTIONS = ("-s", str(ROOT / "Snakefile"), "--workflow-profile", str(ROOT / "workflow/profiles/default"))
-SHARED = {key: value for key, value in CONFIG.items() if key != "study"}
+SHARED = {key: value for key, value in CONFIG.items() if key != "study"} | {"diagnosis": {"only": FEW}}
 MODELS = ({}, {"effects": {"tilt": {}}})
 RUNS = [{"study": f"studies/{study}", "model": model} for study in ("one", "two") for model in MODELS]
 FOLDERS = [f"results/{study}/{model}" for study in ("one", "two") for model in ("base", "base+tilt")]
@@ -169,7 +170,8 @@ def test_reading_the_workflow_changes_nothing(place, studies, tmp_path, options)
     single = {**SHARED, "study": "studies/one"}
     fresh = tmp_path / "fresh"
     shutil.copytree(studies / "studies", fresh / "studies")
-    configs = [single] if "discover" in options else [single, {**SHARED, "runs": RUNS}]
+    # which config does not matter for all of them
+    configs = [single, {**SHARED, "runs": RUNS}] if options == ("-n",) else [single]
     for config in configs:
         for folder in (fresh, place):
             configure(folder, config)
