@@ -128,8 +128,8 @@ class DiagnosisSettings(Keys):
     without: list[str] = Field(
         default_factory=list,
         description="Names of effects that are not tried, since you know that they are not there: base_slip, where the"
-        " base is glued for certain. What is not tried is never named: the answer says how many there are, and the page"
-        " lists them.",
+        " base is glued for certain. What is not tried is never named: the verdict says how many there are, and"
+        " diagnosis.json lists them.",
     )
 
 

@@ -18,7 +18,8 @@ from fingerfit.core.files import keep_json, read_json
 from fingerfit.report.page import ladder_figure, write_page
 from fingerfit.report.page.build import _far_off
 from fingerfit.report.page.figures import force_figure
-from fingerfit.report.page.inputs import Compare, Model, read_compare, read_inputs
+from fingerfit.report.page.inputs import Compare, Inputs, Model, read_compare, read_inputs
+from fingerfit.report.page.words import headline
 
 _spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
 sample = importlib.util.module_from_spec(_spec)
@@ -402,3 +403,18 @@ def test_a_force_that_is_far_off_is_said_beside_the_pictures():
     assert _far_off(Model("base", {}, compare, {}, {})) == "The force of step 3 is 24 standard deviations off."
     near = replace(compare, response=np.array([np.nan, 0.9]))
     assert _far_off(Model("base", {}, near, {}, {})) == ""
+
+
+def test_effects_that_config_yaml_leaves_out_are_told():
+    """Of many the first ones: that no known effect explains the data is not said then."""
+
+    def said(**diagnosis):
+        found = {"verdict": "unexplained", "sentence": "unexplained", **diagnosis}
+        model = Model("base", {"verdict": "unexplained", "error": {"fitted": 2.0}}, None, found, {})
+        return headline(Inputs("study", {}, [model], []))
+
+    whole, part = said(), said(left_out=list("abcdefgh"))
+    assert whole["found"].endswith("and no known effect does.")
+    assert "Not tried" not in whole["next"]
+    assert part["found"].endswith("and no effect that was tried does.")
+    assert part["next"].endswith("Not tried, as diagnosis in config.yaml says: a, b, c, d, e and 3 more.")

@@ -11,6 +11,8 @@ from fingerfit.model.applicable import CURE
 from fingerfit.model.effect import NUMERICS
 from fingerfit.report.page.inputs import Inputs, Model
 
+MOST = 5
+"""Effects that a sentence lists at most."""
 VERDICTS = {
     "missing": ("▲", "An effect is missing"),
     "indistinguishable": ("◆", "Indistinguishable: two or more candidates explain the residual equally well"),
@@ -124,8 +126,6 @@ def _not_shown(diagnosis: dict[str, Any]) -> str:
     hidden = [named[str(e.get("effect"))] for e in diagnosis.get("ranking") or [] if e.get("imitated")]
     untried = [f"{e.get('title')} (needs {e.get('lacks')})" for e in diagnosis.get("not_tried") or []]
     found = f" These data would not show: {', '.join(hidden)}." if hidden else ""
-    if left_out := diagnosis.get("left_out"):
-        found += f" Left out of the trial, as config.yaml says: {', '.join(map(str, left_out))}."
     return found + (f" Not tried, for lack of what they need: {', '.join(untried)}." if untried else "")
 
 
@@ -142,6 +142,8 @@ def headline(inputs: Inputs) -> dict[str, Any]:
     add = commands(str(effects[0])) if effects else ()
     named = titles(last.diagnosis)
     candidates = [named.get(str(name), str(name)) for name in effects]
+    left_out = [str(title) for title in last.diagnosis.get("left_out") or []]
+    effect = "effect that was tried" if left_out else "known effect"
     found, following = {
         "adequate": (
             f"The model “{last.name}” explains the measurements as well as their noise allows.",
@@ -158,7 +160,7 @@ def headline(inputs: Inputs) -> dict[str, Any]:
             "Make the further measurement that is suggested below, or add one of them knowing this.",
         ),
         "unexplained": (
-            f"The model “{last.name}” does not explain the measurements, and no known effect does.",
+            f"The model “{last.name}” does not explain the measurements, and no {effect} does.",
             "See below where it fails, then describe an effect of your own or check the measurement there.",
         ),
     }.get(
@@ -171,8 +173,20 @@ def headline(inputs: Inputs) -> dict[str, Any]:
     if cure := _cure(last):
         found = f"The model “{last.name}” does not explain the measurements: {last.sentence.partition(':')[0]}."
         following = f"Take {cure}, and fit again."
+    if left_out:
+        following += f" Not tried, as diagnosis in config.yaml says: {_some(left_out)}."
     return {"found": found, "falls": falls, "next": following, "add": add, "sentence": last.sentence,
             "verdict": last.verdict if last.verdict in VERDICTS else "none"}  # fmt: skip
+
+
+def _some(titles: list[str]) -> str:
+    """A list for a sentence: of a long one the first few, and how many follow.
+
+    >>> _some(["tilt", "base slip"]), _some(list("abcdefgh"))
+    ('tilt, base slip', 'a, b, c, d, e and 3 more')
+    """
+    more = len(titles) - MOST
+    return ", ".join(titles[:MOST]) + (f" and {more} more" if more > 0 else "")
 
 
 def _fell(inputs: Inputs, first: float | None) -> bool:
