@@ -170,7 +170,9 @@ def rows(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
         inner = models_in(field.annotation)
         text = str(field.annotation)
         suffix = ".*" if "dict" in text and inner else "[]" if "list" in text and inner else ""
-        default = "needed" if field.is_required() else f"`{field.get_default(call_default_factory=True)}`"
+        value = field.get_default(call_default_factory=True)
+        # keys that all have defaults: those stand in their own rows
+        default = "needed" if field.is_required() else f"`{ {} if isinstance(value, BaseModel) else value }`"
         default = "no such key" if field.annotation is type(None) else default
         yield f"| `{prefix}{name}{suffix}` | {default} | {field.description} |"
         for kind in inner:
