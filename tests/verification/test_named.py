@@ -69,7 +69,7 @@ def named(folder, family, hidden, known, own):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [*CASES, *part_of(list(MORE), 2)])
+@pytest.mark.parametrize("case", [*CASES, *part_of(list(MORE), 3)])
 def test_it_is_named(case, tmp_path):
     family, hidden, names, own = {**CASES, **MORE}[case]
     first, effect, refit = named(tmp_path, family, hidden, names, own)

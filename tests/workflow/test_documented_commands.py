@@ -191,6 +191,8 @@ LEFT = {
     "case": {"studies/hidden/relaxation/study.yaml": ["layers"]},
 }
 """What a session leaves, and texts in it."""
+DIAGNOSED = ("diagnose", "tilt")
+"""Sessions that fit each layer, as a diagnosis needs it; in the others one constant is enough."""
 SLOW = ("tests", "run", "study", "shared", "calculix", "diagnose", "tilt", "fingertip", "case", "breast")
 INSTALLED = "tests/workflow/test_installed.py"
 FINGERTIP, FOREIGN = "benchmarks/fingertip.py", "benchmarks/foreign/run.py"
@@ -283,8 +285,8 @@ SMALL = {
 
 
 @pytest.fixture
-def project(tmp_path):
-    """A copy of the project with coarse meshes, constants that start near their ends, and a file of tests."""
+def project(tmp_path, request):
+    """A copy of the project with coarse meshes, a few constants that start near their ends, and a file of tests."""
     for name in ("Snakefile", "Makefile", "config.yaml", "pyproject.toml", *(p.name for p in ROOT.glob("*.lock"))):
         shutil.copy2(ROOT / name, tmp_path / name)
     for name in ("workflow", "templates", "benchmarks", "docs"):
@@ -312,8 +314,11 @@ def project(tmp_path):
         config = yaml.safe_load(path.read_text(encoding="utf-8"))
         config["model"]["mesh"] |= {"across": 4, "per_layer": 1}
         config["model"].pop("refined", None)
-        for entry in config["model"]["parameters"].values():
-            entry["start"] = 0.035
+        if request.node.callspec.params["name"] in DIAGNOSED:
+            for entry in config["model"]["parameters"].values():
+                entry["start"] = 0.035
+        else:
+            config["model"]["parameters"] = {"mu": {"unit": "MPa", "start": 0.035, "lower": 0.01, "upper": 0.1}}
         config["fit"] |= {"stages": STAGES, "replicates": 20, "steps": [3, 7]}
         config["diagnosis"] = {"only": one_layer.FEW}
         path.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")

@@ -23,7 +23,7 @@ pytest.importorskip("netgen")
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 EPIDERMIS, TISSUE = 0.138, 0.00798
-TESTED = ("layers", "dermis", "friction", "bone_mobility", "misregistration_in_space", "bias_field")
+TESTED = ("layers", "dermis", "force_offset", "bone_mobility", "misregistration_in_space", "bias_field")
 LAYERS = [{"name": "epidermis", "elements": "EPIDERMIS"}, {"name": "subcutaneous", "elements": "SUBCUTANEOUS"}]
 HELD = {"base": "held", "indenter": "slides"}
 DESCRIPTION = {
@@ -94,7 +94,7 @@ def test_rigid_tools_are_not_part_of_the_body(world):
 
 def test_the_layer_is_missing(world):
     assert (world.verdict.kind, world.verdict.effects) == ("missing", ("layers",))
-    # found: friction and a shift of the pictures look better, and are refitted, too
+    # a shift of the pictures and an offset of the force look well, too, and are refitted
     # the residual beyond the noise is what other elements change
     before = errors(world.comparison)[0]
     assert before > 1.5  # 9 seeds: 1.65 on average with a standard deviation of 0.026
