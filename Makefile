@@ -82,7 +82,7 @@ benchmark-hidden: setup  ## hidden effects, found or not: benchmarks/hidden_effe
 	$(BIN)/python benchmarks/hidden_effects.py
 
 benchmark-faults: setup  ## all bad inputs and faults: benchmarks/faults.md (20 minutes)
-	FINGERFIT_FAULTS=benchmarks/faults.md $(BIN)/python -m pytest tests/faults -m slow -n $(CORES)
+	FINGERFIT_TEST_EVERYTHING=1 FINGERFIT_FAULTS=benchmarks/faults.md $(BIN)/python -m pytest tests/faults -m slow -n $(CORES)
 
 lint: setup  ## style, types, rules
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

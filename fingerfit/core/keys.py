@@ -130,9 +130,17 @@ SHOWN = 20
 """Names that an error lists; a line with all effects would be too long to read."""
 
 
+def listed(names: Sequence[str], most: int) -> str:
+    """Names for a sentence: of many the first ones, and how many more there are.
+
+    >>> listed(["tilt", "onset"], 2), listed(["tilt", "onset", "wall"], 2)
+    ('tilt, onset', 'tilt, onset and 1 more')
+    """
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
 def unknown_key(where: Path | str, prefix: str, key: str, known: Sequence[str]) -> InputError:
     """Error for a key that is not known, with the nearest one that is."""
     near = difflib.get_close_matches(str(key), known, 1)
-    more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
-    hint = f"{near[0]} (did you mean that?)" if near else "one of " + ", ".join(known[:SHOWN]) + more
+    hint = f"{near[0]} (did you mean that?)" if near else "one of " + listed(known, SHOWN)
     return InputError(where, f"{prefix}{key}", "an unknown key", hint)

@@ -56,7 +56,7 @@ from fingerfit.diagnosis.verdict import (
     nearest,
     to_refit,
 )
-from fingerfit.fit.jobs import is_solved, solve_missing
+from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Round
@@ -238,7 +238,7 @@ def _test_all(
         tested, lacking = [one.candidate for one in known.everywhere], known.lacking
         possible = [one for one in tested if makes_sense(one.effect, problem)]
         found = [one for one in possible if may_be(one.effect, one.place, problem)]
-    asked = [a for one in found for a in one.asked if not (known and is_solved(problem, a))]
+    asked = [a for one in found for a in one.asked if not (known and problem.is_solved(a))]
     without = known.comparison.anchor if known else None
     run = solve_missing(problem, [anchor_of(problem, last)], threads)
     comparison = comparison_of(problem, last, everything)

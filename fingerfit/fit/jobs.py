@@ -23,7 +23,7 @@ def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int)
     """Solve what has no solution yet; returns how many that were."""
     every = simulations(asked)
     problem.asked.update(a.sim for a in every)
-    batch = [a for a in every if not is_solved(problem, a)]
+    batch = [a for a in every if not problem.is_solved(a)]
     missing = write_folders(problem.sims.parent, batch, problem.solver, problem.mesh_paths)
     nearby = {a.sim: a.nearby for a in batch}
     pairs = [(sim, nearby.get(sim, "")) for sim in missing]
@@ -32,11 +32,6 @@ def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int)
     for begins in (False, True):
         side_by_side(solve, [pair for pair in pairs if bool(pair[1]) is begins], threads)
     return len(missing)
-
-
-def is_solved(problem: InverseProblem, asked: Asked) -> bool:
-    """Whether a guess has an answer, in each of the tests; that there is no equilibrium is one, too."""
-    return all((problem.sims / one.sim / "solution.npz").exists() for one in asked.every)
 
 
 def _solve(sims: Path, solver: str, limit: int | None, asked: tuple[str, str]) -> None:

@@ -210,9 +210,13 @@ class InverseProblem:
         """What an effect needs that the study, or its test, does not have, in words."""
         return unmet(effect, self.study, self.meshes[SEARCH].dim, REFINED in self.mesh_files)
 
+    def is_solved(self, asked: Asked) -> bool:
+        """Whether a guess has an answer, in each of the tests; that there is no equilibrium is one, too."""
+        return all((self.sims / one.sim / "solution.npz").exists() for one in asked.every)
+
     def refusal(self, asked: Asked) -> InputError | None:
         """Why the solver does not take the deck of a guess; None where it does, or has solved it before."""
-        if (self.sims / asked.sim / "solution.npz").exists():
+        if self.is_solved(asked):
             return None
         settings, file = self.settings, self.mesh_files[self.mesh_of(asked)]
         return refusal(settings.solver, template_of(settings, self.study), asked.deck, file, asked.mesh)

@@ -261,6 +261,10 @@ def test_the_diagnosis_opens_nothing_that_is_sealed(place, tmp_path):
     stopped = subprocess.run(list(map(str, deck)), cwd=copy, capture_output=True, text=True)
     assert stopped.returncode == 3
     assert "opened" in stopped.stdout
+    # and without it the diagnosis is the same
+    shutil.rmtree(copy / "study/sealed")
+    run(copy, *map(str, command))
+    same_diagnosis(read_json(model / "diagnosis.json"), again)
 
 
 def same_diagnosis(one, other):

@@ -171,7 +171,7 @@ def test_reading_the_workflow_changes_nothing(place, studies, tmp_path, options)
     single = {**SHARED, "study": "studies/one"}
     fresh = tmp_path / "fresh"
     shutil.copytree(studies / "studies", fresh / "studies")
-    # which config does not matter for all of them
+    # a dry run reads both kinds of config; for the others one is enough
     configs = [single, {**SHARED, "runs": RUNS}] if options == ("-n",) else [single]
     for config in configs:
         for folder in (fresh, place):

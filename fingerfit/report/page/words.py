@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.core.keys import listed
 from fingerfit.model.applicable import CURE
 from fingerfit.model.effect import NUMERICS
 from fingerfit.report.page.inputs import Inputs, Model
@@ -174,19 +175,9 @@ def headline(inputs: Inputs) -> dict[str, Any]:
         found = f"The model “{last.name}” does not explain the measurements: {last.sentence.partition(':')[0]}."
         following = f"Take {cure}, and fit again."
     if left_out:
-        following += f" Not tried, as diagnosis in config.yaml says: {_some(left_out)}."
+        following += f" Not tried, as diagnosis in config.yaml says: {listed(left_out, MOST)}."
     return {"found": found, "falls": falls, "next": following, "add": add, "sentence": last.sentence,
             "verdict": last.verdict if last.verdict in VERDICTS else "none"}  # fmt: skip
-
-
-def _some(titles: list[str]) -> str:
-    """A list for a sentence: of a long one the first few, and how many follow.
-
-    >>> _some(["tilt", "base slip"]), _some(list("abcdefgh"))
-    ('tilt, base slip', 'a, b, c, d, e and 3 more')
-    """
-    more = len(titles) - MOST
-    return ", ".join(titles[:MOST]) + (f" and {more} more" if more > 0 else "")
 
 
 def _fell(inputs: Inputs, first: float | None) -> bool:
