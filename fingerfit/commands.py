@@ -31,7 +31,7 @@ def simulate(args: argparse.Namespace) -> None:
     """Solve one deck."""
     from fingerfit.core.errors import StateError
     from fingerfit.core.files import read_record
-    from fingerfit.fit.rounds import NEARBY, check_deck
+    from fingerfit.fit.rounds import FIRST_ORDER, NEARBY, check_deck
     from fingerfit.solvers.registry import get_solver, solve_deck
 
     wanted = read_record(args.solver, "name", kept=False)
@@ -42,8 +42,8 @@ def simulate(args: argparse.Namespace) -> None:
     if {key: wanted.get(key) for key in found} != found:
         raise StateError(f"{args.solver}: asks for {wanted}; here is {found}: run the workflow again")
     check_deck(args.deck, wanted)
-    nearby = args.out.parent.parent / wanted[NEARBY] / "solution.npz" if NEARBY in wanted else None
-    outcome = solve_deck(solver, args.deck, args.threads, nearby)
+    nearby = args.out.parent.parent / wanted[NEARBY] if NEARBY in wanted else None
+    outcome = solve_deck(solver, args.deck, args.threads, nearby, FIRST_ORDER in wanted)
     outcome.save(args.out)
     print(f"{outcome.status}: {outcome.message}", file=sys.stderr)
 

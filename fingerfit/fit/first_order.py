@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked
-from fingerfit.solvers.contract import Outcome
-from fingerfit.solvers.cost import BUILTIN
+from fingerfit.solvers.contract import Outcome, SolverToFirstOrder
+from fingerfit.solvers.registry import get_solver
 
 
 def beside(problem: InverseProblem, here: Asked, guesses: Sequence[Asked]) -> list[Outcome | None]:
@@ -18,16 +19,13 @@ def beside(problem: InverseProblem, here: Asked, guesses: Sequence[Asked]) -> li
     Returns
     -------
     list
-        None where a guess has to be simulated: see `fingerfit.solvers.first_order.answers`; with any other solver than
-        the built-in one, with several tests, and on another mesh.
+        None where a guess has to be simulated: where the solver cannot, with several tests, and on another mesh.
     """
-    nothing: list[Outcome | None] = [None] * len(guesses)
-    if problem.settings.solver != BUILTIN or len(problem.every) > 1:
-        return nothing
-    from fingerfit.solvers.first_order import answers
-
-    folder = problem.sims / here.sim
-    found = answers(folder, here.deck, Outcome.load(folder / "solution.npz"), [one.deck for one in guesses])
+    solver = get_solver(problem.settings.solver)
+    if not solver.capabilities.first_order or len(problem.every) > 1:
+        return [None] * len(guesses)
+    folder, moved = problem.sims / here.sim, [one.deck for one in guesses]
+    found = cast(SolverToFirstOrder, solver).first_order(folder, here.deck, problem.answer(here.sim), moved)
     return [
         problem.seen_since(answer, one) if answer and one.mesh == here.mesh else None
         for one, answer in zip(guesses, found, strict=True)

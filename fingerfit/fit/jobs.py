@@ -12,7 +12,7 @@ from fingerfit.fit.course import next_round
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round, simulations, write_folders
 from fingerfit.solvers.cost import BUILTIN, SHORT, expected_seconds
-from fingerfit.solvers.registry import get_solver, solve_deck
+from fingerfit.solvers.registry import answers_beside, get_solver, solve_deck
 
 ITERATIONS = 10
 """Iterations of a search that one job makes at most: a line is told every few seconds, and not much is lost when it is
@@ -25,22 +25,38 @@ def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int)
     problem.asked.update(a.sim for a in every)
     batch = [a for a in every if not problem.is_solved(a)]
     missing = write_folders(problem.sims.parent, batch, problem.solver, problem.mesh_paths)
-    nearby = {a.sim: a.nearby for a in batch}
-    pairs = [(sim, nearby.get(sim, "")) for sim in missing]
-    solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
+    one = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
+    asked_by_name = {a.sim: a for a in batch}
+    wanted = [asked_by_name[sim] for sim in missing]
     # first those that others begin at
     for begins in (False, True):
-        side_by_side(solve, [pair for pair in pairs if bool(pair[1]) is begins], threads)
+        side_by_side(one, [a for a in wanted if not a.first_order and bool(a.nearby) is begins], threads)
+    beside = functools.partial(_solve_beside, problem.sims, problem.settings.solver)
+    by_first_order = [a for a in wanted if a.first_order]
+    shares = [
+        [a for a in by_first_order if a.nearby == nearby][n::threads]
+        for nearby in dict.fromkeys(a.nearby for a in by_first_order)
+        for n in range(threads)
+    ]
+    left = side_by_side(beside, [share for share in shares if share], threads)
+    side_by_side(one, [a for share in left for a in share], threads)
     return len(missing)
 
 
-def _solve(sims: Path, solver: str, limit: int | None, asked: tuple[str, str]) -> None:
-    sim, nearby = asked
-    folder = sims / sim
-    found = solve_deck(
-        get_solver(solver, limit), folder / "deck.inp", 1, sims / nearby / "solution.npz" if nearby else None
-    )
-    found.save(folder / "solution.npz")
+def _solve(sims: Path, solver: str, limit: int | None, asked: Asked) -> None:
+    folder = sims / asked.sim
+    nearby = sims / asked.nearby if asked.nearby else None
+    solve_deck(get_solver(solver, limit), folder / "deck.inp", 1, nearby).save(folder / "solution.npz")
+
+
+def _solve_beside(sims: Path, solver: str, asked: Sequence[Asked]) -> list[Asked]:
+    """Answer guesses to first order beside the same one; those that have no such answer are given back."""
+    folders = [sims / a.sim for a in asked]
+    found = answers_beside(get_solver(solver), sims / asked[0].nearby, [folder / "deck.inp" for folder in folders])
+    for folder, outcome in zip(folders, found, strict=True):
+        if outcome is not None:
+            outcome.save(folder / "solution.npz")
+    return [a for a, outcome in zip(asked, found, strict=True) if outcome is None]
 
 
 def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: bool = True) -> Round:

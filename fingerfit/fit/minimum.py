@@ -17,7 +17,7 @@ from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
 from fingerfit.forward.score import JointPrediction, Prediction, deviations
 from fingerfit.settings.choices import CONFIG
-from fingerfit.solvers.contract import CONVERGED, Outcome
+from fingerfit.solvers.contract import CONVERGED
 
 TRUST = 0.3
 """Longest move by one set of slopes, in the logarithm or as a share of the scale of a parameter; a choice. Slopes of a
@@ -287,7 +287,7 @@ def best_values(last: Round) -> dict[str, float]:
 
 def diverged(problem: InverseProblem, asked: Asked) -> bool:
     """Whether a guess has no solution, in one of the tests."""
-    return any(Outcome.load(problem.sims / one.sim / "solution.npz").status != CONVERGED for one in asked.every)
+    return any(problem.answer(one.sim).status != CONVERGED for one in asked.every)
 
 
 def unusable(problem: InverseProblem, asked: Asked) -> bool:

@@ -30,7 +30,7 @@ from fingerfit.model.applicable import unmet
 from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.model.observation import Observation
 from fingerfit.search.stages import LEAST_SQUARES
-from fingerfit.solvers.contract import Outcome
+from fingerfit.solvers.contract import BY_PATH, Capabilities, Outcome
 from fingerfit.solvers.cost import SHORT, expected_seconds
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.data import Data
@@ -162,13 +162,15 @@ class InverseProblem:
         mesh : str, optional
             Another one than the role has.
         nearby : mapping, optional
-            A guess on the same mesh at whose solution a long simulation begins, where the solver can.
+            A guess on the same mesh a step away: beside its solution this one is answered to first order, or begins
+            there, where it is long; where the solver can.
         """
         mesh = mesh or (REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH)
         study, name = with_gain(study or self.study, gain), self.mesh_names[mesh]
         deck = make_deck(self.settings, study, self.meshes[mesh], name, self.own(values), self.effects)
-        begun = self._name(nearby, mesh) if nearby is not None and self.begins_nearby else ""
-        asked = Asked(dict(values), "", name, deck, role, nearby=begun)
+        beside = nearby is not None and self._can.first_order and not BY_PATH.search(deck)
+        begun = self._name(nearby, mesh) if nearby is not None and (beside or self.begins_nearby) else ""
+        asked = Asked(dict(values), "", name, deck, role, nearby=begun, first_order=beside)
         return replace(asked, sim=simulation_name(deck, asked.solved_by(self.solver)))
 
     def _name(self, values: Mapping[str, float], mesh: str) -> str:
@@ -192,7 +194,11 @@ class InverseProblem:
     @cached_property
     def begins_nearby(self) -> bool:
         """Whether simulations of slopes begin at the solution between them: long ones, of a solver that can."""
-        return self.long and get_solver(self.settings.solver).capabilities.nearby
+        return self.long and self._can.nearby
+
+    @cached_property
+    def _can(self) -> Capabilities:
+        return get_solver(self.settings.solver).capabilities
 
     def own(self, values: Mapping[str, float]) -> dict[str, float]:
         """What a guess of all tests is in this one: without numbers of other tests, and effects that it cannot have."""
@@ -249,7 +255,17 @@ class InverseProblem:
 
     def outcome(self, asked: Asked) -> Outcome:
         """Solution of a guess on the nodes of its mesh, since the first picture; nodes of tools come after them."""
-        return self.seen_since(Outcome.load(self.sims / asked.sim / "solution.npz"), asked)
+        return self.seen_since(self.answer(asked.sim), asked)
+
+    def answer(self, sim: str) -> Outcome:
+        """What the solver answered to a simulation.
+
+        Raises
+        ------
+        StateError
+            When it is missing or damaged.
+        """
+        return Outcome.load(self.sims / sim / "solution.npz")
 
     def seen_since(self, whole: Outcome, asked: Asked) -> Outcome:
         """The same of what a solver answers to the deck of a guess."""

@@ -60,9 +60,12 @@ def around_best(
         sides = {role: values for role, values in sides.items() if role[0] == "+" or "+" + role[1:] not in sides}
     # the costly one first: it runs beside the others
     batch = [problem.ask(best, FINAL), problem.ask(best, ANCHOR)]
-    # the last ones fill the processors while the guess is solved that the others begin at
-    begin = [best] * max(0, len(sides) - problem.beside) + [None] * problem.beside
-    batch += [problem.ask(values, role, nearby=at) for (role, values), at in zip(sides.items(), begin, strict=False)]
+    beside = [problem.ask(values, role, nearby=best) for role, values in sides.items()]
+    if not all(one.first_order for asked in beside for one in asked.every):
+        # simulations that begin at that guess wait for it: the last ones fill the processors meanwhile
+        first = max(0, len(beside) - problem.beside)
+        beside[first:] = [problem.ask(asked.values, asked.role) for asked in beside[first:]]
+    batch += beside
     if problem.observed.any():
         batch += _by_control(problem, best)
     return Round(stage=SENSITIVITY, stop=None, batch=batch, reason=reason, slopes=slopes, rough=rough, **base)

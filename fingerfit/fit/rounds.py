@@ -71,6 +71,8 @@ def is_named(deck: Path, text: str, solver: Mapping[str, Any]) -> bool:
 
 NEARBY = "nearby"
 """Key of ``solver.json`` for the simulation whose solution is begun at; part of the name, as the solver is."""
+FIRST_ORDER = "first_order"
+"""Key that says that the answer is one to first order beside that solution, where there is such a one."""
 _NAME = re.compile(r"[0-9a-f]{20}")
 
 
@@ -95,6 +97,8 @@ class Asked:
         In a study with several tests, the simulation of each; `sim` then names all of them together.
     nearby : str
         Name of the simulation at whose solution the solver begins; nothing: from rest.
+    first_order : bool
+        Whether the answer is one to first order beside it.
     """
 
     values: dict[str, float]
@@ -104,6 +108,7 @@ class Asked:
     role: str = "search"
     tests: tuple[Asked, ...] = ()
     nearby: str = ""
+    first_order: bool = False
 
     @property
     def every(self) -> tuple[Asked, ...]:
@@ -112,11 +117,13 @@ class Asked:
 
     def solved_by(self, solver: Mapping[str, Any]) -> dict[str, Any]:
         """What makes the answer beside the deck: the identity of the solver, and the solution that it begins at."""
-        return {**solver, **({NEARBY: self.nearby} if self.nearby else {})}
+        begun: dict[str, Any] = {NEARBY: self.nearby} if self.nearby else {}
+        return {**solver, **begun, **({FIRST_ORDER: True} if self.first_order else {})}
 
     def plain(self) -> dict[str, Any]:
         """As JSON has it; without tests where there is one, and without a simulation nearby where there is none."""
-        own = {key: value for key, value in self.__dict__.items() if key != "tests" and (value or key != "nearby")}
+        left = {"tests"} | {key for key in (NEARBY, FIRST_ORDER) if not self.__dict__[key]}
+        own = {key: value for key, value in self.__dict__.items() if key not in left}
         return own | ({"tests": [one.plain() for one in self.tests]} if self.tests else {})
 
     @classmethod
@@ -298,7 +305,8 @@ class Walk:
         if not (folder / "solver.json").exists():
             return []
         about = read_record(folder / "solver.json", "includes", kept=False)
-        nearby = [str(self.study / "sims" / about[NEARBY] / "solution.npz")] if NEARBY in about else []
+        files = (["deck.inp"] if FIRST_ORDER in about else []) + ["solution.npz"]
+        nearby = [str(self.study / "sims" / about[NEARBY] / file) for file in files] if NEARBY in about else []
         return [
             str(folder / "deck.inp"),
             str(folder / "solver.json"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,7 +30,7 @@ _SOURCES = (
     "material",
     *(f"deck/{name}.py" for name in ("cards", "content", "state", "reader")),
     *(f"deck/{name}_keywords.py" for name in ("mesh", "material", "model", "step")),
-    *(f"solvers/{name}.py" for name in ("builtin", "analysis", "model", "contacts", "contract")),
+    *(f"solvers/{name}.py" for name in ("builtin", "analysis", "first_order", "model", "contacts", "contract")),
 )
 
 
@@ -53,7 +54,7 @@ class BuiltinSolver:
     """
 
     name = "builtin"
-    capabilities = Capabilities(elements=frozenset(ELEMENTS), features=FEATURES, nearby=True)
+    capabilities = Capabilities(elements=frozenset(ELEMENTS), features=FEATURES, nearby=True, first_order=True)
 
     def __init__(self, averaged: bool = True) -> None:
         self.averaged = averaged
@@ -72,6 +73,12 @@ class BuiltinSolver:
         Watched.of(read, deck)
         model = model_of(read, deck, self.averaged)
         model.system(prescribed_in(model, read.steps[0]))
+
+    def first_order(self, folder: Path, deck: str, known: Outcome, moved: Sequence[str]) -> list[Outcome | None]:
+        """Answers beside a known one: see `fingerfit.solvers.first_order.answers`."""
+        from fingerfit.solvers.first_order import answers
+
+        return answers(folder, deck, known, moved, self.averaged)
 
     def solve(self, deck: Path, workdir: Path, threads: int = 1, nearby: Outcome | None = None) -> Outcome:
         """Solve a deck; nothing is written to `workdir`. Large systems are factorised by as many threads (PARDISO).

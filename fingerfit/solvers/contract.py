@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,6 +15,9 @@ from fingerfit.core.files import read_npz, write_npz
 
 CONVERGED = "converged"
 DIVERGED = "diverged"
+BY_PATH = re.compile(r"^\*(CONTACT PAIR|RIGID BODY|VISCOELASTIC)", re.MULTILINE)
+"""Keywords of decks that nobody answers to first order: the answer depends on the way to it, or does not tell all
+displacements. There may be others; a solver then gives no such answer."""
 
 
 @dataclass(frozen=True)
@@ -123,12 +128,15 @@ class Capabilities:
     nearby : bool
         Whether `Solver.solve` takes the outcome of a deck with nearly the same numbers and begins there
         (`SolverNearby`).
+    first_order : bool
+        Whether it answers decks beside a known one to first order (`SolverToFirstOrder`).
     """
 
     elements: frozenset[str]
     control: frozenset[str] = field(default_factory=lambda: frozenset({"force", "displacement"}))
     features: frozenset[str] = frozenset()
     nearby: bool = False
+    first_order: bool = False
 
 
 class Solver(Protocol):
@@ -165,4 +173,14 @@ class SolverNearby(Solver, Protocol):
 
         The answer is the one from rest but for the tolerance of the equilibrium. Where it cannot begin there, it begins
         at rest.
+        """
+
+
+class SolverToFirstOrder(SolverNearby, Protocol):
+    """What is more of an adapter whose capabilities have `first_order`."""
+
+    def first_order(self, folder: Path, deck: str, known: Outcome, moved: Sequence[str]) -> list[Outcome | None]:
+        """Answers to the texts of decks that differ little from one whose answer is known, to first order.
+
+        What they include is looked up from `folder`. None where that cannot be, as where the path to an answer matters.
         """

@@ -30,7 +30,9 @@ _STILL = 100 * TOLERANCE
 """Residual force, relative to the largest internal force, above which an answer is none of its deck. A choice."""
 
 
-def answers(folder: Path, deck: str, known: Outcome, moved: Sequence[str]) -> list[Outcome | None]:
+def answers(
+    folder: Path, deck: str, known: Outcome, moved: Sequence[str], averaged: bool = True
+) -> list[Outcome | None]:
     """Answers to moved decks, to first order.
 
     Parameters
@@ -43,6 +45,8 @@ def answers(folder: Path, deck: str, known: Outcome, moved: Sequence[str]) -> li
         Its answer.
     moved : sequence of str
         Texts of the others.
+    averaged : bool
+        As of `fingerfit.solvers.builtin.BuiltinSolver`.
 
     Returns
     -------
@@ -51,12 +55,13 @@ def answers(folder: Path, deck: str, known: Outcome, moved: Sequence[str]) -> li
         displacements that neither the deck prescribes nor the answer tells (of walls, of rigid bodies that turn), and
         where the moved deck has other unknowns.
     """
-    here = _read(folder / "deck.inp", deck)
+    here = _read(folder / "deck.inp", deck, averaged)
     found: list[_Moved | None] = [None] * len(moved)
     if here is None or known.status != CONVERGED or known.steps != len(here.steps):
         return [None] * len(moved)
     with np.errstate(all="ignore"):
-        found = [one if one and here.is_like(one) else None for one in (_read(folder / "deck.inp", d) for d in moved)]
+        others = (_read(folder / "deck.inp", text, averaged) for text in moved)
+        found = [one if one and here.is_like(one) else None for one in others]
         for n, displacement in enumerate(known.displacement):
             place = _Place.of(here, n, displacement.ravel())
             found = [one if one and place and one.follow(place, n) else None for one in found]
@@ -144,7 +149,7 @@ class _Place:
         return self.system.push(self.evaluation, move) - self.evaluation.internal
 
 
-def _read(path: Path, text: str) -> _Moved | None:
+def _read(path: Path, text: str, averaged: bool) -> _Moved | None:
     """A deck whose answer follows from its loads alone."""
     try:
         deck = read_deck(path, text)
@@ -152,7 +157,7 @@ def _read(path: Path, text: str) -> _Moved | None:
             return None
         if any(step.printed for step in deck.steps) and not all(step.printed for step in deck.steps):
             return None
-        model, watched = model_of(deck, path), Watched.of(deck, path)
+        model, watched = model_of(deck, path, averaged), Watched.of(deck, path)
     except InputError:
         return None  # the simulation says why
     alone = not model.rigid and all(body.history is None for body in model.bodies)

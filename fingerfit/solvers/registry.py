@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from fingerfit.core.errors import FingerfitError
-from fingerfit.solvers.contract import Outcome, Solver, SolverNearby
+from fingerfit.deck.cards import read_text
+from fingerfit.solvers.contract import Outcome, Solver, SolverNearby, SolverToFirstOrder
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoints
@@ -47,17 +49,43 @@ def get_solver(name: str, time_limit: float | None = None) -> Solver:
     return solver
 
 
-def solve_deck(solver: Solver, deck: Path, threads: int, nearby: Path | None = None) -> Outcome:
-    """Run a deck in its folder, from rest or from the solution of another one in a file.
+def solve_deck(
+    solver: Solver, deck: Path, threads: int, nearby: Path | None = None, first_order: bool = False
+) -> Outcome:
+    """Run a deck in its folder, from rest or from the solution in the folder of another one.
+
+    Parameters
+    ----------
+    solver : Solver
+    deck : Path
+    threads : int
+    nearby : Path, optional
+        The other folder.
+    first_order : bool
+        Whether to answer to first order beside that solution, where this can be.
 
     Raises
     ------
     StateError
-        When that solution is missing or damaged.
+        When that solution, or its deck, is missing or damaged.
     """
     if nearby is None:
         return solver.solve(deck, deck.parent, threads)
-    return cast(SolverNearby, solver).solve(deck, deck.parent, threads, Outcome.load(nearby))
+    (found,) = answers_beside(solver, nearby, [deck]) if first_order else [None]
+    known = Outcome.load(nearby / "solution.npz")
+    return found or cast(SolverNearby, solver).solve(deck, deck.parent, threads, known)
+
+
+def answers_beside(solver: Solver, nearby: Path, decks: Sequence[Path]) -> list[Outcome | None]:
+    """Answers to decks to first order beside the solution in a folder; None where that cannot be.
+
+    Raises
+    ------
+    StateError
+        When that solution, or its deck, is missing or damaged.
+    """
+    known, texts = Outcome.load(nearby / "solution.npz"), [read_text(deck) for deck in decks]
+    return cast(SolverToFirstOrder, solver).first_order(nearby, read_text(nearby / "deck.inp"), known, texts)
 
 
 def _made(name: str) -> Solver:

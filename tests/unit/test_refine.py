@@ -186,6 +186,9 @@ class Body:
         Outcome(status, empty, empty[0], empty[0]).save(self.sims / asked.sim / "solution.npz")
         return asked
 
+    def answer(self, sim):
+        return Outcome.load(self.sims / sim / "solution.npz")
+
     def mesh_of(self, asked):
         return asked.mesh
 

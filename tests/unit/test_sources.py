@@ -136,7 +136,7 @@ def test_the_built_in_solver_is_known_by_all_that_its_answer_comes_from():
         path = ROOT / "fingerfit" / name
         listed |= set(path.rglob("*.py")) if path.is_dir() else {path}
     text = (ROOT / "fingerfit/solvers/builtin.py").read_text(encoding="utf-8")
-    start = text[text.index("    def solve(") :]
+    start = text[text.index("    def first_order(") :]
     used = [line for line in text.splitlines() if line.startswith("from fingerfit")]
     bound = {name: line for line in used for name in re.findall(r"\w+", line.partition(" import ")[2])}
     text = start + "\n" + "\n".join(line for name, line in bound.items() if re.search(rf"\b{name}\b", start))

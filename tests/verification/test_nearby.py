@@ -1,4 +1,4 @@
-"""A simulation that begins at the solution of a guess nearby: the same answer in fewer iterations."""
+"""Simulations beside the solution of a guess: begun there, the same answer in fewer iterations; or to first order."""
 
 from dataclasses import replace
 
@@ -11,16 +11,17 @@ from test_fingertip import MU, solve, write
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
+from fingerfit.cli import main
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import read_json
 from fingerfit.fit import problem as problems
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.refine import around_best
-from fingerfit.fit.rounds import NEARBY, Walk, check_deck, simulations
+from fingerfit.fit.rounds import FIRST_ORDER, NEARBY, Walk, check_deck, simulations
 from fingerfit.fit.simulate import begin
 from fingerfit.settings.config import load_settings
 from fingerfit.solvers.builtin import BuiltinSolver
-from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
+from fingerfit.solvers.contract import BY_PATH, CONVERGED, DIVERGED, Outcome
 from fingerfit.testing.block import write_block
 
 FORCES = [0.05, 0.12]
@@ -115,7 +116,15 @@ def around(fit):
     return around_best(fit, base, {"mu": 0.05}, "a test")
 
 
-def test_slopes_begin_at_the_guess_between_them_and_are_named_so(fit, tmp_path):
+@pytest.fixture
+def from_nearby(fit, monkeypatch):
+    """A solver that gives no answers to first order."""
+    monkeypatch.setattr(BuiltinSolver, "capabilities", replace(BuiltinSolver.capabilities, first_order=False))
+    return fit
+
+
+def test_slopes_begin_at_the_guess_between_them_and_are_named_so(from_nearby, tmp_path):
+    fit = from_nearby
     batch = {asked.role: asked for asked in around(fit).batch}
     middle = batch["anchor"]
     assert not middle.nearby
@@ -140,6 +149,61 @@ def test_slopes_begin_at_the_guess_between_them_and_are_named_so(fit, tmp_path):
     assert ours.displacement == pytest.approx(theirs.displacement, abs=1e-7)
 
 
-def test_short_simulations_and_solvers_that_cannot_begin_at_rest(fit, monkeypatch):
+def test_short_simulations_and_solvers_that_cannot_begin_at_rest(from_nearby, monkeypatch):
     monkeypatch.setattr(problems, "SHORT", 1.0)
-    assert not any(asked.nearby for asked in simulations(around(fit).batch))
+    assert not any(asked.nearby for asked in simulations(around(from_nearby).batch))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_slopes_are_answered_to_first_order_beside_the_guess_and_named_so(fit, tmp_path, threads):
+    batch = {asked.role: asked for asked in around(fit).batch}
+    middle, sides = batch["anchor"], [batch["+mu"], batch["-mu"]]
+    assert [(one.nearby, one.first_order) for one in sides] == [(middle.sim, True)] * 2
+    assert not middle.first_order
+    solve_missing(fit, list(batch.values()), threads)
+    folder = fit.sims / sides[0].sim
+    said = read_json(folder / "solver.json", kept=False)
+    assert (said[NEARBY], said[FIRST_ORDER]) == (middle.sim, True)
+    check_deck(folder / "deck.inp", said)
+    with pytest.raises(StateError, match="not what its name says"):
+        check_deck(folder / "deck.inp", {key: value for key, value in said.items() if key != FIRST_ORDER})
+    inputs = Walk(fit.sims.parent, tmp_path).sim_inputs(sides[0].sim)
+    assert inputs[-2:] == [str(fit.sims / middle.sim / name) for name in ("deck.inp", "solution.npz")]
+    whole = [fit.ask(one.values) for one in sides]
+    solve_missing(fit, whole, 1)
+    ours, theirs = ([fit.answer(one.sim) for one in pair] for pair in (sides, whole))
+    assert {outcome.message for outcome in ours} == {"to first order"}
+    ahead, behind = ((one.reaction - fit.answer(middle.sim).reaction)[:, 1] for one in ours)
+    assert ahead == pytest.approx(-behind, rel=0.04)
+    # both leave out what is of the third order in a step of 0.03
+    slope, expected = (first.reaction - second.reaction for first, second in (ours, theirs))
+    assert slope == pytest.approx(expected, rel=1e-3, abs=1e-9)
+
+
+def test_a_job_of_its_own_answers_the_same(fit, tmp_path):
+    batch = {asked.role: asked for asked in around(fit).batch}
+    solve_missing(fit, list(batch.values()), 1)
+    folder = fit.sims / batch["+mu"].sim
+    known = Outcome.load(folder / "solution.npz")
+    (folder / "solution.npz").unlink()
+    files = [str(folder / name) for name in ("deck.inp", "solver.json", "solution.npz")]
+    assert main(["simulate", files[0], "--solver", files[1], "--out", files[2], "--time-limit", "0"]) == 0
+    again = Outcome.load(folder / "solution.npz")
+    assert again.message == known.message == "to first order"
+    assert np.array_equal(again.displacement, known.displacement)
+
+
+def test_where_there_is_no_such_answer_it_is_simulated(fit, monkeypatch):
+    monkeypatch.setattr(BuiltinSolver, "first_order", lambda self, folder, deck, known, moved: [None] * len(moved))
+    batch = {asked.role: asked for asked in around(fit).batch}
+    solve_missing(fit, list(batch.values()), 2)
+    cold = fit.ask(batch["+mu"].values)
+    solve_missing(fit, [cold], 1)
+    ours, theirs = (fit.answer(one.sim) for one in (batch["+mu"], cold))
+    assert ours.iterations and ours.displacement == pytest.approx(theirs.displacement, abs=1e-7)
+
+
+def test_where_the_way_matters_nothing_is_asked_for_to_first_order(fit):
+    deck = fit.ask({"mu": 0.05}).deck
+    assert not BY_PATH.search(deck)
+    assert BY_PATH.search(deck.replace("*HYPERELASTIC", "*VISCOELASTIC, TIME=PRONY\n0.2, , 10\n*HYPERELASTIC"))

@@ -76,9 +76,9 @@ PLACES = {
     "rounds/LAST": "rounds/$(($(ls results/phantom/base/rounds | wc -l) - 1))",
     "STUDY/": "studies/mine/",
     "STUDY": "studies/mine",
-    "--size 9 --out breast/body.inp": "--size 12 --out breast/body.inp",
-    "--size 6 --out breast/refined.inp": "--size 9 --out breast/refined.inp",
-    "--size 5 --out breast/truth.inp": "--size 8 --out breast/truth.inp",
+    "--size 9 --out breast/body.inp": "--size 14 --out breast/body.inp",
+    "--size 6 --out breast/refined.inp": "--size 11 --out breast/refined.inp",
+    "--size 5 --out breast/truth.inp": "--size 10 --out breast/truth.inp",
 }
 """What a command names that a user has elsewhere, and coarser meshes."""
 SESSIONS = {
@@ -272,6 +272,7 @@ COARSE = {
         ("[0.234, 0.234, 0.234]", "[0.468, 0.468, 0.468]"),
     ),
     "studies/phantom/experiment.yaml": (("across: 36, per_layer: 12", "across: 4, per_layer: 2"),),
+    "examples/breast/experiment.yaml": (("[2, 4, 6]", "[2, 4]"), ("pictured: [1, 2, 3]", "pictured: [1, 2]")),
 }  # fmt: skip
 STAGES = [{"name": "one", "kind": "independent", "step": 0.1, "tolx": 0.5, "tolf": 1.0}]
 SMALL = {
@@ -304,6 +305,7 @@ def project(tmp_path, request):
     ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, tmp_path / name)
+    shutil.copytree(ROOT / "examples/breast", tmp_path / "examples/breast")
     for name, pairs in COARSE.items():
         text = (tmp_path / name).read_text(encoding="utf-8")
         for old, new in pairs:
@@ -324,7 +326,6 @@ def project(tmp_path, request):
         path.write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
     (tmp_path / "small.yaml").write_text(yaml.safe_dump(SMALL, sort_keys=False), encoding="utf-8")
     text = (ROOT / "docs/study.md").read_text(encoding="utf-8")
-    shutil.copytree(ROOT / "examples/breast", tmp_path / "examples/breast")
     path = tmp_path / "examples/breast/config.yaml"
     config = yaml.safe_load(path.read_text(encoding="utf-8"))
     # near the true constants, so that two sets of slopes are enough
