@@ -42,7 +42,7 @@ def simulate(args: argparse.Namespace) -> None:
     if {key: wanted.get(key) for key in found} != found:
         raise StateError(f"{args.solver}: asks for {wanted}; here is {found}: run the workflow again")
     check_deck(args.deck, wanted)
-    nearby = args.out.parent.parent / wanted[NEARBY] if NEARBY in wanted else None
+    nearby = args.deck.absolute().parent.parent / wanted[NEARBY] if NEARBY in wanted else None
     outcome = solve_deck(solver, args.deck, args.threads, nearby, FIRST_ORDER in wanted)
     outcome.save(args.out)
     print(f"{outcome.status}: {outcome.message}", file=sys.stderr)

@@ -23,6 +23,7 @@ from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.fit.slopes import moved
 from fingerfit.model.effect import NUMERICS
+from fingerfit.solvers.contract import BY_PATH
 
 FIRST_MOVES, FEWEST = 4, 6
 """After the first few moves only a third of the candidates goes on, but so many at least (successive halving: Jamieson
@@ -154,7 +155,9 @@ class _Trial:
             if before is None:
                 there = self.first.refit(wider, wider.settings.starts(), effect, FIRST_MOVES, near=True)
             else:
-                there = self.first.refit(wider, before.values, effect, MOVES - FIRST_MOVES)
+                # where slopes are simulations, those of the fitted model do: of a field of stiffness there are 30
+                near = bool(BY_PATH.search(wider.ask(before.values).every[0].deck))
+                there = self.first.refit(wider, before.values, effect, MOVES - FIRST_MOVES, near)
         except StateError:
             return _Tried(None, frozenset(wider.asked), share)
         run, excess = there.simulations, max(self.base.misfit - self.first.count + len(self.base.values), 1.0)

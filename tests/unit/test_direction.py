@@ -211,11 +211,12 @@ def test_springs_that_go_aside_with_the_indenter_give_its_force(tmp_path, effect
 def test_an_indenter_that_moves_sideways_is_one_that_was_said_to(tmp_path, probe):
     """Of two equal steps the first has the whole displacement: the share is 1 at both."""
     name = "indenter_probe" if probe else "sideways"
+    course = {} if probe else {"sideways.power": 0.5}
     _, force, _ = moved_aside(tmp_path)
-    more, pushed, top = moved_aside(tmp_path, **{f"{name}.moved": 0.1})
+    more, pushed, top = moved_aside(tmp_path, **{f"{name}.moved": 0.1}, **course)
     assert more[top, 0] == pytest.approx(np.full(len(top), -0.2))
     assert abs(pushed) < abs(force)
-    back, none, _ = moved_aside(tmp_path, **{f"{name}.moved": 0.3})
+    back, none, _ = moved_aside(tmp_path, **{f"{name}.moved": 0.3}, **course)
     assert back[top, 0] == pytest.approx(np.zeros(len(top)), abs=1e-12)
     assert none == pytest.approx(0.0, abs=1e-6 * abs(force))
 

@@ -357,6 +357,16 @@ def test_a_tilt_that_comes_early(control, tmp_path):
     assert depth[1] - depth[1, x == 0] == pytest.approx(0 * x, abs=1e-6)
 
 
+def test_an_indenter_that_goes_sideways_late(tmp_path):
+    """At half the load it is a quarter of the number away from where it would be, at the last step nowhere else."""
+    tested = study("displacement", [0.5, 1.0])
+    values = {"sideways.moved": 0.1, "sideways.early": 0.04, "sideways.power": 2.0}
+    outcome = solve(deck(values, of=tested), tmp_path)
+    aside = outcome.displacement[:, MESH.node_sets["TOP"], 0]
+    assert aside[0] == pytest.approx(np.full(aside.shape[1], 0.05 + 0.25 * 0.04), abs=1e-6)
+    assert aside[1] == pytest.approx(np.full(aside.shape[1], 0.1), abs=1e-6)
+
+
 @pytest.mark.parametrize("element", ["CPE4", "CPE8H"])
 @pytest.mark.parametrize("name", ["TOP", "BOTTOM"])
 def test_tributary_areas(element, name):

@@ -11,17 +11,19 @@ import pytest
 
 from fingerfit.core.errors import FingerfitError
 from fingerfit.fit import jobs
+from fingerfit.fit.rounds import Asked
 
 
 def test_a_killed_solve_is_told(tmp_path, monkeypatch):
     own = os.getpid()
     monkeypatch.setattr(jobs, "_solve", lambda *_: os.getpid() == own or os.kill(os.getpid(), signal.SIGKILL))
-    monkeypatch.setattr(jobs, "write_folders", lambda *_: ["one", "two", "three"])
+    monkeypatch.setattr(jobs, "write_folders", lambda study, asked, *_: [one.sim for one in asked])
     problem = SimpleNamespace(
         asked=set(),
         sims=tmp_path,
         mesh_paths={},
         solver={},
+        is_solved=lambda asked: False,
         settings=SimpleNamespace(solver="builtin", time_limit=None),
     )
     signal.alarm(60)  # the default action ends a test that waits for ever; seconds, many times what it takes
@@ -29,7 +31,7 @@ def test_a_killed_solve_is_told(tmp_path, monkeypatch):
         with pytest.raises(
             FingerfitError, match=r"a process that helped was killed \(signal 9\), perhaps out of memory"
         ):
-            jobs.solve_missing(problem, [], 2)
+            jobs.solve_missing(problem, [Asked({}, name, "mesh", "deck") for name in ("one", "two", "three")], 2)
     finally:
         signal.alarm(0)
     assert not list(Path(tmp_path).iterdir())

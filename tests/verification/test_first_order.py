@@ -28,7 +28,7 @@ CASES = {
     "exponent": ({}, "alpha", 1.4),
     "tilt": ({"tilt.slope": 0.01, "tilt.power": 0.5}, "tilt.slope", 0.08),
     "tilt that comes early": ({"tilt.slope": 0.01, "tilt.early": 0.02, "tilt.power": 0.5}, "tilt.early", 0.4),
-    "sideways": ({"sideways.moved": 0.1}, "sideways.moved", 1.2),
+    "sideways": ({"sideways.moved": 0.1, "sideways.power": 0.5}, "sideways.moved", 1.2),
     "base slip": ({"base_slip.share": 0.016}, "base_slip.share", 0.016),
     "indenter slip": ({"indenter_slip.share": 0.005}, "indenter_slip.share", 0.005),
     "base friction": ({"base_friction.share": 0.5}, "base_friction.share", 0.05),

@@ -27,7 +27,7 @@ LENGTHS = {
     **{f"jumping_pictures.{axis}{k}": LARGER for axis in "xy" for k in range(1, 13)},
     **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
     **{f"loading_probe.{name}": LARGER for name in ("reading", "growing")},
-    **dict.fromkeys(("sideways.moved", "indenter_probe.moved", "indenter_probe.midway"), LARGER),
+    **dict.fromkeys(("sideways.moved", "sideways.early", "indenter_probe.moved", "indenter_probe.midway"), LARGER),
     **{f"geometry_probe.{name}": LARGER for name in ("upper", "lower", "incline", "bend", "third", "fourth")},
 }  # fmt: skip
 SIZES = {

@@ -18,7 +18,7 @@ LOADS = [0.1, 0.2, 0.3]
 CASES = {
     "base": {"base_friction.share": 0.6},
     "indenter": {"indenter_friction.share": 0.6},
-    "aside": {"indenter_friction.share": 0.6, "sideways.moved": 0.05},
+    "aside": {"indenter_friction.share": 0.6, "sideways.moved": 0.05, "sideways.power": 0.5},
 }
 
 
