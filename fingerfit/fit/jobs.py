@@ -63,8 +63,9 @@ def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: b
     """The next round, and where simulations are short as many iterations of its stage as one job makes.
 
     A simulation of a tenth of a second would take three times as long as a job of its own: start of Python, imports.
-    So those that a round asks for are solved here, and the next round is made at once, until the stage changes. What
-    the last of these rounds asks for is solved here, too, and scored by the next job.
+    So those that a round asks for are solved here, and the next round is made at once, until the search goes to another
+    stage; what follows a search is one. What the last of these rounds asks for is solved here, too, and scored by the
+    next job.
 
     Parameters
     ----------
@@ -81,11 +82,14 @@ def next_job(problem: InverseProblem, last: Round | None, threads: int, solve: b
         return current
     number, solved = current.number, list[Asked]()
     for _ in range(ITERATIONS - 1):
-        if last is None or current.stage != last.stage or current.reason or current.stop:
+        another = last is None or (current.stage != last.stage and not current.reason)
+        if another or current.stop or not all(is_short(problem, asked) for asked in current.batch):
             break
         solve_missing(problem, current.batch, threads)
-        solved += current.batch
-        current = replace(next_round(problem, current, threads), number=number, solved=list(solved))
+        solved, following = solved + current.batch, next_round(problem, current, threads)
+        # the rounds that follow a search repeat the batch of the one before
+        solved = [asked for asked in solved if not following.reason or asked not in following.batch]
+        current = replace(following, number=number, solved=solved)
     solve_missing(problem, [asked for asked in current.batch if is_short(problem, asked)], threads)
     return current
 
