@@ -18,7 +18,7 @@ MODULES = ("study", "steps", "config", "files", "effects", "formulas", "template
            "meshes", "regions", "points", "decks", "solvers", "usage")  # fmt: skip
 AREAS = {name: importlib.import_module(f"bad_{name}") for name in MODULES}
 ALL = [(module.AREA, case) for module in AREAS.values() for case in module.CASES]
-CASES = part_of(ALL, 4)
+CASES = part_of(ALL, 7)
 
 
 @pytest.fixture(scope="session")

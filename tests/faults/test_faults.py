@@ -14,7 +14,7 @@ from table import PROPERTY
 pytestmark = pytest.mark.slow
 MODULES = [importlib.import_module(f"fault_{name}") for name in ("kills", "files", "places", "edits", "solver")]
 ALL = [(module.AREA, fault) for module in MODULES for fault in module.FAULTS]
-FAULTS = part_of(ALL, 9)
+FAULTS = part_of(ALL, 15)
 """An odd part: of each file four ways of damage follow each other, and of each stage four ways of ending."""
 
 
