@@ -396,6 +396,29 @@ def test_springs_stand_for_their_areas(name, edge, tmp_path, plain):
     assert np.abs(outcome.displacement[-1, side, 0]).max() > 0.01
 
 
+def test_a_bed_may_be_softer_to_one_side():
+    """Its compliance grows from 0.5 to 1.5 times that in the middle, in the order of the places from left to right."""
+    steady, leaning = (
+        [
+            block[1][0]
+            for block in cards(deck({"soft_bed.share": 0.2, "soft_bed.side": side}), r"SPRING, ELSET=SOFT_BED_\d+")
+        ]
+        for side in (0.0, 0.5)
+    )
+    softer = np.divide(steady, leaning)
+    assert (softer[0], softer[-1]) == pytest.approx((0.5, 1.5))
+    assert softer == pytest.approx(np.linspace(0.5, 1.5, len(softer)))
+
+
+def test_the_probe_of_the_base_gives_way_downwards_as_the_bed_does(tmp_path):
+    for folder in ("bed", "probe"):
+        (tmp_path / folder).mkdir()
+    bed = solve(deck({"soft_bed.share": 0.2, "soft_bed.side": 0.0}), tmp_path / "bed")
+    probe = solve(deck({"base_probe.down_left": 0.2, "base_probe.down_right": 0.2}), tmp_path / "probe")
+    assert np.abs(bed.displacement[-1, MESH.node_sets["BOTTOM"], 1]).max() > 0.1
+    assert probe.displacement == pytest.approx(bed.displacement, abs=1e-6)
+
+
 @pytest.mark.parametrize(("name", "edge"), [("base_friction", "BOTTOM"), ("indenter_friction", "TOP")])
 def test_shear_beyond_the_limit_slips(name, edge, tmp_path):
     """By the law along its table: traction limit u / sqrt(u^2 + u0^2), with u0 a five-hundredth of the height."""
