@@ -114,6 +114,14 @@ def same(fit, both):
     assert fit == {name: both[name] for name in fit}
 
 
+def without_rounds(found):
+    """The same without the files of the rounds and their number: one job makes several where simulations are short."""
+    kept = {name: content for name, content in found.items() if "/rounds/" not in name}
+    estimate = kept["base/estimate.json"]
+    search = {key: value for key, value in estimate["search"].items() if key != "rounds"}
+    return kept | {"base/estimate.json": estimate | {"search": search}}
+
+
 def content(path):
     if path.suffix != ".json":
         return path.read_bytes()
@@ -147,7 +155,7 @@ def test_long_simulations_are_jobs_of_their_own(cluster, here, tmp_path):
     simulations = len(list((tmp_path / "results/one/sims").iterdir()))
     assert sum("rule_simulate" in comment for comment in comments) == simulations > 2
     assert not any("rule_study" in comment for comment in comments)
-    same(files(tmp_path), files(here))
+    same(without_rounds(files(tmp_path)), without_rounds(files(here)))
 
 
 @pytest.fixture(scope="module")

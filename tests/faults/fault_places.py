@@ -190,7 +190,7 @@ FAULTS = [
     Fault("the folder of rounds deleted", lambda place: shutil.rmtree(place / f"{MODEL}/rounds")),
     Fault("the folder of meshes deleted", lambda place: shutil.rmtree(place / "results/study/meshes")),
     Fault("the folder of the model deleted", lambda place: shutil.rmtree(place / MODEL)),
-    Fault("a round too many", lambda place: shutil.copy(place / f"{MODEL}/rounds/3.json", place / f"{MODEL}/rounds/4.json")),
+    Fault("a round too many", lambda place: shutil.copy(place / f"{MODEL}/rounds/2.json", place / f"{MODEL}/rounds/3.json")),
     Fault("temporary files of a killed run", lambda place: (place / f"{MODEL}/.estimate.json.x1y2").write_text("{")),
     Fault("two runs at once", two_at_once),
     Fault("a second run in the middle of the first", second_begins_later),

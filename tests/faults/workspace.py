@@ -34,7 +34,7 @@ CONFIG: dict[str, Any] = {
         "mesh": MESH,
         "parameters": {"mu": {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.2}},
     },
-    # four rounds: a grid, a simplex, slopes, and those of the last guess
+    # three rounds: a grid, a simplex, and one of what follows: slopes and the last guess
     "fit": {
         "score": "nmi",
         "bins": 8,

@@ -190,7 +190,7 @@ def test_what_is_damaged_is_told_and_made_again(place):
     model = place / RESULTS / "base"
     sims = sorted((place / RESULTS / "sims").iterdir())
     meshes = (place / RESULTS / "meshes").iterdir()
-    damaged = [model / "rounds/2.json", model / "estimate.json", model / "prepared.npz", model / "mesh.inp",
+    damaged = [model / "rounds/1.json", model / "estimate.json", model / "prepared.npz", model / "mesh.inp",
                sims[0] / "solution.npz", sims[1] / "solution.npz", sims[2] / "deck.inp", *meshes]  # fmt: skip
     before = {path: path.read_bytes() for path in [*damaged, model / "settings.json"]}
     for number, (path, content) in enumerate(before.items()):
