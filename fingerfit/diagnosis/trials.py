@@ -155,7 +155,7 @@ class _Trial:
             if before is None:
                 there = self.first.refit(wider, wider.settings.starts(), effect, FIRST_MOVES, near=True)
             else:
-                # where slopes are simulations, those of the fitted model do: of a field of stiffness there are 30
+                # decks that nobody answers to first order: of a field of stiffness there would be 30 slopes to simulate
                 near = bool(BY_PATH.search(wider.ask(before.values).every[0].deck))
                 there = self.first.refit(wider, before.values, effect, MOVES - FIRST_MOVES, near)
         except StateError:

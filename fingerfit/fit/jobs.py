@@ -23,23 +23,20 @@ def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int)
     """Solve what has no solution yet; returns how many that were."""
     every = simulations(asked)
     problem.asked.update(a.sim for a in every)
-    batch = [a for a in every if not problem.is_solved(a)]
-    missing = write_folders(problem.sims.parent, batch, problem.solver, problem.mesh_paths)
-    one = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
-    asked_by_name = {a.sim: a for a in batch}
-    wanted = [asked_by_name[sim] for sim in missing]
+    missing = list({a.sim: a for a in every if not problem.is_solved(a)}.values())
+    write_folders(problem.sims.parent, missing, problem.solver, problem.mesh_paths)
+    solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
     # first those that others begin at
     for begins in (False, True):
-        side_by_side(one, [a for a in wanted if not a.first_order and bool(a.nearby) is begins], threads)
-    beside = functools.partial(_solve_beside, problem.sims, problem.settings.solver)
-    by_first_order = [a for a in wanted if a.first_order]
-    shares = [
-        [a for a in by_first_order if a.nearby == nearby][n::threads]
-        for nearby in dict.fromkeys(a.nearby for a in by_first_order)
-        for n in range(threads)
-    ]
-    left = side_by_side(beside, [share for share in shares if share], threads)
-    side_by_side(one, [a for share in left for a in share], threads)
+        side_by_side(solve, [a for a in missing if not a.first_order and bool(a.nearby) is begins], threads)
+    beside: dict[str, list[Asked]] = {}
+    for a in missing:
+        if a.first_order:
+            beside.setdefault(a.nearby, []).append(a)
+    shares = [share for group in beside.values() for n in range(threads) if (share := group[n::threads])]
+    answer = functools.partial(_solve_beside, problem.sims, problem.settings.solver)
+    left = side_by_side(answer, shares, threads)
+    side_by_side(solve, [a for share in left for a in share], threads)
     return len(missing)
 
 

@@ -71,9 +71,9 @@ def solve_deck(
     """
     if nearby is None:
         return solver.solve(deck, deck.parent, threads)
-    (found,) = answers_beside(solver, nearby, [deck]) if first_order else [None]
-    known = Outcome.load(nearby / "solution.npz")
-    return found or cast(SolverNearby, solver).solve(deck, deck.parent, threads, known)
+    if first_order and (found := answers_beside(solver, nearby, [deck])[0]) is not None:
+        return found
+    return cast(SolverNearby, solver).solve(deck, deck.parent, threads, Outcome.load(nearby / "solution.npz"))
 
 
 def answers_beside(solver: Solver, nearby: Path, decks: Sequence[Path]) -> list[Outcome | None]:

@@ -170,9 +170,8 @@ def test_a_job_that_fails_says_why_in_one_line(place):
 
 def test_jobs_that_are_killed_say_so(place):
     sims = sorted((place / RESULTS / "sims").iterdir())
-    alone = [
-        sim for sim in sims if NEARBY not in read_json(sim / "solver.json", kept=False)
-    ]  # those that wait for none
+    # those that wait for no other one
+    alone = [sim for sim in sims if NEARBY not in read_json(sim / "solver.json", kept=False)]
     for sim in alone[:2]:
         (sim / "solution.npz").unlink()
     said, code = snakemake(place, cores=2, KILLED="simulate")
