@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.fit.intervals import FAR_OFF, Uncertainty, as_json, bound_of, repeat, seen_directions, summarise
+from fingerfit.fit.intervals import FAR_OFF, Uncertainty, as_json, bound_of, repeat, seen_directions, summarise, widths
 from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_search_mesh, partly_on_finer_mesh
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import told, weigh
@@ -53,7 +53,10 @@ def estimate_of(
     partly = partly_on_finer_mesh(problem, last) if mesh != REFINED and REFINED in problem.mesh_files else None
     values, left_by_mesh = best.values, mesh_error(problem, best, searched, partly)
     shifts, hessian = repeat(
-        _repetitions(problem, best, threads), len(parameters), settings.fit.replicates, problem.sure
+        _repetitions(problem, best, threads),
+        widths(parameters, best.model.moving),
+        settings.fit.replicates,
+        problem.sure,
     )
     known, on_search = None, searched.values
     if priors:

@@ -32,36 +32,54 @@ FAR_OFF = 10.0
 """Standard deviations from which a force that the fit leaves is said: no noise makes that. A choice."""
 
 
-def _gradient(objective: Callable[[np.ndarray], float], at: np.ndarray) -> np.ndarray:
+def widths(parameters: Sequence[Parameter], moving: np.ndarray) -> np.ndarray:
+    """Steps of the finite differences, shape (parameters,): `WIDTH`, or less.
+
+    A number of an effect that moves the pictures faster than any constant does gets a shorter one, by which they change
+    as much: over a longer one a similarity is no parabola, and its slope may have the wrong sign.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+        Those on a logarithmic scale, as constants are, have `WIDTH`.
+    moving : ndarray, shape (parameters,)
+        As of `fingerfit.fit.linear.LinearModel.moving`.
+    """
+    fastest = moving[np.array([p.log for p in parameters], dtype=bool)].max(initial=0.0)
+    share = np.divide(fastest, moving, out=np.ones(len(moving)), where=moving > fastest)
+    return WIDTH * np.where(fastest > 0, share, 1.0)
+
+
+def _gradient(objective: Callable[[np.ndarray], float], at: np.ndarray, width: np.ndarray) -> np.ndarray:
     """Central differences, shape of `at`: a similarity of noisy pictures is no parabola nearer to its minimum."""
-    steps = np.eye(len(at)) * WIDTH
-    return np.array([(objective(at + step) - objective(at - step)) / (2 * WIDTH) for step in steps])
+    ends = [(objective(at + step), objective(at - step)) for step in np.diag(width)]
+    return np.array([ahead - behind for ahead, behind in ends]) / (2 * width)
 
 
-def gradient_and_hessian(objective: Callable[[np.ndarray], float], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Central differences at 0: shapes (size,) and (size, size)."""
-    steps = np.eye(size) * WIDTH
+def gradient_and_hessian(objective: Callable[[np.ndarray], float], width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Central differences at 0 over steps of shape (size,): shapes (size,) and (size, size)."""
+    size, steps = len(width), np.diag(width)
     middle = objective(np.zeros(size))
     ahead = np.array([objective(step) for step in steps])
     behind = np.array([objective(-step) for step in steps])
-    hessian = np.diag((ahead - 2 * middle + behind) / WIDTH**2)
+    hessian = np.diag((ahead - 2 * middle + behind) / width**2)
     for i in range(size):
         for j in range(i):
             both = objective(steps[i] + steps[j]) + objective(-steps[i] - steps[j])
-            cross = (both - ahead[i] - ahead[j] - behind[i] - behind[j] + 2 * middle) / (2 * WIDTH**2)
+            cross = (both - ahead[i] - ahead[j] - behind[i] - behind[j] + 2 * middle) / (2 * width[i] * width[j])
             hessian[i, j] = hessian[j, i] = cross
-    return (ahead - behind) / (2 * WIDTH), hessian
+    return (ahead - behind) / (2 * width), hessian
 
 
-def curvature(objective: Objective, size: int) -> np.ndarray:
-    """Second derivatives at 0 by differences of the exact gradient, shape (size, size).
+def curvature(objective: Objective, width: np.ndarray) -> np.ndarray:
+    """Second derivatives at 0 by differences of the exact gradient over steps of shape (size,), shape (size, size).
 
     For tens of numbers this asks for fewer scores than second differences do. It shows the way to the minimum, which is
-    where `_gradient` says. Their kernel over twice `WIDTH` is a triangle: the box of the same spread is narrower.
+    where `_gradient` says. Their kernel over twice the step is a triangle: the box of the same spread is narrower.
     """
-    found, width = np.zeros((size, size)), WIDTH / np.sqrt(2.0)
-    for number, step in enumerate(np.eye(size) * width):
-        found[number] = (objective.gradient(step) - objective.gradient(-step)) / (2 * width)
+    found, width = np.zeros((len(width), len(width))), width / np.sqrt(2.0)
+    for number, step in enumerate(np.diag(width)):
+        found[number] = (objective.gradient(step) - objective.gradient(-step)) / (2 * width[number])
     return (found + found.T) / 2
 
 
@@ -78,7 +96,7 @@ def unseen(steepest: float, sure: float) -> float:
 
 def minimise(
     objective: Objective,
-    size: int,
+    width: np.ndarray,
     reach: float = 0.15,
     low: np.ndarray | None = None,
     high: np.ndarray | None = None,
@@ -91,7 +109,8 @@ def minimise(
     Parameters
     ----------
     objective : Objective
-    size : int
+    width : ndarray, shape (size,)
+        Steps of finite differences.
     reach : float
         Longest step.
     low, high : ndarray, shape (size,), optional
@@ -99,7 +118,8 @@ def minimise(
     sure : float
         Curvature that is seen in any case.
     """
-    gradient, hessian = _gradient(objective, np.zeros(size)), _positive(curvature(objective, size))
+    size = len(width)
+    gradient, hessian = _gradient(objective, np.zeros(size), width), _positive(curvature(objective, width))
     steepest = max(float(np.abs(np.diag(hessian)).max(initial=0.0)), 1e-300)
     least = unseen(steepest, sure)
     low = np.full(size, -np.inf) if low is None else low
@@ -123,7 +143,7 @@ def minimise(
             break
         at = at + step
         value = objective(at)
-        gradient = _gradient(objective, at)
+        gradient = _gradient(objective, at, width)
     return at
 
 
@@ -134,15 +154,19 @@ def _downhill(objective: Objective, at: np.ndarray, value: float, step: np.ndarr
     return step if np.abs(step).max(initial=0.0) > SHORTEST else np.zeros(len(step))
 
 
-def repeat(draw: Callable[[], Objective], size: int, count: int, sure: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+def repeat(
+    draw: Callable[[], Objective], width: np.ndarray, count: int, sure: float = np.inf
+) -> tuple[np.ndarray, np.ndarray]:
     """Best constants of repetitions by one Newton step with their mean curvature, and that curvature.
 
     Parameters
     ----------
     draw : callable
         Gives the score of a new repetition as a function of shape (size,) in search coordinates.
-    size, count : int
-        Number of constants, of repetitions. The first ones give the curvature; the others need their gradient.
+    width : ndarray, shape (size,)
+        Steps of finite differences.
+    count : int
+        Number of repetitions. The first ones give the curvature; the others need their gradient.
     sure : float
         Curvature that is seen in any case.
 
@@ -155,10 +179,10 @@ def repeat(draw: Callable[[], Objective], size: int, count: int, sure: float = n
     for number in range(count):
         objective = draw()  # one at a time: each holds pictures of its own
         if number < _CURVED:
-            gradient, hessian = gradient_and_hessian(objective, size)
+            gradient, hessian = gradient_and_hessian(objective, width)
             curvatures.append(hessian)
         else:
-            gradient = _gradient(objective, np.zeros(size))
+            gradient = _gradient(objective, np.zeros(len(width)), width)
         gradients.append(gradient)
     hessian = np.mean(curvatures, axis=0)
     curved = _positive(hessian)

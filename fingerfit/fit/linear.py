@@ -58,6 +58,11 @@ class LinearModel:
             for base, own in parts
         ]
 
+    @property
+    def moving(self) -> np.ndarray:
+        """How fast each number moves the pictures of all tests: norms of the slopes, shape (parameters,)."""
+        return np.sqrt(np.sum([np.diag(test._products) for test in self.every], axis=0))
+
     def by_control(self, relative: np.ndarray, data: Data) -> Prediction:
         """Change of the prediction with relative changes of the prescribed quantity, shape (steps,)."""
         if self.control is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
-from fingerfit.fit.intervals import SHORTEST, minimise
+from fingerfit.fit.intervals import SHORTEST, minimise, widths
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
@@ -175,10 +175,11 @@ def _by_score(
     A similarity of pictures does not see their common brightness, nor forces and displacements at all.
     """
     observed, objective = problem.observed, problem.objective(model, known)
+    width = widths(problem.settings.parameters(), model.moving)
     sure = problem.unit * problem.priors.curvature if known and problem.priors else np.inf
     delta: np.ndarray = np.zeros(len(low))
     for _ in range(IN_TURN if observed.any() else 1):
-        delta = _constants(problem, objective, delta, low, high, sure)
+        delta = _constants(problem, objective, width, delta, low, high, sure)
         if observed.any():
             delta[observed] = 0.0
             delta[observed] = _brightness_and_shifts(problem, model.at(delta), model, low, high)
@@ -188,6 +189,7 @@ def _by_score(
 def _constants(
     problem: InverseProblem,
     score: Objective,
+    width: np.ndarray,
     delta: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
@@ -197,7 +199,7 @@ def _constants(
     free = np.flatnonzero(~problem.observed)
     low, high = (low - delta)[free], (high - delta)[free]
     found: np.ndarray = delta.copy()
-    found[free] += minimise(score.along(free, delta), len(free), low=low, high=high, sure=sure)
+    found[free] += minimise(score.along(free, delta), width[free], low=low, high=high, sure=sure)
     return found
 
 

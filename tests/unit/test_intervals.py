@@ -8,6 +8,7 @@ from scipy.stats import t as student
 from seeds import generator
 
 from fingerfit.fit.intervals import (
+    WIDTH,
     as_json,
     curvature,
     gradient_and_hessian,
@@ -15,11 +16,13 @@ from fingerfit.fit.intervals import (
     minimise,
     repeat,
     summarise,
+    widths,
 )
 from fingerfit.fit.objective import Objective
 from fingerfit.model.parameters import Parameter
 
 A = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
+TWO, THREE = np.full(2, WIDTH), np.full(3, WIDTH)
 LOG = tuple(Parameter(name, "MPa", 1e-3, 1.0, 0.1) for name in ("mu_a", "mu_b", "mu_c"))
 
 
@@ -29,10 +32,10 @@ def bowl(centre, matrix=A):
 
 def test_differences_of_a_quadratic_are_exact():
     centre = np.array([0.03, -0.02, 0.05])
-    gradient, hessian = gradient_and_hessian(bowl(centre), 3)
+    gradient, hessian = gradient_and_hessian(bowl(centre), THREE)
     assert gradient == pytest.approx(-A @ centre, abs=1e-12)
     assert hessian == pytest.approx(A, abs=1e-10)
-    assert curvature(bowl(centre), 3) == pytest.approx(A, abs=1e-10)
+    assert curvature(bowl(centre), THREE) == pytest.approx(A, abs=1e-10)
 
 
 def test_sums_squares_and_a_part_of_the_numbers_have_the_gradients_of_their_values(rng):
@@ -46,13 +49,26 @@ def test_sums_squares_and_a_part_of_the_numbers_have_the_gradients_of_their_valu
 @pytest.mark.parametrize("reach", [0.01, 0.15])
 def test_minimum_of_a_quadratic(reach):
     centre = np.array([0.05, -0.1, 0.02])
-    found = minimise(bowl(centre), 3, reach)
+    found = minimise(bowl(centre), THREE, reach)
     assert found == pytest.approx(centre, abs=1e-4 if reach > 0.1 else 1e-3)
 
 
 def test_minimum_of_something_else():
-    found = minimise(by_differences(lambda d: float(np.cosh(3 * (d[0] - 0.2)) + np.exp(d[1]) - 1.1 * d[1])), 2)
+    found = minimise(by_differences(lambda d: float(np.cosh(3 * (d[0] - 0.2)) + np.exp(d[1]) - 1.1 * d[1])), TWO)
     assert found == pytest.approx([0.2, np.log(1.1)], abs=5e-4)
+
+
+def test_a_number_that_moves_pictures_fast_has_shorter_differences():
+    """A score that is skew: over 2 % its slope at 0 has the wrong sign, over half a per cent it has the right one."""
+    number = Parameter("band.size", "1", -1.0, 1.0, 0.0, log=False, unity=1.0)
+    skew = Objective(
+        lambda d: 100 * (d[0] - 0.002) ** 2 + 1500 * (d[0] - 0.002) ** 3,
+        lambda d: 200 * (d - 0.002) + 4500 * (d - 0.002) ** 2,
+    )
+    short = widths([LOG[0], LOG[1], number], np.array([1.0, 0.5, 4.0]))
+    assert short == pytest.approx([WIDTH, WIDTH, WIDTH / 4])
+    assert minimise(skew, short[2:]) == pytest.approx([0.002], abs=1500 * short[2] ** 2 / 200)
+    assert widths([number, LOG[0]], np.zeros(2)) == pytest.approx([WIDTH, WIDTH])
 
 
 def test_from_the_top_of_a_hill_it_goes_down():
@@ -60,7 +76,7 @@ def test_from_the_top_of_a_hill_it_goes_down():
         return float(-np.cos(4 * (d[0] - 0.1)) + d[1] ** 2)
 
     start = np.zeros(2)
-    found = minimise(by_differences(lambda d: hill(d + np.array([0.55, 0.0]))), 2)
+    found = minimise(by_differences(lambda d: hill(d + np.array([0.55, 0.0]))), TWO)
     assert hill(found + np.array([0.55, 0.0])) < hill(start + np.array([0.55, 0.0])) - 0.3
 
 
@@ -77,7 +93,7 @@ def test_a_long_step_that_bounds_cut_still_goes_down():
     def score(d):
         return float(gradient @ d + 0.5 * d @ curvature @ d)
 
-    found = minimise(by_differences(score), 4, low=np.full(4, -0.3), high=np.full(4, 0.3))
+    found = minimise(by_differences(score), np.full(4, WIDTH), low=np.full(4, -0.3), high=np.full(4, 0.3))
     assert score(found) < -0.1
     assert np.abs(found).max() <= 0.3 + 1e-12
 
@@ -88,12 +104,12 @@ def test_a_step_that_bounds_turn_uphill_is_taken_straight_down():
     def valley(d):
         return float(100 * (d[0] - d[1] - 0.02) ** 2 + 0.5 * (d[1] - 0.5) ** 2)
 
-    found = minimise(by_differences(valley), 2, low=np.full(2, -0.3), high=np.array([0.3, 0.03]))
+    found = minimise(by_differences(valley), TWO, low=np.full(2, -0.3), high=np.array([0.3, 0.03]))
     assert found == pytest.approx([0.05, 0.03], abs=2e-3)
 
 
 def test_what_the_score_does_not_see_is_not_moved():
-    found = minimise(by_differences(lambda d: float((d[0] - d[1] - 0.1) ** 2)), 2)
+    found = minimise(by_differences(lambda d: float((d[0] - d[1] - 0.1) ** 2)), TWO)
     assert found[0] - found[1] == pytest.approx(0.1, abs=1e-4)
     assert found.sum() == pytest.approx(0.0, abs=1e-6)
 
@@ -102,7 +118,7 @@ def test_repetitions_shift_as_their_noise_says():
     rng = generator(4)
     noise = rng.normal(0.0, 0.01, (4000, 3))
     drawn = iter(noise)
-    shifts, hessian = repeat(lambda: bowl(next(drawn)), 3, len(noise))
+    shifts, hessian = repeat(lambda: bowl(next(drawn)), THREE, len(noise))
     assert shifts == pytest.approx(noise, abs=1e-9)
     assert hessian == pytest.approx(A, abs=1e-9)
 
