@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -52,12 +52,7 @@ def estimate_of(
     searched = on_search_mesh(problem, last) if mesh == REFINED else best
     partly = partly_on_finer_mesh(problem, last) if mesh != REFINED and REFINED in problem.mesh_files else None
     values, left_by_mesh = best.values, mesh_error(problem, best, searched, partly)
-    shifts, hessian = repeat(
-        _repetitions(problem, best, threads),
-        widths(parameters, best.model.moving),
-        settings.fit.replicates,
-        problem.sure,
-    )
+    shifts, hessian = _repeated(problem, best, threads)
     known, on_search = None, searched.values
     if priors:
         left, move = priors.left(best.base.values), by_data(problem, best)
@@ -113,20 +108,28 @@ def estimate_of(
     }
 
 
-def _repetitions(problem: InverseProblem, best: Minimum, threads: int) -> Callable[[], Objective]:
-    """What draws a repetition of the measurement, of all tests at once; their noises do not know of each other."""
-    how, makers = problem.settings.fit, []
+def _repeated(problem: InverseProblem, best: Minimum, threads: int) -> tuple[np.ndarray, np.ndarray]:
+    """Shifts and curvature of repetitions of all tests at once, as of `repeat`; their noises do not know of each other.
+
+    Numbers of effects on the observation that the score may not see are those of the least squares, as in the estimate.
+    """
+    how, makers = problem.settings.fit, list[Replicates]()
     for n, (test, model, asked) in enumerate(zip(problem.every, best.model.every, best.base.every, strict=True)):
         maps, seed = test.synthesis(asked).maps, [how.seed, n] if n else how.seed
         noisy = test.as_counted(model.base).data
-        makers.append(Replicates(model, noisy, maps, how.score, how.bins, seed, threads, how.replicates))
-    if len(makers) == 1:
-        return makers[0].draw
+        makers.append(Replicates(model, noisy, maps, how.score, how.bins, seed, threads, how.replicates, test.observed))
 
     def draw() -> Objective:
         return Objective.total([maker.draw() for maker in makers])
 
-    return draw
+    width = widths(problem.settings.parameters(), best.model.moving)
+    shifts, hessian = repeat(makers[0].draw if len(makers) == 1 else draw, width, how.replicates, problem.sure)
+    for maker in makers:
+        if maker.squares:
+            number = maker.squares.number
+            shifts[:, number] = np.array(maker.moves) + maker.squares.follow(shifts)
+            hessian[np.ix_(number, number)] += problem.unit * maker.squares.curvature
+    return shifts, hessian
 
 
 def _extrapolated(problem: InverseProblem, best: Minimum, values: Mapping[str, float]) -> list[str]:

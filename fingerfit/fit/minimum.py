@@ -12,10 +12,11 @@ from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
 from fingerfit.fit.intervals import SHORTEST, minimise, widths
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
+from fingerfit.fit.observed import Observed, between
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
-from fingerfit.forward.score import JointPrediction, Prediction, deviations
+from fingerfit.forward.score import JointPrediction, Prediction
 from fingerfit.settings.choices import CONFIG
 from fingerfit.solvers.contract import CONVERGED
 
@@ -170,19 +171,17 @@ def _move(problem: InverseProblem, model: LinearModel, trust: float, known: bool
 def _by_score(
     problem: InverseProblem, model: LinearModel, low: np.ndarray, high: np.ndarray, known: bool
 ) -> np.ndarray:
-    """Minimum of the score; the numbers of effects on the observation are those of the least squares.
-
-    A similarity of pictures does not see their common brightness, nor forces and displacements at all.
-    """
+    """Minimum of the score; the numbers of effects on the observation are those of the least squares."""
     observed, objective = problem.observed, problem.objective(model, known)
     width = widths(problem.settings.parameters(), model.moving)
     sure = problem.unit * problem.priors.curvature if known and problem.priors else np.inf
     delta: np.ndarray = np.zeros(len(low))
-    for _ in range(IN_TURN if observed.any() else 1):
+    squares = Observed(observed, problem.data, model) if observed.any() else None
+    for _ in range(IN_TURN if squares else 1):
         delta = _constants(problem, objective, width, delta, low, high, sure)
-        if observed.any():
+        if squares:
             delta[observed] = 0.0
-            delta[observed] = _brightness_and_shifts(problem, model.at(delta), model, low, high)
+            delta[observed] = squares.moves(low, high, model.at(delta))
     return delta
 
 
@@ -203,41 +202,6 @@ def _constants(
     return found
 
 
-def _brightness_and_shifts(
-    problem: InverseProblem, left: Prediction, model: LinearModel, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
-    """Numbers of effects on the observation that leave the least squares of pictures, response and points.
-
-    The noise of the prescribed quantity moves pictures and response together: one unknown for each step.
-    """
-    data, number = problem.data, np.flatnonzero(problem.observed)
-    scale, steps = np.sqrt(2.0) * data.picture_noise or 1.0, len(data.step)
-
-    def values(one: Prediction) -> np.ndarray:
-        return np.concatenate([((one.pictures - data.measured) / scale).ravel(), deviations(one, data)])
-
-    base = values(left)
-    noise = np.divide(data.control_noise, np.abs(data.controlled), out=np.zeros(steps), where=data.controlled != 0)
-    unknown = [model.by_control(share, data) for share in np.diag(noise)]
-    columns = np.stack([values(left + one) - base for one in [*(model.slopes[n] for n in number), *unknown]], axis=1)
-    likely = np.concatenate([np.zeros((steps, len(number))), np.eye(steps)], axis=1)
-    ends = np.full(steps, np.inf)
-    bounds = np.concatenate([low[number], -ends]), np.concatenate([high[number], ends])
-    residual = np.concatenate([base, np.zeros(steps)])
-    return _between(*bounds, np.concatenate([columns, likely]), residual)[: len(number)]
-
-
-def _between(low: np.ndarray, high: np.ndarray, columns: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """Linear least squares between bounds; what changes nothing stays, as that of a picture not fitted."""
-    from scipy.optimize import lsq_linear
-
-    found, seen = np.zeros(columns.shape[1]), columns.any(axis=0)
-    # bounds that coincide, as at a corner of the space, are kept a little apart
-    if seen.any():
-        found[seen] = lsq_linear(columns[:, seen], -left, (low[seen] - 1e-9, high[seen] + 1e-9)).x
-    return found
-
-
 def _least_squares(
     problem: InverseProblem, model: LinearModel, low: np.ndarray, high: np.ndarray, known: bool
 ) -> np.ndarray:
@@ -246,7 +210,7 @@ def _least_squares(
     columns = np.stack([problem.deviations(model.base + slope) - left for slope in model.slopes], axis=1)
     if known and (priors := problem.priors):
         columns, left = np.concatenate([columns, priors.rows]), np.append(left, -priors.left(model.values))
-    return _between(low, high, columns, left)
+    return between(low, high, columns, left)
 
 
 def _linear_model(problem: InverseProblem, last: Round, base: Asked) -> LinearModel:

@@ -16,6 +16,7 @@ import numpy as np
 
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
+from fingerfit.fit.observed import Observed
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.preprocess import reach_of, smooth
 from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
@@ -102,6 +103,15 @@ class Replicates:
         Repetitions that are made beside each other.
     count : int
         How many are drawn: no more are begun ahead.
+    observed : ndarray of bool, shape (parameters,), optional
+        Which numbers are those of effects on the observation that the score may not see.
+
+    Attributes
+    ----------
+    squares : Observed or None
+        What finds these by least squares.
+    moves : list of ndarray
+        Their moves in the repetitions that were drawn, shape (numbers,) each; what the constants do is not in them.
     """
 
     def __init__(
@@ -114,6 +124,7 @@ class Replicates:
         seed: int | Sequence[int],
         threads: int = 1,
         count: int = 1,
+        observed: np.ndarray | None = None,
     ) -> None:
         self.data, self.kind, self.bins, self.share = data, kind, bins, 1.0
         if kind != "nmi" and data.measured.ndim == IN_SPACE:
@@ -123,14 +134,19 @@ class Replicates:
             model, maps = _cut(model, window), [_cut_map(way, window) for way in maps]
         self.model, self.maps = model, maps
         self.rng, self._pool = np.random.default_rng(seed), ThreadPoolExecutor(threads)
-        self._left, self._threads, self._begun = count, threads, deque[Future[Objective]]()
+        self._left, self._threads = count, threads
+        self._begun = deque[Future[tuple[Objective, np.ndarray]]]()
+        self.squares = Observed(observed, data, model) if observed is not None and observed.any() else None
+        self.moves = list[np.ndarray]()
 
     def draw(self) -> Objective:
         """Score of one repetition as a function of delta, shape (parameters,)."""
         while not self._begun or (self._left > 0 and len(self._begun) < self._threads):
             self._begun.append(self._pool.submit(self._objective, self._noise()))
             self._left -= 1
-        return self._begun.popleft().result()
+        objective, moves = self._begun.popleft().result()
+        self.moves.append(moves)
+        return objective
 
     def _noise(self) -> _Noise:
         """All noise of a repetition; drawn by one thread, so that digits do not depend on their number."""
@@ -143,7 +159,7 @@ class Replicates:
         response = response + base.response * self._gauss((1,), data.response_gain)
         return _Noise(control, before, during, response, self._points_noise())
 
-    def _objective(self, noise: _Noise) -> Objective:
+    def _objective(self, noise: _Noise) -> tuple[Objective, np.ndarray]:
         data, base = self.data, self.model.base
         shift = self.model.by_control(noise.control, data)
         pictures, measured = shift.pictures, base.pictures
@@ -155,7 +171,8 @@ class Replicates:
         along, lateral = data.split(np.where(np.isfinite(data.response[0]), base.response, np.nan) + noise.response)
         responses: dict[str, Any] = {data.response_name(0)[0]: along, "lateral_force": lateral}
         repeated = replace(data, measured=measured, points_displacement=base.points + noise.points, **responses)
-        return self.model.objective(self.kind, repeated, self.bins, offset).times(self.share)
+        moves = self.squares.repeated(offset, repeated) if self.squares else np.zeros(0)
+        return self.model.objective(self.kind, repeated, self.bins, offset).times(self.share), moves
 
     def _gauss(self, shape: tuple[int, ...], spread: float | np.ndarray) -> np.ndarray:
         return self.rng.normal(0.0, spread, shape) if np.any(spread) else np.zeros(shape)
