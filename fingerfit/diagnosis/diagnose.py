@@ -21,10 +21,9 @@ from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.mesh_errors import by_halved_mesh
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
+from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.refits import Everything, ended_of, refit_of, with_outline
 from fingerfit.diagnosis.reservations import (
-    LARGEST,
-    LOUD,
     by_settings,
     doubted,
     elsewhere,
@@ -43,19 +42,16 @@ from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.sides import begun, sides_of
 from fingerfit.diagnosis.trials import rank_again, refit_all
 from fingerfit.diagnosis.verdict import (
-    GOOD,
-    Refit,
     Verdict,
     best_of,
     decide,
     ended_well,
-    excess,
-    explains,
     generalising,
     half_explained,
+    members_first,
     nearest,
-    to_refit,
 )
+from fingerfit.diagnosis.worth import LARGEST, to_refit, too_small
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
@@ -151,10 +147,11 @@ def diagnose(
     run += more
     coarse = by_mesh > 0.0 and by_mesh > LARGEST * excess(score_test)
     # of a body of another shape, and of one that is not solved well, refits say nothing
-    for _ in range(0 if coarse or (outline.off and unexplained) else BATCHES):
+    needless = coarse or (outline.off and unexplained) or too_small(score_test, ranking, fitted)
+    for _ in range(0 if needless else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits, found.weighed)
-        ended = nearest(ended_well(score_test, refits, fitted))
+        ended = nearest(members_first(ranking, ended_well(score_test, refits, fitted)))
         verdict = doubted(decide(score_test, ranking, ended, tests, held_out=held_out), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
         # a probe has as many numbers as several effects: nothing is looked for beside it

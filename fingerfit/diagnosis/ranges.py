@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.verdict import LEVEL, Refit
+from fingerfit.diagnosis.refit import LEVEL, Refit
 from fingerfit.fit.slopes import coordinates, moved
 
 COMPARABLE = 0.5

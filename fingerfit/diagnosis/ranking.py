@@ -62,7 +62,7 @@ class Ranked:
     columns: np.ndarray
     refitted: Refitted | None = None
 
-    def odds(self, spread: float) -> float:
+    def odds(self, spread: float, fall: float | None = None) -> float:
         """Logarithm of the odds for the model with the effect against the one without it (Laplace's approximation).
 
         Their evidence is the likelihood, integrated over the numbers of the effect with a normal prior of its likely
@@ -72,8 +72,10 @@ class Ranked:
         ----------
         spread : float
             Misfit per value of the best model, at least 1 (`spread_of`): where none explains the data, all weighs less.
+        fall : float, optional
+            Of the misfit, as a refit found it; else as the first pass did.
         """
-        fall, (values, numbers) = self.finding.fall / spread, self.columns.shape
+        fall, (values, numbers) = (self.finding.fall if fall is None else fall) / spread, self.columns.shape
         if self.refitted is None:
             return 0.5 * (fall - numbers * float(np.log(max(values, 1))))
         certain = np.eye(len(self.refitted.information)) + self.refitted.information / spread

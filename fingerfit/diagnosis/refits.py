@@ -15,9 +15,9 @@ from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.sides import sides_of
-from fingerfit.diagnosis.verdict import Refit
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import minimum
 from fingerfit.fit.problem import InverseProblem

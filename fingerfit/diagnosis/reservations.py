@@ -10,22 +10,20 @@ import numpy as np
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked, spread_of
+from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.sides import Sides
-from fingerfit.diagnosis.verdict import GOOD, MATTERS, Refit, Verdict, best_of, excess, explains, threshold
+from fingerfit.diagnosis.verdict import MATTERS, Verdict, best_of
+from fingerfit.diagnosis.worth import LARGEST, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, OUTLINE, STATE, Effect
 from fingerfit.study.several import AT
 
-LARGEST = 0.5
-"""Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
 FORM = 0.1
 """Share of an effect's signal by which its form may be off from what is there. A choice (decision 19)."""
 SURELY = 3.0
 """Standard deviations of chance."""
-LOUD = 1.5
-"""Error in units of the noise floor beyond which no model is adequate."""
 
 
 def of_family(
@@ -202,7 +200,7 @@ def traced(
     if verdict.kind == "unexplained":
         return verdict
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
-    odds = max(one.odds(spread) for one in named) - float(np.log(max(tests, 1)))
+    odds = max(one.odds(spread, refits[one.candidate.effect.name].fall) for one in named) - float(np.log(max(tests, 1)))
     text = "the model explains the measurements to within their noise; "
     if not any(_matters(refits[name], base, tolerance, intervals or {}) for name in verdict.effects):
         far = "out of its interval" if intervals else f"by more than {100 * tolerance:g} %"

@@ -17,7 +17,7 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
 from fingerfit.diagnosis.ranking import Ranked, Refitted, other_places, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.verdict import SEEN, threshold
+from fingerfit.diagnosis.worth import SEEN, threshold
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked

@@ -3,117 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from fingerfit.diagnosis.families import ENOUGH, nominated
-from fingerfit.diagnosis.likelihood import Weighed
-from fingerfit.diagnosis.ranking import Ranked, spread_of
+from fingerfit.diagnosis.families import ENOUGH
+from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.refit import LEVEL, Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.sides import Sides
-from fingerfit.model.effect import NUMERICS
+from fingerfit.diagnosis.worth import FEW, threshold, to_refit, unseen
 
-LEVEL = 0.01
-"""Probability of a false alarm in all tests together."""
-GOOD = 1.25
-"""Misfit per degree of freedom up to which a model is adequate, unless chance alone allows more."""
 RIVAL = 12.0
 """Difference of misfit below which two refits cannot be told apart: odds of 400 to 1."""
 NEAR = 0.03
 """The same for two refits that are both adequate, per degree of freedom: what an error of the mesh may decide."""
-SEEN, SEEN_OF_FEW = 0.02, 0.002
-"""Share of its signal that the constants cannot imitate, from which an effect is refitted; of few values, as of forces
-alone, all signals are alike, and refits, which decide, cost little."""
-FEW = 50
 WORSE, WORSE_OF_FEW = 0.02, 0.2
 """Rise of the error on held-out or on fitted steps, in noise floors, from which a refit does not count; of few
 values."""
 MATTERS = 0.05
 """Fall of the error, in noise floors, by which an effect matters that moves no constant."""
-TRIED = 4
-"""Effects that are refitted at once."""
-
-
-@dataclass(frozen=True)
-class Refit:
-    """A model with one effect more, fitted.
-
-    Parameters
-    ----------
-    misfit : float
-    freedom : int
-    fitted, held_out : float or None
-        Error in units of the noise floor.
-    values : mapping
-        Constants and numbers of the effect.
-    common_misfit : float
-    common_freedom : int
-        Of what all values of a step have in common.
-    share : float
-        Of the predicted size, from which the refit went out.
-    start : mapping
-        Numbers of the effect that it went out from: with these in the settings its simulations are asked for again.
-    simulations : int
-        How many it asked for.
-    fall : float
-        Of the misfit, where both models are weighed by the covariance of the one without the effect.
-    constants : mapping
-        Where the numbers of the model without the effect went out from.
-    weighed : Weighed, optional
-        What it leaves.
-    compared, before : float, optional
-        Misfits with the effect and without it, by one likelihood: that of this refit, or the one that all refits of a
-        model have in common.
-    numbers : int
-        How many numbers of the effect were fitted.
-    sides : Sides
-        Where the picture before compression has the sides of the body, against the model.
-    """
-
-    misfit: float
-    freedom: int
-    fitted: float
-    held_out: float | None
-    values: Mapping[str, float]
-    common_misfit: float = 0.0
-    common_freedom: int = 0
-    share: float = 1.0
-    start: Mapping[str, float] = field(default_factory=dict)
-    simulations: int = 0
-    fall: float = 0.0
-    constants: Mapping[str, float] = field(default_factory=dict)
-    weighed: Weighed | None = field(default=None, repr=False, compare=False)
-    compared: float | None = None
-    before: float | None = None
-    numbers: int = 0
-    sides: Sides = field(default_factory=Sides)
-
-    @property
-    def level(self) -> float:
-        """The misfit by which refits are compared with each other, and what its numbers are worth (Schwarz 1978)."""
-        from numpy import log
-
-        return self._misfit + self.numbers * float(log(max(self.freedom, 1)))
-
-    @property
-    def _misfit(self) -> float:
-        return self.misfit if self.compared is None else self.compared
-
-    def gain(self, before: float) -> float:
-        """By how much the effect lowers the misfit, by one likelihood.
-
-        Parameters
-        ----------
-        before : float
-            Misfit of the model without the effect by its own likelihood, which does where there is no other one.
-        """
-        return self._without(before) - self._misfit
-
-    def explained(self, before: float) -> float:
-        """Share of the misfit beyond the noise that the effect explains, by one likelihood; `before` as for `gain`."""
-        return self.gain(before) / max(self._without(before) - self.freedom, 1.0)
-
-    def _without(self, before: float) -> float:
-        return before if self.before is None else self.before
 
 
 @dataclass(frozen=True)
@@ -139,78 +45,6 @@ class Verdict:
     sentence: str
     threshold: float
     family: str = ""
-
-
-def threshold(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, columns: int = 1) -> float:
-    """Fall of the misfit beyond chance, for effects of as many parameters."""
-    from scipy.special import chdtri
-
-    return float(chdtri(columns, LEVEL / max(tests, 1))) * spread_of(score_test.misfit, ranking, score_test.freedom)
-
-
-def to_refit(
-    score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, known: Mapping[str, Refit] | None = None
-) -> list[Ranked]:
-    """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's.
-
-    Where some are `known` and did not explain it, the next best: far from the truth predictions from slopes rank
-    roughly.
-    """
-    found = [
-        one
-        for one in nominated(score_test, ranking, {name: refit.fall for name, refit in (known or {}).items()})
-        if one.candidate.effect.acts != NUMERICS
-        and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
-        and one.finding.visible > _seen(score_test)
-    ]
-    if known:
-        return [one for one in found if one.candidate.effect.name not in known][:TRIED]
-    return [one for one in found if one.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
-
-
-def _seen(score_test: ScoreTest) -> float:
-    return SEEN if score_test.freedom > FEW else SEEN_OF_FEW
-
-
-def unseen(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[Ranked]:
-    """Effects that may be there without a trace: the model's own constants imitate them."""
-    found = [one for one in ranking if one.candidate.effect.acts != NUMERICS and not one.candidate.effect.probe]
-    return [one for one in found if one.finding.visible <= _seen(score_test) and one.finding.signal > 0]
-
-
-def good(freedom: int) -> float:
-    """Misfit per degree of freedom up to which a model is adequate: with few values chance alone goes beyond `GOOD`.
-
-    >>> good(1000), round(good(19), 2)
-    (1.25, 1.9)
-    """
-    from scipy.special import chdtri
-
-    return max(GOOD, float(chdtri(max(freedom, 1), LEVEL)) / max(freedom, 1))
-
-
-def explains(one: ScoreTest | Refit, level: float = LEVEL) -> bool:
-    """Whether a model explains the data: all values together, and those few that all of a step have in common.
-
-    Of these chance alone leaves more with a probability of `level`.
-    """
-    whole = one.misfit <= good(one.freedom) * max(one.freedom, 1)
-    return whole and one.common_misfit <= _common_limit(one, level)
-
-
-def excess(one: ScoreTest | Refit) -> float:
-    """Misfit beyond what noise leaves on average: of all values, or of those that all of a step have in common."""
-    return max(one.misfit - one.freedom, one.common_misfit - one.common_freedom)
-
-
-def _common_limit(one: ScoreTest | Refit, level: float) -> float:
-    """Of chance; where all other values differ by more than their noise, which `good` allows, of as much more."""
-    from scipy.special import chdtri
-
-    if not one.common_freedom:
-        return 0.0
-    spread = (one.misfit - one.common_misfit) / max(one.freedom - one.common_freedom, 1)
-    return float(chdtri(one.common_freedom, level)) * max(1.0, spread)
 
 
 def best_of(ranking: Sequence[Ranked], refits: Mapping[str, Refit]) -> tuple[Ranked, Refit] | None:
@@ -321,6 +155,26 @@ def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float
     """
     limit = fitted + _worse(score_test)
     return {name: refit for name, refit in refits.items() if not refit.fitted > limit}
+
+
+def members_first(ranking: Sequence[Ranked], refits: Mapping[str, Refit]) -> dict[str, Refit]:
+    """Refits but for a probe that does not explain the data, where a member of its family does nearly as well.
+
+    What a member leaves may be another one of its kind, which is found next; what a probe leaves has no form. Nearly:
+    it leaves no more than twice what the probe leaves beyond the noise, in the misfit and in the squared error.
+    """
+    effects = {name: one.candidate.effect for one in ranking if (name := one.candidate.effect.name) in refits}
+
+    def nearly(member: Refit, probe: Refit) -> bool:
+        near = member.fitted**2 - 1.0 <= 2.0 * (probe.fitted**2 - 1.0)
+        return near and member.beyond_noise <= 2.0 * probe.beyond_noise
+
+    def said(name: str) -> bool:
+        members = [other for other, one in effects.items() if one.family == effects[name].family and not one.probe]
+        unexplained = effects[name].probe and not explains(refits[name])
+        return unexplained and any(nearly(refits[other], refits[name]) for other in members)
+
+    return {name: refit for name, refit in refits.items() if not (name in effects and said(name))}
 
 
 def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:

@@ -17,8 +17,9 @@ from fingerfit.diagnosis.families import families
 from fingerfit.diagnosis.field import field_of
 from fingerfit.diagnosis.ranges import ranges
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
+from fingerfit.diagnosis.refit import explains
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
-from fingerfit.diagnosis.verdict import explains, unseen
+from fingerfit.diagnosis.worth import unseen
 from fingerfit.fit.intervals import bound_of
 from fingerfit.forward.predict import in_first_picture
 from fingerfit.imaging.sections import border_triangles, parts_of

@@ -15,8 +15,9 @@ from fingerfit import cli
 from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError, InputError, Problems, StateError
 from fingerfit.core.files import keep_json, read_json, read_npz, read_record, write_json, write_npz
+from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.verdict import Refit, _rival
+from fingerfit.diagnosis.verdict import _rival
 from fingerfit.fit.check import check_data
 from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.rounds import Round

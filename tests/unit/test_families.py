@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_verdict import TESTS, World
+from test_verdict import TESTS, VALUES, World
 
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, nominated
 from fingerfit.diagnosis.ranking import Refitted
+from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.reservations import largest_part, of_family
-from fingerfit.diagnosis.verdict import MATTERS, Refit, Verdict, decide, nearest, to_refit
+from fingerfit.diagnosis.verdict import MATTERS, Verdict, decide, members_first, nearest
+from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, to_refit, too_small
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import FAMILIES
 
@@ -177,3 +179,55 @@ def test_the_largest_part_is_named_where_its_family_leads(error, rival, kind):
     # nobody knows what else a family has that no probe stands for
     known = [one for one in ranking if not one.candidate.effect.probe]
     assert largest_part(nearest, score_test, known, refits, 5.0) is nearest
+
+
+@pytest.mark.parametrize(
+    ("left", "error", "stays"),
+    [
+        (390.0, 1.36, ["base_slip", "tilt"]),
+        (410.0, 1.36, ["base_slip", "base_probe", "tilt"]),  # it leaves more than twice as much of the misfit
+        (390.0, 1.38, ["base_slip", "base_probe", "tilt"]),  # of the squared error
+    ],
+)
+def test_a_probe_that_does_not_explain_it_goes_behind_a_member_that_is_nearly_as_good(left, error, stays):
+    """Half of what the member leaves is left by both; the tilt is of another family."""
+    _, ranking = ranked(0.9)
+    probe = Refit(VALUES + 200.0, VALUES, 1.2, 1.2, {}, numbers=3)
+    refits = {
+        "base_slip": Refit(VALUES + left, VALUES, error, error, {}, numbers=1),
+        "base_probe": probe,
+        "tilt": probe,
+    }
+    assert list(members_first(ranking, refits)) == stays
+    explained = replace(probe, misfit=float(VALUES))
+    assert "base_probe" in members_first(ranking, {**refits, "base_probe": explained})
+
+
+def first_pass(ranking, share, surprise=0.0):
+    """The ranking with refits of the first pass that explain a share of what there is."""
+    refit = Refitted({}, float(VALUES), True, (), 4, VALUES, np.zeros((1, 1)), surprise, share)
+    return [replace(one, refitted=refit) for one in ranking]
+
+
+def test_where_nothing_explains_nearly_enough_nothing_is_refitted():
+    score_test, ranking = ranked(1.0)
+    limit = FALLS_SHORT * LARGEST
+    assert too_small(score_test, first_pass(ranking, limit - 0.01), 1.4)
+    assert not too_small(score_test, first_pass(ranking, limit + 0.01), 1.4)
+    assert not too_small(score_test, first_pass(ranking, limit - 0.01), 1.6)  # the first pass does not see all
+    assert not too_small(score_test, ranking, 1.4)  # there was none
+    quiet, ranking = ranked(1.0, hidden=2.0)
+    assert not too_small(quiet, first_pass(ranking, 0.1), 1.0)  # the model explains the data
+
+
+@pytest.mark.parametrize(("surprise", "count"), [(0.0, 1), (25.0, 0)])
+def test_a_model_that_explains_the_data_needs_odds_for_a_refit(surprise, count):
+    """Half of the fall of 36 is 18, less half of the surprise and the logarithm of 20 tests; 4.6 are needed."""
+    score_test, ranking = ranked(1.0, hidden=6.0)
+    assert len(to_refit(score_test, first_pass(ranking, 1.0, surprise), TESTS)) == count
+
+
+def test_the_odds_of_a_refit_are_those_of_its_fall():
+    _, ranking = ranked(1.0, hidden=6.0)
+    one = first_pass(ranking, 1.0)[0]
+    assert one.odds(2.0) - one.odds(2.0, one.finding.fall - 8.0) == pytest.approx(2.0)

@@ -6,7 +6,7 @@ from seeds import generator
 
 from fingerfit.diagnosis.diagnose import by_one_likelihood
 from fingerfit.diagnosis.likelihood import Weighed, misfits
-from fingerfit.diagnosis.verdict import Refit
+from fingerfit.diagnosis.refit import Refit
 
 COUNT = 200
 

@@ -9,10 +9,11 @@ from test_outline import sides as formed
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.reservations import elsewhere, refuted, strained
 from fingerfit.diagnosis.score_tests import Finding
 from fingerfit.diagnosis.sides import Sides, begun, sides_of
-from fingerfit.diagnosis.verdict import Refit, Verdict
+from fingerfit.diagnosis.verdict import Verdict
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.patches import Patches, Reader
 from fingerfit.forward.predict import Predictor, since_first_picture

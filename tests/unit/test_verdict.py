@@ -11,21 +11,11 @@ from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
-from fingerfit.diagnosis.reservations import LOUD, by_settings, doubted, signal_of, traced
+from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
+from fingerfit.diagnosis.reservations import by_settings, doubted, signal_of, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
-from fingerfit.diagnosis.verdict import (
-    LEVEL,
-    TRIED,
-    Refit,
-    Verdict,
-    decide,
-    ended_well,
-    excess,
-    explains,
-    half_explained,
-    threshold,
-    to_refit,
-)
+from fingerfit.diagnosis.verdict import Verdict, decide, ended_well, half_explained
+from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.parameters import Parameter
 
@@ -477,7 +467,7 @@ def likely(odds):
         candidate=Candidate(EFFECTS["tilt"], {}),
         finding=Finding(1.0, WIDE, 1.0, 1.0),
         refitted=None,
-        odds=lambda spread: odds,
+        odds=lambda spread, fall=None: odds,
     )
 
 

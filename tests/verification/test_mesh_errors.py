@@ -5,8 +5,8 @@ from small_body import DESCRIPTION, MESHES, compared, fitted, written
 
 from fingerfit.diagnosis.diagnose import diagnose
 from fingerfit.diagnosis.mesh_errors import by_halved_mesh
-from fingerfit.diagnosis.reservations import LARGEST
-from fingerfit.diagnosis.verdict import explains
+from fingerfit.diagnosis.refit import explains
+from fingerfit.diagnosis.worth import LARGEST
 
 COARSE = {
     "mesh": {"element": "CPE8", "across": 2, "per_layer": 1, "grading": 1},

@@ -1,0 +1,140 @@
+"""A model with one effect more, fitted; and whether a model explains the data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fingerfit.diagnosis.likelihood import Weighed
+from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.sides import Sides
+
+LEVEL = 0.01
+"""Probability of a false alarm in all tests together."""
+GOOD = 1.25
+"""Misfit per degree of freedom up to which a model is adequate, unless chance alone allows more."""
+LOUD = 1.5
+"""Error in units of the noise floor beyond which no model is adequate."""
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A model with one effect more, fitted.
+
+    Parameters
+    ----------
+    misfit : float
+    freedom : int
+    fitted, held_out : float or None
+        Error in units of the noise floor.
+    values : mapping
+        Constants and numbers of the effect.
+    common_misfit : float
+    common_freedom : int
+        Of what all values of a step have in common.
+    share : float
+        Of the predicted size, from which the refit went out.
+    start : mapping
+        Numbers of the effect that it went out from: with these in the settings its simulations are asked for again.
+    simulations : int
+        How many it asked for.
+    fall : float
+        Of the misfit, where both models are weighed by the covariance of the one without the effect.
+    constants : mapping
+        Where the numbers of the model without the effect went out from.
+    weighed : Weighed, optional
+        What it leaves.
+    compared, before : float, optional
+        Misfits with the effect and without it, by one likelihood: that of this refit, or the one that all refits of a
+        model have in common.
+    numbers : int
+        How many numbers of the effect were fitted.
+    sides : Sides
+        Where the picture before compression has the sides of the body, against the model.
+    """
+
+    misfit: float
+    freedom: int
+    fitted: float
+    held_out: float | None
+    values: Mapping[str, float]
+    common_misfit: float = 0.0
+    common_freedom: int = 0
+    share: float = 1.0
+    start: Mapping[str, float] = field(default_factory=dict)
+    simulations: int = 0
+    fall: float = 0.0
+    constants: Mapping[str, float] = field(default_factory=dict)
+    weighed: Weighed | None = field(default=None, repr=False, compare=False)
+    compared: float | None = None
+    before: float | None = None
+    numbers: int = 0
+    sides: Sides = field(default_factory=Sides)
+
+    @property
+    def level(self) -> float:
+        """The misfit by which refits are compared with each other, and what its numbers are worth (Schwarz 1978)."""
+        from numpy import log
+
+        return self._misfit + self.numbers * float(log(max(self.freedom, 1)))
+
+    @property
+    def _misfit(self) -> float:
+        return self.misfit if self.compared is None else self.compared
+
+    @property
+    def beyond_noise(self) -> float:
+        """Misfit, by the likelihood in common, beyond what noise leaves on average."""
+        return self._misfit - self.freedom
+
+    def gain(self, before: float) -> float:
+        """By how much the effect lowers the misfit, by one likelihood.
+
+        Parameters
+        ----------
+        before : float
+            Misfit of the model without the effect by its own likelihood, which does where there is no other one.
+        """
+        return self._without(before) - self._misfit
+
+    def explained(self, before: float) -> float:
+        """Share of the misfit beyond the noise that the effect explains, by one likelihood; `before` as for `gain`."""
+        return self.gain(before) / max(self._without(before) - self.freedom, 1.0)
+
+    def _without(self, before: float) -> float:
+        return before if self.before is None else self.before
+
+
+def good(freedom: int) -> float:
+    """Misfit per degree of freedom up to which a model is adequate: with few values chance alone goes beyond `GOOD`.
+
+    >>> good(1000), round(good(19), 2)
+    (1.25, 1.9)
+    """
+    from scipy.special import chdtri
+
+    return max(GOOD, float(chdtri(max(freedom, 1), LEVEL)) / max(freedom, 1))
+
+
+def explains(one: ScoreTest | Refit, level: float = LEVEL) -> bool:
+    """Whether a model explains the data: all values together, and those few that all of a step have in common.
+
+    Of these chance alone leaves more with a probability of `level`.
+    """
+    whole = one.misfit <= good(one.freedom) * max(one.freedom, 1)
+    return whole and one.common_misfit <= _common_limit(one, level)
+
+
+def excess(one: ScoreTest | Refit) -> float:
+    """Misfit beyond what noise leaves on average: of all values, or of those that all of a step have in common."""
+    return max(one.misfit - one.freedom, one.common_misfit - one.common_freedom)
+
+
+def _common_limit(one: ScoreTest | Refit, level: float) -> float:
+    """Of chance; where all other values differ by more than their noise, which `good` allows, of as much more."""
+    from scipy.special import chdtri
+
+    if not one.common_freedom:
+        return 0.0
+    spread = (one.misfit - one.common_misfit) / max(one.freedom - one.common_freedom, 1)
+    return float(chdtri(one.common_freedom, level)) * max(1.0, spread)

@@ -1,0 +1,87 @@
+"""Which effects are worth a refit: beyond chance, seen by the data, likely, and not far too small."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from fingerfit.diagnosis.families import SURE, nominated
+from fingerfit.diagnosis.ranking import Ranked, spread_of
+from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, explains
+from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.model.effect import NUMERICS
+
+SEEN, SEEN_OF_FEW = 0.02, 0.002
+"""Share of its signal that the constants cannot imitate, from which an effect is refitted; of few values, as of forces
+alone, all signals are alike, and refits, which decide, cost little."""
+FEW = 50
+"""Number of values up to which they are few."""
+TRIED = 4
+"""Effects that are refitted at once."""
+LARGEST = 0.5
+"""Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
+FALLS_SHORT = 0.5
+"""Share of `LARGEST` that the best effect of the first pass must explain, where the pictures are near enough for it to
+see all: refits explained up to twice what the first pass did. A choice (decision 19)."""
+
+
+def threshold(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, columns: int = 1) -> float:
+    """Fall of the misfit beyond chance, for effects of as many parameters."""
+    from scipy.special import chdtri
+
+    return float(chdtri(columns, LEVEL / max(tests, 1))) * spread_of(score_test.misfit, ranking, score_test.freedom)
+
+
+def to_refit(
+    score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, known: Mapping[str, Refit] | None = None
+) -> list[Ranked]:
+    """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's.
+
+    Where some are `known` and did not explain it, the next best: far from the truth predictions from slopes rank
+    roughly. None where the model explains the data and the first pass is sure of no other one.
+    """
+    if explains(score_test) and not _sure(score_test, ranking, tests):
+        return []
+    found = [
+        one
+        for one in nominated(score_test, ranking, {name: refit.fall for name, refit in (known or {}).items()})
+        if one.candidate.effect.acts != NUMERICS
+        and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
+        and one.finding.visible > _seen(score_test)
+    ]
+    if known:
+        return [one for one in found if one.candidate.effect.name not in known][:TRIED]
+    return [one for one in found if one.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
+
+
+def _sure(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> bool:
+    """Whether the odds of an effect are above `SURE` after so many tests, or are not known from a first pass."""
+    from numpy import log
+
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
+    refitted = [one.odds(spread) - float(log(max(tests, 1))) for one in ranking if one.refitted]
+    return not refitted or max(refitted) >= SURE
+
+
+def _seen(score_test: ScoreTest) -> float:
+    return SEEN if score_test.freedom > FEW else SEEN_OF_FEW
+
+
+def unseen(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[Ranked]:
+    """Effects that may be there without a trace: the model's own constants imitate them."""
+    found = [one for one in ranking if one.candidate.effect.acts != NUMERICS and not one.candidate.effect.probe]
+    return [one for one in found if one.finding.visible <= _seen(score_test) and one.finding.signal > 0]
+
+
+def too_small(score_test: ScoreTest, ranking: Sequence[Ranked], error: float) -> bool:
+    """Whether a model leaves more than the noise, and no effect of the first pass explains nearly enough of it.
+
+    Parameters
+    ----------
+    score_test : ScoreTest
+    ranking : sequence of Ranked
+    error : float
+        Of the model on the fitted steps, in units of the noise floor: beyond `LOUD` the first pass does not see all.
+    """
+    shares = [one.refitted.share for one in ranking if one.refitted]
+    seen = bool(shares) and error <= LOUD and not explains(score_test)
+    return seen and max(shares) < FALLS_SHORT * LARGEST
