@@ -48,7 +48,6 @@ from fingerfit.diagnosis.verdict import (
     ended_well,
     generalising,
     half_explained,
-    members_first,
     nearest,
 )
 from fingerfit.diagnosis.worth import LARGEST, to_refit, too_small
@@ -151,7 +150,7 @@ def diagnose(
     for _ in range(0 if needless else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits, found.weighed)
-        ended = nearest(members_first(ranking, ended_well(score_test, refits, fitted)))
+        ended = nearest(ended_well(score_test, refits, fitted))
         verdict = doubted(decide(score_test, ranking, ended, tests, held_out=held_out), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
         # a probe has as many numbers as several effects: nothing is looked for beside it

@@ -82,11 +82,6 @@ class Refit:
     def _misfit(self) -> float:
         return self.misfit if self.compared is None else self.compared
 
-    @property
-    def beyond_noise(self) -> float:
-        """Misfit, by the likelihood in common, beyond what noise leaves on average."""
-        return self._misfit - self.freedom
-
     def gain(self, before: float) -> float:
         """By how much the effect lowers the misfit, by one likelihood.
 

@@ -157,26 +157,6 @@ def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float
     return {name: refit for name, refit in refits.items() if not refit.fitted > limit}
 
 
-def members_first(ranking: Sequence[Ranked], refits: Mapping[str, Refit]) -> dict[str, Refit]:
-    """Refits but for a probe that does not explain the data, where a member of its family does nearly as well.
-
-    What a member leaves may be another one of its kind, which is found next; what a probe leaves has no form. Nearly:
-    it leaves no more than twice what the probe leaves beyond the noise, in the misfit and in the squared error.
-    """
-    effects = {name: one.candidate.effect for one in ranking if (name := one.candidate.effect.name) in refits}
-
-    def nearly(member: Refit, probe: Refit) -> bool:
-        near = member.fitted**2 - 1.0 <= 2.0 * (probe.fitted**2 - 1.0)
-        return near and member.beyond_noise <= 2.0 * probe.beyond_noise
-
-    def said(name: str) -> bool:
-        members = [other for other, one in effects.items() if one.family == effects[name].family and not one.probe]
-        unexplained = effects[name].probe and not explains(refits[name])
-        return unexplained and any(nearly(refits[other], refits[name]) for other in members)
-
-    return {name: refit for name, refit in refits.items() if not (name in effects and said(name))}
-
-
 def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:
     """Refits whose error on the steps that all have fitted is no more than `MATTERS` above the least of them.
 

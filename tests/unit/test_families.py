@@ -10,7 +10,7 @@ from fingerfit.diagnosis.families import ENOUGH, SURE, families, nominated
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.reservations import largest_part, of_family
-from fingerfit.diagnosis.verdict import MATTERS, Verdict, decide, members_first, nearest
+from fingerfit.diagnosis.verdict import MATTERS, Verdict, decide, nearest
 from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, to_refit, too_small
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import FAMILIES
@@ -179,28 +179,6 @@ def test_the_largest_part_is_named_where_its_family_leads(error, rival, kind):
     # nobody knows what else a family has that no probe stands for
     known = [one for one in ranking if not one.candidate.effect.probe]
     assert largest_part(nearest, score_test, known, refits, 5.0) is nearest
-
-
-@pytest.mark.parametrize(
-    ("left", "error", "stays"),
-    [
-        (390.0, 1.36, ["base_slip", "tilt"]),
-        (410.0, 1.36, ["base_slip", "base_probe", "tilt"]),  # it leaves more than twice as much of the misfit
-        (390.0, 1.38, ["base_slip", "base_probe", "tilt"]),  # of the squared error
-    ],
-)
-def test_a_probe_that_does_not_explain_it_goes_behind_a_member_that_is_nearly_as_good(left, error, stays):
-    """Half of what the member leaves is left by both; the tilt is of another family."""
-    _, ranking = ranked(0.9)
-    probe = Refit(VALUES + 200.0, VALUES, 1.2, 1.2, {}, numbers=3)
-    refits = {
-        "base_slip": Refit(VALUES + left, VALUES, error, error, {}, numbers=1),
-        "base_probe": probe,
-        "tilt": probe,
-    }
-    assert list(members_first(ranking, refits)) == stays
-    explained = replace(probe, misfit=float(VALUES))
-    assert "base_probe" in members_first(ranking, {**refits, "base_probe": explained})
 
 
 def first_pass(ranking, share, surprise=0.0):
