@@ -39,7 +39,7 @@ from fingerfit.diagnosis.reservations import (
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.series import cut
-from fingerfit.diagnosis.sides import begun, sides_of
+from fingerfit.diagnosis.sides import Sides, begun, sides_of
 from fingerfit.diagnosis.trials import rank_again, refit_all
 from fingerfit.diagnosis.verdict import (
     Verdict,
@@ -137,7 +137,7 @@ def diagnose(
         found = replace(found, tests=1)
     score_test, ranking, tests = found.score_test, found.ranking, found.tests
     halves, ended = set[str](), dict[str, Refit]()
-    outline = sides_of(found.comparison)
+    outline = found.outline
     verdict = decide(score_test, ranking, {}, tests, held_out=held_out)
     unexplained = not explains(score_test)
     by_mesh, more = (
@@ -216,6 +216,7 @@ class _Tested:
     tests: int
     run: int
     lacking: dict[str, InputError]
+    outline: Sides
 
     @cached_property
     def weighed(self) -> Weighed:
@@ -239,15 +240,18 @@ def _test_all(
     run = solve_missing(problem, [anchor_of(problem, last)], threads)
     comparison = comparison_of(problem, last, everything)
     run += solve_missing(problem, comparison.read_beside(asked, threads, without), threads)
-    score_test = comparison.score_test
+    score_test, outline = comparison.score_test, sides_of(comparison)
     everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
     ranking = best_places(everywhere)
     if _in_space(problem):
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
     else:
-        ranking, more = refit_all(comparison, ranking, threads, explains(score_test), everywhere)
+        # a body of another shape is fitted before anything else, but for the state it may be in
+        another = outline.off and not explains(score_test) and problem.settings.tries(OUTLINE)
+        family = STATE if another else ""
+        ranking, more = refit_all(comparison, ranking, threads, explains(score_test), everywhere, family)
     run += more
-    return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking)
+    return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking, outline)
 
 
 def _in_space(problem: InverseProblem) -> bool:

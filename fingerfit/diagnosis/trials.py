@@ -42,6 +42,7 @@ def refit_all(
     threads: int = 1,
     sloped: bool = False,
     everywhere: Sequence[Ranked] = (),
+    family: str = "",
 ) -> tuple[list[Ranked], int]:
     """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
 
@@ -57,6 +58,8 @@ def refit_all(
         Whether what slopes predict holds, as it does near the truth: then only those are refitted that they speak for.
     everywhere : sequence of Ranked
         At all places, for those that the best one may be mistaken for.
+    family : str
+        Of which alone candidates are refitted.
 
     Returns
     -------
@@ -74,7 +77,7 @@ def refit_all(
     for one in ranking:
         effect = one.candidate.effect
         blind = effect.acts == NUMERICS or set(effect.observes) == {"intensity"}
-        spoken_for = not sloped or one.odds(1.0) > 0.0
+        spoken_for = (not sloped or one.odds(1.0) > 0.0) and family in ("", effect.family)
         (seen if spoken_for and not blind else found).append(one)
 
     def by_odds() -> list[Ranked]:
