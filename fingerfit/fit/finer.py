@@ -71,11 +71,11 @@ def as_on_finer_mesh(problem: InverseProblem, asked: Asked, data: Data) -> Outco
 def _reached(problem: InverseProblem, asked: Asked) -> Outcome | None:
     """The steps that the finer mesh has reached, since the first picture; None without any."""
     steps = len(problem.data.step)
-    whole = Outcome.load(problem.sims / asked.sim / "solution.npz")
+    whole = problem.answer(asked.sim)
     if whole.status == CONVERGED:
         return problem.outcome(asked)
     # one that ended early does not tell whether its first step is the state of the first picture; its twin does
-    twin = Outcome.load(problem.sims / problem.ask(asked.values).sim / "solution.npz")
+    twin = problem.answer(problem.ask(asked.values).sim)
     begun = twin.steps > steps
     if whole.steps <= begun:
         return None

@@ -40,9 +40,10 @@ def known(tmp_path):
             (tmp_path / name).mkdir()
             outcome.save(tmp_path / name / "solution.npz")
         data = SimpleNamespace(step=np.arange(1, 5), controlled=-SIZE, picture_step=np.array([1, 2]), outline=0.0)
-        load = lambda asked: since_first_picture(Outcome.load(tmp_path / asked.sim / "solution.npz"), 4)  # noqa: E731
+        answer = lambda sim: Outcome.load(tmp_path / sim / "solution.npz")  # noqa: E731
+        load = lambda asked: since_first_picture(answer(asked.sim), 4)  # noqa: E731
         problem = SimpleNamespace(
-            meshes=MESHES, sims=tmp_path, data=data, outcome=load, seen=lambda values: None,
+            meshes=MESHES, answer=answer, data=data, outcome=load, seen=lambda values: None,
             ask=lambda values: Asked(values, SEARCH, SEARCH, ""),
         )  # fmt: skip
         return as_on_finer_mesh(problem, Asked({}, REFINED, REFINED, "", FINAL), data)
