@@ -322,6 +322,18 @@ def test_relaxation_needs_times():
     assert "*VISCO" not in PLAIN
 
 
+def test_one_layer_relaxes(tmp_path):
+    """So slowly that it is as stiff as under a fast load: more by 1 / (1 - share), with the same bulk modulus."""
+    share, (mu, nu) = 0.3, (MU["mu_middle"], MATERIAL["poisson"])
+    text = deck({"relaxation.share": share, "relaxation.time": 1e7, "relaxation.layer": 2})
+    assert cards(text, "VISCOELASTIC") == [[[share, 0.0, 1e7]]]
+    ratio = (1 + nu) / (1 - 2 * nu) * (1 - share)  # of bulk and shear modulus, times 3 / 2
+    stiff = deck({"mu_middle": mu / (1 - share), "poisson_middle": (ratio - 1) / (2 * ratio + 1)})
+    folders = [tmp_path / name for name in ("relaxing", "stiff")]
+    relaxing, expected = (solve(one, folder) for one, folder in zip((text, stiff), folders, strict=True))
+    assert relaxing.displacement == pytest.approx(expected.displacement, abs=2e-5)
+
+
 def test_load_steps_are_made_smaller_where_time_counts_too():
     relaxing = {"relaxation.share": 0.3, "relaxation.time": 20.0}
     before, after = (cards(deck(relaxing | more), "VISCO") for more in ({}, {"load_step.refinement": 1.0}))
