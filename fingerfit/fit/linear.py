@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.fit.objective import Objective
-from fingerfit.forward.score import Prediction, deviations, deviations_by_kind, score, weights
-from fingerfit.imaging.similarity import LIMITS, nmi_gradient
+from fingerfit.forward.score import Prediction, deviations, deviations_by_kind, weights
+from fingerfit.imaging.similarity import LIMITS, Similar
 from fingerfit.study.data import Data
 
 
@@ -37,9 +37,9 @@ class LinearModel:
     control: Prediction | None
     values: Mapping[str, float]
 
-    def at(self, delta: np.ndarray, offset: Prediction | None = None) -> Prediction:
+    def at(self, delta: np.ndarray) -> Prediction:
         """Prediction at `delta`, shape (parameters,), from the search's best guess."""
-        total = self.base if offset is None else self.base + offset
+        total = self.base
         for slope, d in zip(self.slopes, delta, strict=True):
             if d:
                 total = total + slope * float(d)
@@ -72,11 +72,7 @@ class LinearModel:
     def objective(self, kind: str, data: Data, bins: int, offset: Prediction | None = None) -> Objective:
         """Score against `data` as a function of delta; but for ``nmi`` it is a quadratic one, by inner products."""
         if kind == "nmi":
-            near = self._nearby(offset)
-            return Objective(
-                lambda delta: score(kind, near(delta), data, bins),
-                lambda delta: self._by_similarity(near(delta), data, bins),
-            )
+            return self._similarity(data, bins, offset)
         base = self.base if offset is None else self.base + offset
         pictures, others = weights(kind, data)
         left = base.pictures - data.measured
@@ -90,11 +86,26 @@ class LinearModel:
             gradient, curvature = gradient + others * columns @ away, curvature + others * columns @ columns.T
         return Objective.quadratic(middle, gradient, curvature)
 
-    def _by_similarity(self, there: Prediction, data: Data, bins: int) -> np.ndarray:
-        """Derivatives of the score ``nmi`` by delta, shape (parameters,)."""
-        pairs = zip(data.measured, there.pictures, strict=True)
-        by_pixel = np.array([nmi_gradient(measured, picture, bins, LIMITS) for measured, picture in pairs])
-        return -np.array([_inner(by_pixel, slope.pictures) for slope in self.slopes]) / len(by_pixel)
+    def _similarity(self, data: Data, bins: int, offset: Prediction | None) -> Objective:
+        """The score ``nmi``, of which only those pixels are counted again that the numbers move."""
+        base = self.base if offset is None else self.base + offset
+        moving = np.zeros(data.measured.shape[1:], dtype=bool)
+        for slope in self.slopes:
+            moving |= slope.pictures.any(axis=0)
+        each = [Similar(*pair, moving, bins, LIMITS) for pair in zip(data.measured, base.pictures, strict=True)]
+        part, *slopes = (replace(one, pictures=one.pictures[:, moving]) for one in (base, *self.slopes))
+        near = LinearModel(part, tuple(slopes), None, self.values)._nearby()
+
+        def value(delta: np.ndarray) -> float:
+            found = zip(each, near(delta).pictures, strict=True)
+            return -float(np.mean([one.value(picture) for one, picture in found]))
+
+        def gradient(delta: np.ndarray) -> np.ndarray:
+            found = zip(each, near(delta).pictures, strict=True)
+            by_pixel = np.array([one.gradient(picture) for one, picture in found])
+            return -np.array([_inner(by_pixel, slope.pictures) for slope in slopes]) / len(by_pixel)
+
+        return Objective(value, gradient)
 
     def misfits(self, data: Data) -> dict[str, Objective]:
         """Chi-square of each kind of data, as `fingerfit.forward.score.chi_square`, as a function of delta."""
@@ -109,18 +120,18 @@ class LinearModel:
             found[kind] = Objective.quadratic(_inner(away, away), columns @ away, columns @ columns.T)
         return found
 
-    def _nearby(self, offset: Prediction | None) -> Callable[[np.ndarray], Prediction]:
+    def _nearby(self) -> Callable[[np.ndarray], Prediction]:
         """As `at`, but where one or two numbers differ from those of the last whole sum only these are added.
 
         Finite differences ask for nothing else, and a whole sum over tens of slopes takes longer than its score.
         """
-        centre, there = np.zeros(len(self.slopes)), self.at(np.zeros(len(self.slopes)), offset)
+        centre, there = np.zeros(len(self.slopes)), self.base
 
         def at(delta: np.ndarray) -> Prediction:
             nonlocal centre, there
             changed = np.flatnonzero(delta != centre)
             if len(changed) > 2:
-                centre, there, changed = delta.copy(), self.at(delta, offset), changed[:0]
+                centre, there, changed = delta.copy(), self.at(delta), changed[:0]
             total = there
             for number in changed:
                 total = total + self.slopes[number] * float(delta[number] - centre[number])

@@ -45,12 +45,16 @@ def joint_histogram(
         places = [_places(picture.ravel(), bins, smooth, limits) for picture in (a, b)]
         low = places[0] * bins + places[1]
         return np.bincount(low, minlength=bins * bins).reshape(bins, bins) / a.size
-    return _shared((_between(a, bins, limits), _between(b, bins, limits)), bins)
+    return _sums(_between(a, bins, limits), _between(b, bins, limits), bins) / a.size
 
 
-def _shared(pair: tuple[tuple[np.ndarray, np.ndarray], ...], bins: int) -> np.ndarray:
-    """Joint histogram of two pictures whose values lie between bins, see `_between`."""
-    (ia, fa), (ib, fb) = pair
+_Between = tuple[np.ndarray, np.ndarray]
+"""The bin below each pixel and how far it is to the next one, from 0 to 1, each of shape (pixels,)."""
+
+
+def _sums(one: _Between, other: _Between, bins: int) -> np.ndarray:
+    """Joint histogram, in pixels, of two pictures whose values lie between bins."""
+    (ia, fa), (ib, fb) = one, other
     # the lower corner of each pair's four bins; what goes to the others is moved there bin by bin, not pair by pair
     corner = ia * bins + ib
     many = bins * bins
@@ -60,11 +64,10 @@ def _shared(pair: tuple[tuple[np.ndarray, np.ndarray], ...], bins: int) -> np.nd
     total = np.bincount(corner, minlength=many) - first - second - both
     for offset, shares in ((1, second), (bins, first), (bins + 1, both)):
         total[offset:] += shares[:-offset]
-    return total.reshape(bins, bins) / ia.size
+    return total.reshape(bins, bins)
 
 
-def _between(picture: np.ndarray, bins: int, limits: tuple[float, float] | None) -> tuple[np.ndarray, np.ndarray]:
-    """The bin below each pixel and how far it is to the next one, from 0 to 1, each of shape (pixels,)."""
+def _between(picture: np.ndarray, bins: int, limits: tuple[float, float] | None) -> _Between:
     place = _places(picture.ravel(), bins, True, limits)
     below = np.minimum(place.astype(np.int64), bins - 2)
     return below, place - below
@@ -100,34 +103,64 @@ def nmi(
     >>> round(nmi(picture, picture, bins=4, smooth=False), 12)
     2.0
     """
-    joint = joint_histogram(a, b, bins, smooth, limits)
+    return _of(joint_histogram(a, b, bins, smooth, limits))
+
+
+def _of(joint: np.ndarray) -> float:
     return (_entropy(joint.sum(axis=0)) + _entropy(joint.sum(axis=1))) / _entropy(joint.ravel())
 
 
-def nmi_gradient(a: np.ndarray, b: np.ndarray, bins: int, limits: tuple[float, float]) -> np.ndarray:
-    """Derivative of the smooth `nmi` by each pixel of `b`, of its shape.
+class Similar:
+    """The smooth `nmi` of a picture with others, which differ from each other at some pixels only.
 
-    By the chain rule through the joint histogram, which a pixel's intensity moves from one bin towards the next
-    (Thevenaz and Unser 2000, with a linear window). Pixels beyond the limits have none.
+    All other pixels are counted once: half of a picture of a body and its background need not be counted again each
+    time.
 
     Parameters
     ----------
-    a, b, bins, limits
+    a : ndarray
+    b : ndarray
+        One of the others.
+    moving : ndarray of bool
+        Where they differ, of the same shape.
+    bins, limits
         As for `nmi`.
     """
-    (ia, fa), (ib, _) = pair = _between(a, bins, limits), _between(b, bins, limits)
-    joint = _shared(pair, bins)
-    own, both = joint.sum(axis=0), _entropy(joint.ravel())
-    alone = _entropy(joint.sum(axis=1)) + _entropy(own)
-    # what the entropies lose when a share moves to the next bin of b
-    moved, single = (np.diff(np.log(np.maximum(share, _EMPTY))) for share in (joint, own))
-    corner = ia * (bins - 1) + ib
-    pairs = moved.ravel()[corner]
-    pairs += fa * (moved.ravel()[corner + bins - 1] - pairs)
-    slope = alone / both**2 * pairs - single[ib] / both
-    slope *= (bins - 1) / ((limits[1] - limits[0]) * b.size)
-    slope[(b.ravel() < limits[0]) | (b.ravel() > limits[1])] = 0.0
-    return slope.reshape(b.shape)
+
+    def __init__(
+        self, a: np.ndarray, b: np.ndarray, moving: np.ndarray, bins: int, limits: tuple[float, float]
+    ) -> None:
+        self._bins, self._limits, self._size, still = bins, limits, a.size, ~moving
+        self._a = _between(a[moving], bins, limits)
+        self._still = _sums(_between(a[still], bins, limits), _between(b[still], bins, limits), bins)
+
+    def value(self, moving: np.ndarray) -> float:
+        """The similarity with one of the others, of which the pixels are given that differ, shape (pixels,)."""
+        return _of(self._joint(_between(moving, self._bins, self._limits)))
+
+    def _joint(self, b: _Between) -> np.ndarray:
+        return np.asarray((self._still + _sums(self._a, b, self._bins)) / self._size)
+
+    def gradient(self, moving: np.ndarray) -> np.ndarray:
+        """Its derivative by each of these pixels, shape (pixels,).
+
+        By the chain rule through the joint histogram, which a pixel's intensity moves from one bin towards the next
+        (Thevenaz and Unser 2000, with a linear window). Pixels beyond the limits have none.
+        """
+        bins, (low, high) = self._bins, self._limits
+        (ia, fa), b = self._a, _between(moving, bins, self._limits)
+        joint, ib = self._joint(b), b[0]
+        own, both = joint.sum(axis=0), _entropy(joint.ravel())
+        alone = _entropy(joint.sum(axis=1)) + _entropy(own)
+        # what the entropies lose when a share moves to the next bin of b
+        moved, single = (np.diff(np.log(np.maximum(share, _EMPTY))) for share in (joint, own))
+        corner = ia * (bins - 1) + ib
+        pairs = moved.ravel()[corner]
+        pairs += fa * (moved.ravel()[corner + bins - 1] - pairs)
+        slope = alone / both**2 * pairs - single[ib] / both
+        slope *= (bins - 1) / ((high - low) * self._size)
+        slope[(moving < low) | (moving > high)] = 0.0
+        return np.asarray(slope)
 
 
 def nmi_noise(pictures: np.ndarray, smooth: float, bins: int = 64) -> float:

@@ -9,7 +9,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.imaging.noise import add_rician, estimate_noise, noise_of_repeats
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.imaging.preprocess import smooth
-from fingerfit.imaging.similarity import LIMITS, joint_histogram, nmi, nmi_gradient, ssd
+from fingerfit.imaging.similarity import LIMITS, Similar, joint_histogram, nmi, ssd
 from fingerfit.imaging.warp import Probe, backward_map, sample, spline_coefficients, warp
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.mesh.mesh import Block, Mesh
@@ -31,13 +31,25 @@ def test_nmi_by_hand():
 def test_nmi_moves_with_each_pixel_as_its_gradient_says(rng):
     a, b = rng.uniform(0.0, 1.0, (2, 9, 7))
     b[0, :3] = -0.1, 1.2, 0.5
-    found = nmi_gradient(a, b, 8, LIMITS)
+    found = Similar(a, b, np.ones(b.shape, dtype=bool), 8, LIMITS).gradient(b.ravel()).reshape(b.shape)
     assert found[0, 0] == found[0, 1] == 0.0
     for pixel in [(0, 2), (4, 4), (8, 6), (3, 0)]:
         step = np.zeros(b.shape)
         step[pixel] = 1e-6
         slope = (nmi(a, b + step, 8, limits=LIMITS) - nmi(a, b - step, 8, limits=LIMITS)) / 2e-6
         assert found[pixel] == pytest.approx(slope, rel=1e-5, abs=1e-9)
+
+
+def test_pixels_that_stay_are_counted_once(rng):
+    """Value and gradient are those of whole pictures, whichever pixels are said to stay; also where all do, or none."""
+    a, b = rng.uniform(-0.1, 1.1, (2, 9, 7))
+    whole = Similar(a, b, np.ones(b.shape, dtype=bool), 8, LIMITS).gradient(b.ravel()).reshape(b.shape)
+    for moving in (rng.uniform(size=b.shape) < 0.4, np.zeros(b.shape, dtype=bool), np.ones(b.shape, dtype=bool)):
+        found = Similar(a, b, moving, 8, LIMITS)
+        assert found.gradient(b[moving]) == pytest.approx(whole[moving], rel=1e-10, abs=1e-14)
+        other = b.copy()
+        other[moving] = rng.uniform(size=moving.sum())
+        assert found.value(other[moving]) == pytest.approx(nmi(a, other, 8, limits=LIMITS), rel=1e-12)
 
 
 def test_nmi_is_that_of_scikit_image(rng):
