@@ -1,9 +1,8 @@
 """Numbers of effects on the observation by least squares, against closed forms."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from test_refine import one_picture
 
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.observed import Observed
@@ -18,19 +17,7 @@ def predicted(pictures):
 
 
 def data_of(pictures):
-    one = np.ones(1)
-    return SimpleNamespace(
-        measured=pictures,
-        picture_noise=NOISE / np.sqrt(2.0),
-        step=one,
-        controlled=one,
-        control_noise=0 * one,
-        picture_step=np.array([0]),
-        response_step=np.array([0]),
-        points_step=np.zeros(0, dtype=int),
-        response=(np.zeros(1), np.zeros(1)),
-        points=np.zeros((0, 2)),
-    )
+    return one_picture(pictures, NOISE / np.sqrt(2.0))
 
 
 @pytest.fixture

@@ -337,6 +337,23 @@ def test_a_minimum_without_solution_ends_with_the_one_before(tmp_path, wrong):
 DRIFT = Parameter("intensity_drift.gain", "1", -0.5, 0.5, 0.0, log=False)
 
 
+def one_picture(measured, noise):
+    """Data of one step with a picture, and a response and points that tell nothing."""
+    one = np.ones(1)
+    return SimpleNamespace(
+        measured=measured,
+        picture_noise=noise,
+        step=one,
+        controlled=one,
+        control_noise=0 * one,
+        picture_step=np.array([0]),
+        response_step=np.array([0]),
+        points_step=np.zeros(0, dtype=int),
+        response=(np.zeros(1), np.zeros(1)),
+        points=np.zeros((0, 2)),
+    )
+
+
 class Bright(Body):
     """The same with a brightness of the pictures that the score does not see."""
 
@@ -345,19 +362,7 @@ class Bright(Body):
         self.settings = SimpleNamespace(parameters=lambda: (*PARAMETERS[:1], DRIFT))
         self.observed = np.array([False, True])
         z = np.log(self.truth)
-        one = np.ones(1)
-        self.data = SimpleNamespace(
-            measured=(1 + gain) * np.array([[[z, z**2 / 10]]]),
-            picture_noise=0.01,
-            step=one,
-            controlled=one,
-            control_noise=0 * one,
-            picture_step=np.array([0]),
-            response_step=np.array([0]),
-            points_step=np.zeros(0, dtype=int),
-            response=(np.zeros(1), np.zeros(1)),
-            points=np.zeros((0, 2)),
-        )
+        self.data = one_picture((1 + gain) * np.array([[[z, z**2 / 10]]]), 0.01)
 
     def prediction(self, asked):
         made = super().prediction(asked)
