@@ -73,9 +73,10 @@ class Ranked:
         spread : float
             Misfit per value of the best model, at least 1 (`spread_of`): where none explains the data, all weighs less.
         fall : float, optional
-            Of the misfit, as a refit found it; else as the first pass did.
+            Of the misfit, as a refit found it: counts where it is less than that of the first pass.
         """
-        fall, (values, numbers) = (self.finding.fall if fall is None else fall) / spread, self.columns.shape
+        own = self.finding.fall if fall is None else min(fall, self.finding.fall)
+        fall, (values, numbers) = own / spread, self.columns.shape
         if self.refitted is None:
             return 0.5 * (fall - numbers * float(np.log(max(values, 1))))
         certain = np.eye(len(self.refitted.information)) + self.refitted.information / spread

@@ -205,7 +205,8 @@ def test_a_model_that_explains_the_data_needs_odds_for_a_refit(surprise, count):
     assert len(to_refit(score_test, first_pass(ranking, 1.0, surprise), TESTS)) == count
 
 
-def test_the_odds_of_a_refit_are_those_of_its_fall():
+def test_a_refit_that_explains_less_lowers_the_odds():
     _, ranking = ranked(1.0, hidden=6.0)
     one = first_pass(ranking, 1.0)[0]
     assert one.odds(2.0) - one.odds(2.0, one.finding.fall - 8.0) == pytest.approx(2.0)
+    assert one.odds(2.0, one.finding.fall + 8.0) == one.odds(2.0)
