@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,9 @@ from fingerfit.fit.objective import Objective
 from fingerfit.forward.score import Prediction, deviations, deviations_by_kind, weights
 from fingerfit.imaging.similarity import LIMITS, Similar
 from fingerfit.study.data import Data
+
+IN_SPACE = 4
+"""Axes of the pictures of all steps in space."""
 
 
 @dataclass(frozen=True)
@@ -87,22 +90,34 @@ class LinearModel:
         return Objective.quadratic(middle, gradient, curvature)
 
     def _similarity(self, data: Data, bins: int, offset: Prediction | None) -> Objective:
-        """The score ``nmi``, of which only those pixels are counted again that the numbers move."""
+        """The score ``nmi``; in the plane only those pixels are counted again that the numbers move.
+
+        Of volumes nothing is kept: that would take several times their memory.
+        """
         base = self.base if offset is None else self.base + offset
-        moving = np.zeros(data.measured.shape[1:], dtype=bool)
+        moving, keeps = np.zeros(data.measured.shape[1:], dtype=bool), data.measured.ndim < IN_SPACE
         for slope in self.slopes:
-            moving |= slope.pictures.any(axis=0)
-        each = [Similar(*pair, moving, bins, LIMITS) for pair in zip(data.measured, base.pictures, strict=True)]
-        part, *slopes = (replace(one, pictures=one.pictures[:, moving]) for one in (base, *self.slopes))
-        near = LinearModel(part, tuple(slopes), None, self.values)._nearby()
+            moving |= slope.pictures.any(axis=0) if keeps else True
+        make = [
+            partial(Similar, *pair, moving, bins, LIMITS) for pair in zip(data.measured, base.pictures, strict=True)
+        ]
+        kept = [one() for one in make] if keeps else []
+
+        def part(one: Prediction) -> Prediction:
+            pictures = one.pictures[:, moving] if keeps else one.pictures.reshape(len(one.pictures), -1)
+            return replace(one, pictures=pictures)
+
+        def pairs(delta: np.ndarray) -> Iterator[tuple[Similar, np.ndarray]]:
+            return zip(kept or (one() for one in make), near(delta).pictures, strict=True)
+
+        slopes = tuple(part(slope) for slope in self.slopes)
+        near = LinearModel(part(base), slopes, None, self.values)._nearby()
 
         def value(delta: np.ndarray) -> float:
-            found = zip(each, near(delta).pictures, strict=True)
-            return -float(np.mean([one.value(picture) for one, picture in found]))
+            return -float(np.mean([one.value(picture) for one, picture in pairs(delta)]))
 
         def gradient(delta: np.ndarray) -> np.ndarray:
-            found = zip(each, near(delta).pictures, strict=True)
-            by_pixel = np.array([one.gradient(picture) for one, picture in found])
+            by_pixel = np.array([one.gradient(picture) for one, picture in pairs(delta)])
             return -np.array([_inner(by_pixel, slope.pictures) for slope in slopes]) / len(by_pixel)
 
         return Objective(value, gradient)

@@ -14,17 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.linear import IN_SPACE, LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.observed import Observed
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.preprocess import reach_of, smooth
 from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
 from fingerfit.study.data import Data
-
-IN_SPACE = 4
-"""Axes of the pictures of all steps in space: volumes are cut to where constants move them, which saves half a minute
-of an estimate (docs/decisions/0039-time-of-the-fingertip.md)."""
 
 Window = tuple[slice, ...]
 
@@ -127,6 +123,7 @@ class Replicates:
         observed: np.ndarray | None = None,
     ) -> None:
         self.data, self.kind, self.bins, self.share = data, kind, bins, 1.0
+        # volumes are cut to where constants move them: that saves half a minute of an estimate (decision 39)
         if kind != "nmi" and data.measured.ndim == IN_SPACE:
             window = _window(model, reach_of(data.smooth))
             if kind == "ssd":  # a mean over all pixels

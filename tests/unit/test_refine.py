@@ -127,10 +127,13 @@ def test_a_linear_model_adds_slopes():
     assert model.at(np.array([0.0, 0.02])).response == pytest.approx([1 + 2])
 
 
+@pytest.mark.parametrize("shape", [(4, 5), (2, 3, 4)])
 @pytest.mark.parametrize("kind", ["ssd", "likelihood", "nmi"])
-def test_a_score_near_its_base_is_that_of_the_linear_model(kind, rng):
+def test_a_score_near_its_base_is_that_of_the_linear_model(kind, shape, rng):
+    dim = len(shape)
+
     def some(scale):
-        return Prediction(*(rng.normal(0, scale, shape) for shape in ((2, 4, 5), (3,), (6, 2))))
+        return Prediction(*(rng.normal(0, scale, own) for own in ((2, *shape), (3,), (6, dim))))
 
     data = Data(
         step=np.array([1, 2, 3]),
@@ -141,17 +144,17 @@ def test_a_score_near_its_base_is_that_of_the_linear_model(kind, rng):
         displacement_noise=0.02,
         picture_noise=0.1,
         points_noise=0.03,
-        before=np.zeros((4, 5)),
-        coefficients=np.zeros((4, 5)),
-        measured=rng.normal(0, 1, (2, 4, 5)),
+        before=np.zeros(shape),
+        coefficients=np.zeros(shape),
+        measured=rng.normal(0, 1, (2, *shape)),
         picture_step=np.array([0, 2]),
-        spacing=np.ones(2),
-        origin=np.zeros(2),
-        direction=np.eye(2),
+        spacing=np.ones(dim),
+        origin=np.zeros(dim),
+        direction=np.eye(dim),
         background=0.0,
         smooth=1.0,
-        points=np.zeros((6, 2)),
-        points_displacement=rng.normal(0, 0.1, (6, 2)),
+        points=np.zeros((6, dim)),
+        points_displacement=rng.normal(0, 0.1, (6, dim)),
         points_step=np.array([0, 0, 1, 1, 2, 2]),
     )
     model = LinearModel(some(1.0), (some(0.5), some(2.0)), some(1.0), COARSE)
