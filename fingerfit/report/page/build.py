@@ -29,6 +29,7 @@ from fingerfit.report.page.words import (
     commands,
     first_upper,
     headline,
+    in_lines,
     label,
     number,
     odds,
@@ -66,7 +67,9 @@ def write_page(study: Path, out: Path) -> None:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    env.filters.update(number=number, with_unit=with_unit, in_words=in_words, first_upper=first_upper)
+    env.filters.update(
+        number=number, with_unit=with_unit, in_words=in_words, in_lines=in_lines, first_upper=first_upper
+    )
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
     stamp = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     # Markup: our own files, not escaped; everything that comes from a study is

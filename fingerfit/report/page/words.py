@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup, escape
 
 from fingerfit.core.keys import listed
 from fingerfit.model.applicable import CURE
@@ -114,6 +115,11 @@ def commands(effect: str) -> tuple[str, str]:
 def first_upper(text: str) -> str:
     """A sentence with a capital."""
     return text[:1].upper() + text[1:]
+
+
+def in_lines(name: str) -> Markup:
+    """A name that a line may break after an underline."""
+    return escape(name).replace("_", Markup("_<wbr>"))
 
 
 def titles(diagnosis: dict[str, Any]) -> dict[str, str]:
