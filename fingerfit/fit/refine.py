@@ -90,7 +90,7 @@ def refine_round(problem: InverseProblem, last: Round) -> Round:
             return _slopes_again(problem, last, back, {"before": (last.best or {})["before"], "trust": trust})
         # no search came before the first slopes of a model with effects: they are taken where it was predicted to be
         far = FAR if last.reason != ADDED else FIRST if last.slopes == 1 else CLOSE
-        if last.rough or found.move > far or _promises(problem, found):
+        if last.rough or found.move > far or _cut_short(last, found, trust) or _promises(problem, found):
             before = {"values": dict(found.base.values), "score": _score(problem, found), "fall": found.fall}
             rough = last.reason == ADDED and found.move > FAR and last.slopes + 1 < again
             return _slopes_again(problem, last, found.values, {"before": before, "trust": trust}, rough)
@@ -150,6 +150,15 @@ def _half_way_back(problem: InverseProblem, last: Round, found: Minimum) -> tupl
     if true > 0.01 or np.abs(way).max() < NEARER:
         return None, trust
     return moved(parameters, before["values"], way), trust
+
+
+def _cut_short(last: Round, found: Minimum, trust: float) -> bool:
+    """Whether a move is short only because a longer one was not trusted, after one that came true: no minimum is near.
+
+    `trust` is how far the next one is trusted: less than this one where that before it did not come true.
+    """
+    now = (last.best or {}).get("trust", TRUST)
+    return last.stage == SENSITIVITY and found.move > 0.9 * now and trust >= now
 
 
 def _promises(problem: InverseProblem, found: Minimum) -> bool:

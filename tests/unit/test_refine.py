@@ -272,6 +272,21 @@ def test_a_move_that_raised_the_score_goes_back_unless_it_is_there(tmp_path, far
         assert found.best["trust"] == pytest.approx(0.04)
 
 
+@pytest.mark.parametrize(("came_true", "stage"), [(0.97, SENSITIVITY), (0.1, FINAL)])
+def test_a_move_that_is_short_for_want_of_trust_is_no_end(tmp_path, came_true, stage):
+    """The minimum is 5 % away, moves of 0.4 % are trusted: more after one that came true, else the end."""
+    problem = Body(tmp_path)
+    last = problem.start(0.030 / 1.05 * float(np.exp(0.05)))
+    score = problem.score(problem.prediction(last.batch[0]))
+    before = {"values": {"mu_top": 0.0301}, "score": score + came_true * 1e-4, "fall": 1e-4}
+    found = refine_round(
+        problem, replace(last, reason=ADDED, slopes=3, best={**last.best, "before": before, "trust": 0.004})
+    )
+    assert found.stage == stage
+    if stage == SENSITIVITY:
+        assert found.best["trust"] == pytest.approx(0.008)
+
+
 def roles(asked):
     return sorted(one.role for one in asked.batch)
 
