@@ -14,7 +14,7 @@ from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.sides import Sides
 from fingerfit.diagnosis.verdict import MATTERS, Verdict, best_of
-from fingerfit.diagnosis.worth import LARGEST, threshold
+from fingerfit.diagnosis.worth import LARGEST, after, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, OUTLINE, STATE, Effect
@@ -200,7 +200,7 @@ def traced(
     if verdict.kind == "unexplained":
         return verdict
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
-    odds = max(one.odds(spread, refits[one.candidate.effect.name].fall) for one in named) - float(np.log(max(tests, 1)))
+    odds = after(max(one.odds(spread, refits[one.candidate.effect.name].fall) for one in named), tests)
     text = "the model explains the measurements to within their noise; "
     if not any(_matters(refits[name], base, tolerance, intervals or {}) for name in verdict.effects):
         far = "out of its interval" if intervals else f"by more than {100 * tolerance:g} %"

@@ -21,7 +21,7 @@ LARGEST = 0.5
 """Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
 FALLS_SHORT = 0.5
 """Share of `LARGEST` that the best effect of the first pass must explain, where the pictures are near enough for it to
-see all: refits explained up to twice what the first pass did. A choice (decision 19)."""
+see all: its refit may explain twice as much. A choice, made after one case (decision 19)."""
 
 
 def threshold(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, columns: int = 1) -> float:
@@ -55,11 +55,16 @@ def to_refit(
 
 def _sure(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> bool:
     """Whether the odds of an effect are above `SURE` after so many tests, or are not known from a first pass."""
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
+    refitted = [one.odds(spread) for one in ranking if one.refitted]
+    return not refitted or after(max(refitted), tests) >= SURE
+
+
+def after(odds: float, tests: int) -> float:
+    """Logarithm of the odds of the best of so many tests: before, each had an equal share of what speaks for any."""
     from numpy import log
 
-    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
-    refitted = [one.odds(spread) - float(log(max(tests, 1))) for one in ranking if one.refitted]
-    return not refitted or max(refitted) >= SURE
+    return odds - float(log(max(tests, 1)))
 
 
 def _seen(score_test: ScoreTest) -> float:

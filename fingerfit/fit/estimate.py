@@ -123,7 +123,7 @@ def _repeated(problem: InverseProblem, best: Minimum, threads: int) -> tuple[np.
         return Objective.total([maker.draw() for maker in makers])
 
     width = widths(problem.settings.parameters(), best.model.moving)
-    shifts, hessian = repeat(makers[0].draw if len(makers) == 1 else draw, width, how.replicates, problem.sure)
+    shifts, hessian = repeat(draw, width, how.replicates, problem.sure)
     for maker in makers:
         if maker.squares:
             number = maker.squares.number

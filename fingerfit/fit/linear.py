@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -48,7 +48,7 @@ class LinearModel:
                 total = total + slope * float(d)
         return total
 
-    @property
+    @cached_property
     def every(self) -> list[LinearModel]:
         """The models of the tests of a study with several; else itself."""
         if isinstance(self.base, Prediction):
@@ -95,9 +95,8 @@ class LinearModel:
         Of volumes nothing is kept: that would take several times their memory.
         """
         base = self.base if offset is None else self.base + offset
-        moving, keeps = np.zeros(data.measured.shape[1:], dtype=bool), data.measured.ndim < IN_SPACE
-        for slope in self.slopes:
-            moving |= slope.pictures.any(axis=0) if keeps else True
+        keeps = data.measured.ndim < IN_SPACE
+        moving = moved_pixels(self.slopes) if keeps else np.ones(data.measured.shape[1:], dtype=bool)
         make = [
             partial(Similar, *pair, moving, bins, LIMITS) for pair in zip(data.measured, base.pictures, strict=True)
         ]
@@ -162,6 +161,14 @@ class LinearModel:
             columns = np.stack([picture.ravel() for picture in pictures]).astype(float)
             total += columns @ columns.T
         return total
+
+
+def moved_pixels(slopes: Sequence[Prediction]) -> np.ndarray:
+    """Which pixels any of the slopes moves in any picture, bool, of the shape of a picture."""
+    moved: np.ndarray = np.zeros(slopes[0].pictures.shape[1:], dtype=bool)
+    for slope in slopes:
+        moved |= slope.pictures.any(axis=0)
+    return moved
 
 
 def _inner(one: np.ndarray, other: np.ndarray) -> float:

@@ -7,6 +7,7 @@ are those that leave the least squares of pictures, response and points, in an e
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -41,7 +42,10 @@ class Observed:
         changes = self._changes([*(model.slopes[n] for n in self.number), *unknown])
         likely = np.concatenate([np.zeros((steps, len(self.number))), np.eye(steps)], axis=1)
         self._columns = np.concatenate([changes, likely])
-        self._normal = self._columns.T @ self._columns
+
+    @cached_property
+    def _normal(self) -> np.ndarray:
+        return np.asarray(self._columns.T @ self._columns)
 
     def _changes(self, slopes: Sequence[Prediction]) -> np.ndarray:
         """What slopes change, shape (values, slopes)."""

@@ -39,6 +39,9 @@ fell along a valley, and an end at steps of 10 % left constants 15 % off (docs/d
 STILL = 0.005
 """A move from the last solution that is this short, in the logarithm, needs no other one: what slopes do not know of it
 is of the order of its square, 0.001 %. A choice."""
+AS_TRUSTED = 0.9
+"""Share of the longest move that is trusted from which one is as long as it: clearly shorter ones end of themselves. A
+choice."""
 SOLUTIONS = 4
 """At most as many on the finest mesh, the costliest there are (docs/decisions/0003-two-meshes.md)."""
 
@@ -158,7 +161,7 @@ def _cut_short(last: Round, found: Minimum, trust: float) -> bool:
     `trust` is how far the next one is trusted: less than this one where that before it did not come true.
     """
     now = (last.best or {}).get("trust", TRUST)
-    return last.stage == SENSITIVITY and found.move > 0.9 * now and trust >= now
+    return last.stage == SENSITIVITY and found.move > AS_TRUSTED * now and trust >= now
 
 
 def _promises(problem: InverseProblem, found: Minimum) -> bool:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fit.linear import IN_SPACE, LinearModel
+from fingerfit.fit.linear import IN_SPACE, LinearModel, moved_pixels
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.observed import Observed
 from fingerfit.forward.score import Prediction
@@ -27,9 +27,7 @@ Window = tuple[slice, ...]
 
 def _window(model: LinearModel, margin: int) -> Window:
     """The part of a picture that the constants and the load move, and a margin of pixels: no other tells of them."""
-    moving: np.ndarray = np.zeros(model.base.pictures.shape[1:], dtype=bool)
-    for slope in [*model.slopes, *([model.control] if model.control else [])]:
-        moving |= slope.pictures.any(axis=0)
+    moving = moved_pixels([*model.slopes, *([model.control] if model.control else [])])
     found = []
     for axis, size in enumerate(moving.shape):
         at = np.flatnonzero(moving.any(axis=tuple(k for k in range(moving.ndim) if k != axis)))
