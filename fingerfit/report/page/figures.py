@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.artist import Artist
 from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
-from PIL import Image
 
 from fingerfit.report.drawing import COLOURS
 from fingerfit.report.page.inputs import Compare
-from fingerfit.report.page.regions import patch_layers, patch_size
+from fingerfit.report.page.regions import borders, patch_layers, patch_size
+from fingerfit.report.page.sheets import WIDTH, Frame, Scale, Sheet, Sheets, colour_scale
 
-DPI = 130
-WIDTH = 4.4
-LEFT, RIGHT, BOTTOM, TOP = 0.62, 0.98, 0.52, 0.16
-"""Margins of a panel, inches; the scale of colours is in the right one."""
 WARM = LinearSegmentedColormap.from_list("warm", ["#FFFFFF", "#FBE7B5", COLOURS[0], COLOURS[5]])
-UNKNOWN = "#DDDDDD"
+_NOT_KNOWN = ListedColormap(["#DDDDDD"])
 NOISE_BAND = "noise (2 standard deviations)"
 
 
@@ -32,104 +26,20 @@ def plain(text: object) -> str:
     return str(text).replace("$", r"\$")
 
 
-def uri(figure: Figure) -> str:
-    """A figure as an embedded PNG with at most 256 colours."""
-    canvas, small = FigureCanvasAgg(figure), io.BytesIO()
-    figure.set_dpi(DPI)
-    canvas.draw()
-    image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    image.quantize(256, dither=Image.Dither.NONE).save(small, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(small.getvalue()).decode()
-
-
-@dataclass(frozen=True)
-class Frame:
-    """Limits in mm and the place of the axes in a panel.
-
-    Parameters
-    ----------
-    limits : tuple of float
-        Left, right, bottom, top, mm; widened where a panel would be too flat or too high.
-    labels : tuple of str
-        Of the axes.
-    """
-
-    limits: tuple[float, float, float, float]
-    labels: tuple[str, str] = ("x in mm", "y in mm")
-
-    @classmethod
-    def around(
-        cls, limits: tuple[float, float, float, float], labels: tuple[str, str] = ("x in mm", "y in mm")
-    ) -> Frame:
-        """A frame around limits, no flatter than 1:2 and no higher than 4:3."""
-        left, right, bottom, top = limits
-        wide, high = max(right - left, 1e-9), max(top - bottom, 1e-9)
-        more_high, more_wide = max(0.0, wide / 2 - high) / 2, max(0.0, high * 0.75 - wide) / 2
-        return cls((left - more_wide, right + more_wide, bottom - more_high, top + more_high), labels)
-
-    @property
-    def inches(self) -> tuple[float, float]:
-        """Width and height of the axes, inches."""
-        left, right, bottom, top = self.limits
-        wide = WIDTH - LEFT - RIGHT
-        return wide, wide * (top - bottom) / (right - left)
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Width and height of the panel, inches."""
-        return WIDTH, self.inches[1] + BOTTOM + TOP
-
-    @property
-    def box(self) -> tuple[float, float, float, float]:
-        """Left, bottom, width and height of the axes as fractions of the panel."""
-        wide, high = self.inches
-        return LEFT / WIDTH, BOTTOM / self.size[1], wide / WIDTH, high / self.size[1]
-
-    def panel(self) -> tuple[Figure, Any, Any]:
-        """A figure, its axes and the axes of the scale of colours."""
-        figure = Figure(figsize=self.size)
-        axes = figure.add_axes(self.box)
-        left, bottom, wide, high = self.box
-        scale = figure.add_axes((left + wide + 0.1 / WIDTH, bottom, 0.14 / WIDTH, high))
-        axes.set_xlim(*self.limits[:2])
-        axes.set_ylim(*self.limits[2:])
-        axes.set_xlabel(self.labels[0], fontsize=9, labelpad=2)
-        axes.set_ylabel(self.labels[1], fontsize=9, labelpad=2)
-        axes.locator_params(nbins=6)
-        for part in (axes, scale):
-            part.tick_params(labelsize=8.5)
-        return figure, axes, scale
-
-
-def colour_scale(figure: Figure, shown: Any, scale: Any, label: str, extend: str = "neither") -> None:
-    """The scale of colours of what is shown, its label no longer than itself."""
-    bar = figure.colorbar(shown, cax=scale, extend=extend)
-    long = 72 * scale.get_position().height * figure.get_figheight()
-    letters = max(map(len, label.splitlines()))  # about 0.55 of their height wide
-    bar.set_label(label, fontsize=min(9.0, long / (0.55 * letters)))
-    bar.ax.locator_params(nbins=5)
-
-
-def grey_panel(frame: Frame, compare: Compare, values: np.ndarray, top: float) -> Figure:
+def grey_panel(sheets: Sheets, frame: Frame, compare: Compare, values: np.ndarray, top: float) -> str:
     """A picture in grey."""
-    figure, axes, scale = frame.panel()
-    shown = axes.imshow(values, cmap="gray", vmin=0, vmax=top, origin="lower", extent=compare.limits, aspect="auto")
-    axes.set_xlim(*frame.limits[:2])
-    axes.set_ylim(*frame.limits[2:])
-    colour_scale(figure, shown, scale, "brightness (0 to 1)")
-    return figure
+    return _picture(sheets.sheet(frame, Scale("brightness (0 to 1)", "gray", 0.0, top)), compare, values)
 
 
-def difference_panel(frame: Frame, compare: Compare, values: np.ndarray, limit: float) -> Figure:
+def difference_panel(sheets: Sheets, frame: Frame, compare: Compare, values: np.ndarray, limit: float) -> str:
     """Measured minus synthesized."""
-    figure, axes, scale = frame.panel()
-    shown = axes.imshow(
-        values, cmap="RdBu_r", vmin=-limit, vmax=limit, origin="lower", extent=compare.limits, aspect="auto"
-    )
-    axes.set_xlim(*frame.limits[:2])
-    axes.set_ylim(*frame.limits[2:])
-    colour_scale(figure, shown, scale, "difference of brightness", "both")
-    return figure
+    scale = Scale("difference of brightness", "RdBu_r", -limit, limit, "both")
+    return _picture(sheets.sheet(frame, scale), compare, values)
+
+
+def _picture(sheet: Sheet, compare: Compare, values: np.ndarray) -> str:
+    shown = sheet.axes.imshow(values, **sheet.scale.colours, origin="lower", extent=compare.limits, aspect="auto")
+    return sheet.uri([shown])
 
 
 def map_frame(compare: Compare) -> Frame:
@@ -141,74 +51,85 @@ def map_frame(compare: Compare) -> Frame:
     return Frame.around(limits, compare.axes)
 
 
-def borders(compare: Compare) -> list[np.ndarray]:
-    """Edges of the reference mesh between layers and around it."""
-    if len(compare.edges):
-        return list(compare.edges)
-    owners: dict[tuple[int, int], list[int]] = {}
-    for ring, layer in zip(compare.mesh_rings, compare.mesh_layer, strict=True):
-        ring = ring[ring >= 0]
-        for a, b in zip(ring, np.roll(ring, -1), strict=True):
-            owners.setdefault((min(a, b), max(a, b)), []).append(int(layer))
-    return [compare.mesh_points[list(edge)] for edge, own in owners.items() if len(own) == 1 or len(set(own)) > 1]
+@dataclass(frozen=True)
+class Patches:
+    """The patches of a model as all its maps draw them.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (patches, 2)
+        Reference positions, mm.
+    size : ndarray, shape (2,)
+        mm.
+    edges : tuple of ndarray
+        Along x and y, mm.
+    inside : ndarray of bool, shape (ny, nx)
+        Whether the middle of a patch lies in the body.
+    borders : list of ndarray, shape (2, 2)
+        Of the layers, mm.
+    """
+
+    centre: np.ndarray
+    size: np.ndarray
+    edges: tuple[np.ndarray, np.ndarray]
+    inside: np.ndarray
+    borders: list[np.ndarray]
+
+    @classmethod
+    def of(cls, compare: Compare) -> Patches:
+        """Those of a model."""
+        size = patch_size(compare)
+        nx, ny = (int(n) for n in compare.patch_count)
+        low = compare.patch_centre.min(axis=0) - size / 2
+        edges = low[0] + size[0] * np.arange(nx + 1), low[1] + size[1] * np.arange(ny + 1)
+        known = len(compare.mesh_rings) or len(compare.patch_layer)
+        inside = patch_layers(compare).reshape(nx, ny).T >= 0 if known else np.ones((ny, nx), dtype=bool)
+        return cls(compare.patch_centre, size, edges, inside, borders(compare))
 
 
-def map_panel(frame: Frame, compare: Compare, displacement: np.ndarray, limit: float) -> Figure:
+def map_panel(sheets: Sheets, frame: Frame, patches: Patches, displacement: np.ndarray, limit: float) -> str:
     """Displacements of patches: arrows, many times enlarged, over a map of their length.
 
     Parameters
     ----------
+    sheets : Sheets
     frame : Frame
-    compare : Compare
+    patches : Patches
     displacement : ndarray, shape (patches, 2)
         mm; NaN where unknown.
     limit : float
         End of the scale of colours, and displacement whose arrow is as long as a patch, mm.
     """
-    figure, axes, scale = frame.panel()
-    size = patch_size(compare)
+    reach = 1.15 * float(patches.size.min()) / limit
+    scale = Scale("residual displacement in mm", WARM, 0.0, limit, "max")
+    sheet = sheets.sheet(frame, scale, f" (arrows enlarged {reach:.3g} times)")
     length = np.hypot(displacement[:, 0], displacement[:, 1])
-    shown = _cells(axes, compare, length, cmap=WARM, vmin=0, vmax=limit)
     known = np.isfinite(length) & (length > 0.02 * limit)
-    reach = 1.15 * float(size.min()) / limit
     drawn = np.minimum(1.0, 1.3 * limit / np.maximum(length, 1e-12))[:, None] * displacement
-    axes.quiver(
-        *compare.patch_centre[known].T, *drawn[known].T, angles="xy", scale_units="xy", scale=1 / reach,
+    arrows = sheet.axes.quiver(
+        *patches.centre[known].T, *drawn[known].T, angles="xy", scale_units="xy", scale=1 / reach,
         width=0.006, headwidth=3.6, headlength=4, headaxislength=3.6, pivot="middle", color="#111111",
     )  # fmt: skip
-    axes.set_xlim(*frame.limits[:2])
-    axes.set_ylim(*frame.limits[2:])
-    axes.set_xlabel(f"{frame.labels[0]} (arrows enlarged {reach:.3g} times)", fontsize=9, labelpad=2)
-    colour_scale(figure, shown, scale, "residual displacement in mm", "max")
-    return figure
+    return sheet.uri([*_cells(sheet, patches, length), arrows])
 
 
-def _cells(axes: Any, compare: Compare, values: np.ndarray, **colours: Any) -> Any:
-    """Values of patches over the borders of the layers, grey where they are not known."""
-    size = patch_size(compare)
-    nx, ny = (int(n) for n in compare.patch_count)
-    low = compare.patch_centre.min(axis=0) - size / 2
-    edges = [low[k] + size[k] * np.arange(n + 1) for k, n in enumerate((nx, ny))]
-    cells = np.ma.masked_invalid(values.reshape(nx, ny).T)
-    axes.set_facecolor("white")
-    gone = np.where(np.ma.getmaskarray(cells), 1.0, np.nan)
-    known_layers = len(compare.mesh_rings) or len(compare.patch_layer)
-    inside = patch_layers(compare).reshape(nx, ny).T >= 0 if known_layers else True
-    axes.pcolormesh(*edges, np.where(inside, gone, np.nan), cmap=LinearSegmentedColormap.from_list("n", [UNKNOWN] * 2))
-    shown = axes.pcolormesh(*edges, cells, **colours)
-    # one artist: a line for each edge would take longer than all the rest of the panel
-    axes.add_collection(LineCollection(borders(compare), colors="#777777", linewidths=0.8, capstyle="projecting"))
-    return shown
-
-
-def brightness_panel(frame: Frame, compare: Compare, values: np.ndarray, limit: float) -> Figure:
+def brightness_panel(sheets: Sheets, frame: Frame, patches: Patches, values: np.ndarray, limit: float) -> str:
     """Residual brightness of patches, shape (patches,)."""
-    figure, axes, scale = frame.panel()
-    shown = _cells(axes, compare, values, cmap="RdBu_r", vmin=-limit, vmax=limit)
-    axes.set_xlim(*frame.limits[:2])
-    axes.set_ylim(*frame.limits[2:])
-    colour_scale(figure, shown, scale, "residual brightness (of 1)", "both")
-    return figure
+    sheet = sheets.sheet(frame, Scale("residual brightness (of 1)", "RdBu_r", -limit, limit, "both"))
+    return sheet.uri(_cells(sheet, patches, values))
+
+
+def _cells(sheet: Sheet, patches: Patches, values: np.ndarray) -> list[Artist]:
+    """Values of patches, grey where they are not known, under the borders of the layers."""
+    cells = np.ma.masked_invalid(values.reshape(patches.inside.shape[::-1]).T)
+    gone = np.where(np.ma.getmaskarray(cells) & patches.inside, 1.0, np.nan)
+    # one artist: a line for each edge would take longer than all the rest of the panel
+    lines = LineCollection(patches.borders, colors="#777777", linewidths=0.8, capstyle="projecting")
+    return [
+        sheet.axes.pcolormesh(*patches.edges, gone, cmap=_NOT_KNOWN),
+        sheet.axes.pcolormesh(*patches.edges, cells, **sheet.scale.colours),
+        sheet.axes.add_collection(lines, autolim=False),
+    ]
 
 
 def curve_panel(compare: Compare, values: np.ndarray, limit: float) -> Figure:

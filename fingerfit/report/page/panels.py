@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.imaging.sections import Slice
 from fingerfit.report.page.figures import (
-    Frame,
+    Patches,
     brightness_panel,
     curve_panel,
     difference_panel,
@@ -20,10 +20,10 @@ from fingerfit.report.page.figures import (
     map_panel,
     stiffness_figure,
     stiffness_in_space,
-    uri,
 )
 from fingerfit.report.page.inputs import Compare, Model
 from fingerfit.report.page.regions import patch_size
+from fingerfit.report.page.sheets import Frame, Sheets, uri
 from fingerfit.report.page.stiffness import field_figures
 from fingerfit.report.page.views import View, cuts_at, cuts_of, views_of
 
@@ -57,6 +57,7 @@ class Panels:
         self.maps: list[dict[str, Any]] = []
         self.cuts: list[Slice] = []
         self._map_frames: list[Frame] = []
+        self._sheets: Sheets = before._sheets if before else Sheets()
         self._known: dict[str, int] = before._known if before else {}
         self._owners: dict[str, np.ndarray] = {}
         self._greys: dict[tuple[bytes, float, int], int] = {}
@@ -77,9 +78,9 @@ class Panels:
         """Whether a model has such a picture."""
         return any(key == f"{panel}|{model}" or key.startswith(f"{panel}|{model}|") for key in self.keys)
 
-    def keep(self, figure: Figure) -> int:
-        """Number of a figure among the embedded pictures."""
-        text = uri(figure)
+    def keep(self, figure: Figure | str) -> int:
+        """Number of a figure, or of one that is embedded already, among the embedded pictures."""
+        text = figure if isinstance(figure, str) else uri(figure)
         if text not in self._known:
             self._known[text] = len(self.uris)
             self.uris.append(text)
@@ -135,13 +136,13 @@ class Panels:
         for n in range(flat.pictures):
             self.keys[f"measured|{name}|{n}{after}"] = self._grey(flat, flat.measured[n], number)
             self.keys[f"synthesized|{name}|{n}{after}"] = self._grey(flat, flat.synthesized[n], number)
-            figure = difference_panel(self.frames[number], flat, flat.difference[n], self.limit)
-            self.keys[f"difference|{name}|{n}{after}"] = self.keep(figure)
+            panel = difference_panel(self._sheets, self.frames[number], flat, flat.difference[n], self.limit)
+            self.keys[f"difference|{name}|{n}{after}"] = self.keep(panel)
 
     def _grey(self, compare: Compare, values: np.ndarray, number: int) -> int:
         key = (np.ascontiguousarray(values).tobytes(), self.top, number)
         if key not in self._greys:
-            self._greys[key] = self.keep(grey_panel(self.frames[number], compare, values, self.top))
+            self._greys[key] = self.keep(grey_panel(self._sheets, self.frames[number], compare, values, self.top))
         return self._greys[key]
 
     def _draw_maps(self, model: Model, compare: Compare, number: int, after: str, view: View | None) -> None:
@@ -156,21 +157,21 @@ class Panels:
                     "number": None if view is None else view.patches.tolist(),
                 }
             )
-        frame = self._map_frames[number]
+        frame, patches = self._map_frames[number], Patches.of(compare)
         for n in range(compare.views):
             self.keys[f"map|{name}|{n}{after}"] = self.keep(
-                map_panel(frame, compare, compare.residual_displacement[n], self.reach)
+                map_panel(self._sheets, frame, patches, compare.residual_displacement[n], self.reach)
             )
         for part, panel in ((DISPLACEMENT, map_panel), (BRIGHTNESS, brightness_panel)):
             # of volumes one scale for all slices
             whole, drawn = getattr(model.compare, part), _drawn(model, part)
             own = _limit([whole, *drawn.values()])
             for n in range(len(whole) if drawn else 0):
-                figure = panel(frame, compare, _in_plane(whole, view)[n], own)
-                self.keys[f"there|{name}|{n}{after}|{part}"] = self.keep(figure)
+                drawing = panel(self._sheets, frame, patches, _in_plane(whole, view)[n], own)
+                self.keys[f"there|{name}|{n}{after}|{part}"] = self.keep(drawing)
                 for effect, values in drawn.items():
-                    figure = panel(frame, compare, _in_plane(values, view)[n], own)
-                    self.keys[f"pattern|{name}|{n}{after}|{effect}"] = self.keep(figure)
+                    drawing = panel(self._sheets, frame, patches, _in_plane(values, view)[n], own)
+                    self.keys[f"pattern|{name}|{n}{after}|{effect}"] = self.keep(drawing)
 
     def _draw_curves(self, model: Model, compare: Compare) -> None:
         """Residual by step, where there is no other or an effect is shown so, and what effects would leave."""
@@ -179,7 +180,9 @@ class Panels:
             return
         every = np.abs([compare.response, 2 * compare.response_noise, *drawn.values()])
         limit = 1.15 * float(np.nanmax(every)) or 1.0
-        self.keys[f"there|{model.name}|steps|{RESPONSE}"] = self.keep(curve_panel(compare, compare.response, limit))
+        self.keys[f"there|{model.name}|steps|{RESPONSE}"] = self.keep(
+            uri(curve_panel(compare, compare.response, limit))
+        )
         for effect, values in drawn.items():
             self.keys[f"pattern|{model.name}|steps|{effect}"] = self.keep(curve_panel(compare, values, limit))
 

@@ -72,6 +72,18 @@ def layers_of(compare: Compare, points: np.ndarray) -> np.ndarray:
     return found
 
 
+def borders(compare: Compare) -> list[np.ndarray]:
+    """Edges of the reference mesh between layers and around it."""
+    if len(compare.edges):
+        return list(compare.edges)
+    owners: dict[tuple[int, int], list[int]] = {}
+    for ring, layer in zip(compare.mesh_rings, compare.mesh_layer, strict=True):
+        ring = ring[ring >= 0]
+        for a, b in zip(ring, np.roll(ring, -1), strict=True):
+            owners.setdefault((min(a, b), max(a, b)), []).append(int(layer))
+    return [compare.mesh_points[list(edge)] for edge, own in owners.items() if len(own) == 1 or len(set(own)) > 1]
+
+
 def patch_layers(compare: Compare) -> np.ndarray:
     """Layer of the middle of each patch by number, -1 outside the mesh."""
     if len(compare.patch_layer) == len(compare.patch_centre):

@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from fingerfit.report.page.figures import colour_scale, map_frame
+from fingerfit.report.page.figures import map_frame
 from fingerfit.report.page.inputs import Compare
+from fingerfit.report.page.sheets import colour_scale
 
 SEEN = 0.5
 """Share of what was not known before from which the data see a place: half of the variance is gone."""
