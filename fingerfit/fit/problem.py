@@ -121,7 +121,8 @@ class InverseProblem:
     def observed(self) -> np.ndarray:
         """Which parameters belong to effects on the observation that the score of pictures may not see, bool."""
         blind = self.settings.fit.score != "likelihood"
-        mine = {e.key(p.name) for e in self.effects.values() if e.acts == OBSERVATION for p in e.parameters}
+        acting = [e for e in self.effects.values() if e.acts == OBSERVATION]
+        mine = {e.key(name) for e in acting for name in (*(p.name for p in e.parameters), *e.refine)}
         return np.array([blind and p.name in mine for p in self.settings.parameters()], dtype=bool)
 
     @property

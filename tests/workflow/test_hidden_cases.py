@@ -63,10 +63,13 @@ def test_nothing_hidden(tmp_path):
 
 @pytest.mark.slow
 def test_a_drift_that_the_score_of_pictures_does_not_see(tmp_path):
-    first, second = rungs_of(tmp_path, {"intensity_drift": {"gain": 0.1}}, 2)
+    first, second = rungs_of(tmp_path, {"intensity_drift": {"gain": 0.1, "settling": 2.0}}, 2)
     assert (first.verdict.kind, first.verdict.effects) == ("missing", ("intensity_drift",))
     # 8 seeds: 1.7 % too large on average with a standard deviation of 0.7 %; five of them
-    assert first.refits["intensity_drift"].values["intensity_drift.gain"] == pytest.approx(0.1, rel=0.055)
+    values = first.refits["intensity_drift"].values
+    assert values["intensity_drift.gain"] == pytest.approx(0.1, rel=0.055)
+    # 6 seeds: 2.02 on average with a standard deviation of 0.07; five of them
+    assert values["intensity_drift.settling"] == pytest.approx(2.02, abs=0.35)
     assert second.verdict.kind == "adequate"
 
 
