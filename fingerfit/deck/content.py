@@ -248,6 +248,9 @@ class Deck:
         Linear expansion by a degree, of materials that have one.
     temperature : dict
         Initial temperature by node; 0 elsewhere.
+    warmed : dict
+        Of materials whose constants depend on the temperature: temperatures from the lowest on, each with the material
+        there; in `materials` is the first one.
     """
 
     mesh: Mesh
@@ -269,3 +272,4 @@ class Deck:
     amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     expansion: dict[str, float] = field(default_factory=dict)
     temperature: dict[int, float] = field(default_factory=dict)
+    warmed: dict[str, list[tuple[float, Any]]] = field(default_factory=dict)

@@ -9,6 +9,8 @@ import numpy as np
 from fingerfit.deck.cards import Card
 from fingerfit.deck.content import Orientation, Section
 from fingerfit.deck.state import Handler, Reading
+from fingerfit.material.isotropic import Isotropic
+from fingerfit.material.spread import structure_of
 
 _MODELS = ("OGDEN", "NEO HOOKE", "MOONEY-RIVLIN", "YEOH", "REDUCED POLYNOMIAL")
 _ORDERS = 6
@@ -31,7 +33,9 @@ def on_hyperelastic(reading: Reading, card: Card) -> None:
         raise card.error(f"N={order}", f"N from 1 to {_ORDERS}")
     count = {"OGDEN": 3 * order, "NEO HOOKE": 2, "MOONEY-RIVLIN": 3}.get(model, 2 * order)
     values = card.values()
-    if len(values) != count:
+    # a temperature after each set of constants: they depend on it
+    sets, rest = divmod(len(values), count + 1)
+    if len(values) != count and (rest or not sets):
         order_of = {
             "OGDEN": "mu and alpha of each term, then D",
             "NEO HOOKE": "C10, D",
@@ -39,28 +43,40 @@ def on_hyperelastic(reading: Reading, card: Card) -> None:
             "YEOH": "C10, C20, C30, D1, D2, D3",
             "REDUCED POLYNOMIAL": "C10 to CN0, D1 to DN",
         }
-        raise card.error(f"{len(values)} constants", f"{count}: {order_of[model]}")
-    # each material is loaded when a deck names it
+        expected = f"{count}: {order_of[model]}; or sets of {count + 1}, each with its temperature"
+        raise card.error(f"{len(values)} constants", expected)
+    if len(values) == count:
+        reading.materials[reading.material] = _moduli(card, _hyperelastic(card, model, order, values))
+        return
+    rows = np.reshape(values, (sets, count + 1))
+    if not (np.diff(rows[:, -1]) > 0).all():
+        raise card.error(rows[:, -1].tolist(), "temperatures from the lowest on, each once")
+    warmed = [(float(row[-1]), _moduli(card, _hyperelastic(card, model, order, row[:-1].tolist()))) for row in rows]
+    if len({structure_of(material) for _, material in warmed}) > 1:
+        raise card.error("D = 0 at some temperatures", "as many D at all of them")
+    reading.warmed[reading.material], reading.materials[reading.material] = warmed, warmed[0][1]
+
+
+def _hyperelastic(card: Card, model: str, order: int, values: list[float]) -> Isotropic:
+    """A material by its constants; each kind is loaded when a deck names it."""
     if model == "OGDEN":
         from fingerfit.material.ogden import Ogden
 
         if min(values[1 : 2 * order : 2], key=abs) == 0:
             raise card.error(values, "alpha other than 0")
         d = _compressibility(card, values[2 * order :])
-        material: object = Ogden(tuple(values[0 : 2 * order : 2]), tuple(values[1 : 2 * order : 2]), d)
-    elif model == "NEO HOOKE":
+        return Ogden(tuple(values[0 : 2 * order : 2]), tuple(values[1 : 2 * order : 2]), d)
+    if model == "NEO HOOKE":
         from fingerfit.material.neo_hooke import NeoHooke
 
-        material = NeoHooke(values[0], _compressibility(card, values[1:]))
-    elif model == "MOONEY-RIVLIN":
+        return NeoHooke(values[0], _compressibility(card, values[1:]))
+    if model == "MOONEY-RIVLIN":
         from fingerfit.material.mooney_rivlin import MooneyRivlin
 
-        material = MooneyRivlin(values[0], values[1], _compressibility(card, values[2:]))
-    else:
-        from fingerfit.material.yeoh import Yeoh
+        return MooneyRivlin(values[0], values[1], _compressibility(card, values[2:]))
+    from fingerfit.material.yeoh import Yeoh
 
-        material = Yeoh(tuple(values[:order]), _compressibility(card, values[order:]))
-    reading.materials[reading.material] = _moduli(card, material)
+    return Yeoh(tuple(values[:order]), _compressibility(card, values[order:]))
 
 
 def _compressibility(card: Card, values: list[float]) -> tuple[float, ...]:
@@ -133,8 +149,11 @@ def on_viscoelastic(reading: Reading, card: Card) -> None:
         tau.append(values[2])
     if not g or sum(g) >= 1:
         raise card.error(g, "moduli g whose sum is below 1")
-    fast = material.prony is not None
-    reading.materials[reading.material] = replace(material, prony=Prony(tuple(g), tuple(tau), fast))
+    prony = Prony(tuple(g), tuple(tau), material.prony is not None)
+    reading.materials[reading.material] = replace(material, prony=prony)
+    if reading.material in reading.warmed:
+        warmed = reading.warmed[reading.material]
+        reading.warmed[reading.material] = [(at, replace(one, prony=prony)) for at, one in warmed]
 
 
 def on_expansion(reading: Reading, card: Card) -> None:

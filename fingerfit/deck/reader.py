@@ -210,6 +210,7 @@ def _finish(reading: Reading) -> Deck:
         reading.amplitudes,
         reading.expansion,
         reading.temperature,
+        reading.warmed,
     )
 
 

@@ -69,6 +69,7 @@ class Reading:
         self.strain: dict[Key, list[float]] = {}
         self.expansion: dict[str, float] = {}
         self.temperature: dict[int, float] = {}
+        self.warmed: dict[str, list[tuple[float, Any]]] = {}
         self.amplitudes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.fixed: dict[tuple[int, int], float] = {}
         self.pressures: list[dict[tuple[Key, int | None], Pressed]] = []

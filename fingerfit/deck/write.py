@@ -68,7 +68,7 @@ class _Writer:
             yield from _wrapped(np.column_stack([times, factors]).ravel().tolist(), 8)
         for name, material in deck.materials.items():
             yield f"*MATERIAL, NAME={_name(name)}"
-            yield from _material(material)
+            yield from _material(material, deck.warmed.get(name, []))
             if name in deck.expansion:
                 yield from ("*EXPANSION", _text(deck.expansion[name]))
         for name, local in deck.orientations.items():
@@ -280,7 +280,20 @@ def _law(law: Law) -> Iterator[str]:
         yield _row(float(law.friction), float(law.stick))
 
 
-def _material(material: Any) -> Iterator[str]:
+def _hyperelastic(material: Any) -> tuple[str, list[float]]:
+    """The energy as an option of its keyword, and its constants."""
+    kind = type(material).__name__
+    order = {"Ogden": lambda m: len(m.mu), "Yeoh": lambda m: len(m.c)}.get(kind, lambda m: 1)(material)
+    name, constants = {
+        "Ogden": lambda m: (f"OGDEN, N={order}", [x for pair in zip(m.mu, m.alpha, strict=True) for x in pair]),
+        "NeoHooke": lambda m: ("NEO HOOKE", [m.c10]),
+        "MooneyRivlin": lambda m: ("MOONEY-RIVLIN", [m.c10, m.c01]),
+        "Yeoh": lambda m: ("YEOH" if order == 3 else f"REDUCED POLYNOMIAL, N={order}", list(m.c)),
+    }[kind](material)
+    return name, [*constants, *[*material.d, *[0.0] * order][:order]]
+
+
+def _material(material: Any, warmed: Sequence[tuple[float | None, Any]]) -> Iterator[str]:
     kind, prony = type(material).__name__, material.prony
     moduli = ", MODULI=INSTANTANEOUS" if prony is not None and prony.instantaneous else ""
     if kind == "Elastic":
@@ -290,16 +303,10 @@ def _material(material: Any) -> Iterator[str]:
         yield f"*ANISOTROPIC HYPERELASTIC, HOLZAPFEL, LOCAL DIRECTIONS={len(material.directions)}{moduli}"
         yield _row(material.c10, material.d, material.k1, material.k2, material.kappa)
     else:
-        order = {"Ogden": lambda m: len(m.mu), "Yeoh": lambda m: len(m.c)}.get(kind, lambda m: 1)(material)
-        d = [*material.d, *[0.0] * order][:order]
-        name, constants = {
-            "Ogden": lambda m: (f"OGDEN, N={order}", [x for pair in zip(m.mu, m.alpha, strict=True) for x in pair]),
-            "NeoHooke": lambda m: ("NEO HOOKE", [m.c10]),
-            "MooneyRivlin": lambda m: ("MOONEY-RIVLIN", [m.c10, m.c01]),
-            "Yeoh": lambda m: ("YEOH" if order == 3 else f"REDUCED POLYNOMIAL, N={order}", list(m.c)),
-        }[kind](material)
+        name, _ = _hyperelastic(material)
         yield f"*HYPERELASTIC, {name}{moduli}"
-        yield from _wrapped([*constants, *d], 8)
+        for temperature, one in warmed or [(None, material)]:
+            yield from _wrapped([*_hyperelastic(one)[1], *([] if temperature is None else [temperature])], 8)
     if prony is not None and prony.g:
         yield "*VISCOELASTIC, TIME=PRONY"
         yield from (_row(g, 0.0, tau) for g, tau in zip(prony.g, prony.tau, strict=True))

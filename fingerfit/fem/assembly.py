@@ -115,7 +115,6 @@ class Body:
         if determinant.min() <= 0:
             raise ValueError(f"element {int(determinant.min(axis=1).argmin())} is inverted in the reference state")
         self.kind, self.dim = kind, points.shape[1]
-        self.material = material
         self.connectivity = connectivity
         self.gradient = np.einsum("gnj,egji->egni", local, np.linalg.inv(jacobian))
         self.weight = determinant * weights
@@ -153,9 +152,10 @@ class Body:
         if self.history is not None:
             self.points.increment = self.history.begin(dt, relaxed)
 
-    def swell(self, stretch: np.ndarray) -> None:
-        """Let the points swell, shape (elements * points,); 1 for not at all."""
-        self.points.swelling, self._states, self._responses = stretch, [], []
+    def change(self, **points: Any) -> None:
+        """Let the points swell, `swelling` of shape (elements * points,), or have other constants, `material`."""
+        vars(self.points).update(points)
+        self._states, self._responses = [], []
 
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Take the end of an increment into the history."""

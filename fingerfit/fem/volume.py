@@ -7,6 +7,7 @@ its own, because the pressure jumps there. The tangent couples each node with al
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from fingerfit.fem.assembly import Body
 from fingerfit.fem.response import swollen
 from fingerfit.fem.system import Contribution
+from fingerfit.material.spread import spread, warmed
 
 
 class AveragedVolume:
@@ -44,7 +46,8 @@ class AveragedVolume:
         at = index.reshape(cells.shape)
         owner = np.empty(len(unique), dtype=int)
         owner[at.ravel()] = np.repeat(groups, nodes)
-        self.material = [(materials[g], np.flatnonzero(owner == g)) for g in np.unique(groups)]
+        self.groups = np.unique(groups)
+        self.material = [(materials[g], np.flatnonzero(owner == g)) for g in self.groups]
         share = np.repeat(self.volume / nodes, nodes)
         element = np.repeat(np.arange(elements), nodes)
         self.share = csr_matrix((share, (at.ravel(), element)), shape=(len(unique), elements))
@@ -65,6 +68,14 @@ class AveragedVolume:
     def swell(self, stretch: np.ndarray) -> None:
         """Let the elements swell, shape (elements,)."""
         self.swelling = (self.share @ stretch**3) / self.patch
+
+    def warm(self, group: int, table: Sequence[tuple[float, Any]], at: np.ndarray) -> None:
+        """Let the material of a group have its constants at the temperatures of all elements, shape (elements,)."""
+        mean = (self.share @ at) / self.patch
+        for n in np.flatnonzero(self.groups == group):
+            own = self.material[n][1]
+            anywhere = spread([table[0][1]], [len(own)])
+            self.material[n] = warmed(anywhere, np.arange(len(own)), table, mean[own]), own
 
     def _deformation(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Deformation gradient, stretch around the axis (1 where there is none) and volume ratio."""

@@ -40,6 +40,44 @@ def spread(materials: Sequence[AnyMaterial], counts: Sequence[int]) -> AnyMateri
     return _spread(materials, counts)
 
 
+def warmed(
+    material: AnyMaterial, chosen: np.ndarray, table: Sequence[tuple[float, Any]], at: np.ndarray
+) -> AnyMaterial:
+    """A material of many points with the constants that some of them have at their temperatures.
+
+    Constants are linear between the temperatures of the table and stay beyond its ends, as in ABAQUS and CalculiX.
+
+    Parameters
+    ----------
+    material : material
+        As of `spread`.
+    chosen : ndarray of int, shape (k,)
+        Points of the material that the table is of.
+    table : sequence of (float, material)
+        Temperatures from the lowest on, and the material there, with the same `structure_of`.
+    at : ndarray, shape (k,)
+        Temperatures of these points.
+    """
+    temperatures = [one for one, _ in table]
+    return _warmed(material, chosen, temperatures, [one for _, one in table], at)
+
+
+def _warmed(base: Any, chosen: np.ndarray, temperatures: list[float], items: list[Any], at: np.ndarray) -> Any:
+    if base is None or isinstance(base, bool):
+        return base
+    if hasattr(base, "__dataclass_fields__"):
+        names = [f.name for f in fields(base)]
+        columns = ([getattr(item, name) for item in items] for name in names)
+        named = zip(names, columns, strict=True)
+        return type(base)(**{name: _warmed(getattr(base, name), chosen, temperatures, own, at) for name, own in named})
+    if isinstance(base, tuple):
+        parts = zip(base, zip(*items, strict=True), strict=True)
+        return tuple(_warmed(one, chosen, temperatures, list(own), at) for one, own in parts)
+    found = np.array(base, dtype=float)
+    found[chosen] = np.interp(at, temperatures, items)
+    return found
+
+
 def _spread(items: Sequence[Any], counts: Sequence[int]) -> Any:
     first = items[0]
     if first is None or isinstance(first, bool):

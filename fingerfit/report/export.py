@@ -126,13 +126,13 @@ def write_fields(found: Results, folder: Path) -> list[Path]:
     mesh = in_first_picture(found.mesh, since)
     extra = found.outcome.steps - count
     still = np.zeros_like(found.outcome.displacement[0])
-    states = [(still, found.outcome.displacement[0] if extra else still)]
-    states += [(since.displacement[n], found.outcome.displacement[n + extra]) for n in range(count)]
+    states = [(still, *((found.outcome.displacement[0], 0) if extra else (still, None)))]
+    states += [(since.displacement[n], found.outcome.displacement[n + extra], n + extra) for n in range(count)]
     more = {title: found.compare[key] for key, title in FIELD.items() if key in found.compare}
     names, written = ["before", *(f"step_{n}" for n in data.step)], []
-    for name, (moved, total) in zip(names, states, strict=True):
+    for name, (moved, total, step) in zip(names, states, strict=True):
         written.append(folder / f"{name}.vtu")
-        state = fields(found.mesh, found.deck, total)
+        state = fields(found.mesh, found.deck, total, step)
         _write_vtu(mesh, moved[: len(mesh.points)], state, written[-1], more if name == "before" else {})
     rows = [
         f'    <DataSet timestep="{time}" part="0" file={quoteattr(path.name)}/>'

@@ -10,6 +10,7 @@ import numpy as np
 
 from fingerfit.deck.reader import read_deck
 from fingerfit.fem.assembly import Body
+from fingerfit.fem.response import swollen
 from fingerfit.mesh.elements import rule, shape
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.solvers.model import Model
@@ -70,7 +71,7 @@ def strains(mesh: Mesh, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(strain), np.concatenate(volume)
 
 
-def fields(mesh: Mesh, deck: Path, displacement: np.ndarray) -> Fields:
+def fields(mesh: Mesh, deck: Path, displacement: np.ndarray, step: int | None = None) -> Fields:
     """Strain and stress of a state of a deck.
 
     Parameters
@@ -81,6 +82,8 @@ def fields(mesh: Mesh, deck: Path, displacement: np.ndarray) -> Fields:
         With the materials. Stress that depends on what was before (viscoelasticity) is left out.
     displacement : ndarray, shape (nodes of the deck, dim)
         mm.
+    step : int, optional
+        Of the deck, from 0: temperatures are those at its end; without it those at the beginning.
 
     Raises
     ------
@@ -88,11 +91,12 @@ def fields(mesh: Mesh, deck: Path, displacement: np.ndarray) -> Fields:
         For a deck that is not understood.
     """
     strain, volume = strains(mesh, displacement[: len(mesh.points)])
-    return Fields(strain, volume, _stress(mesh, deck, displacement))
+    return Fields(strain, volume, _stress(mesh, deck, displacement, step))
 
 
-def _stress(mesh: Mesh, deck: Path, displacement: np.ndarray) -> np.ndarray | None:
+def _stress(mesh: Mesh, deck: Path, displacement: np.ndarray, step: int | None) -> np.ndarray | None:
     model = Model(read_deck(deck), deck)
+    model.warm(model.temperature if step is None else model.temperature_in(model.deck.steps[step]))
     if not all(isinstance(body, Body) and body.history is None for body in model.bodies):
         return None
     averaged = {id(term.connectivity): term for term in model.terms if hasattr(term, "share")}
@@ -142,7 +146,7 @@ def _of_body(body: Body, u: np.ndarray) -> np.ndarray:
         def project(values: np.ndarray) -> np.ndarray:
             return (body.pressure @ values.reshape(shape)[..., None]).ravel()
 
-        first = first + (project(body.material.volumetric(project(ratio))[1]) * ratio)[:, None]
+        first = first + (project(body.points.volumetric(project(ratio))[1]) * ratio)[:, None]
     second = np.zeros((len(first), 3, 3))
     second[:, range(3), range(3)] = first / squared.reshape(-1, 3)
     if body.points.directed:
@@ -173,5 +177,5 @@ def _averaged(term: Any, u: np.ndarray) -> np.ndarray:
     ratio = (term.share @ jacobian) / term.patch
     pressure = np.zeros(len(ratio))
     for material, chosen in term.material:
-        pressure[chosen] = material.volumetric(ratio[chosen])[1]
+        pressure[chosen] = swollen(material, ratio[chosen], term.swelling[chosen])[1]
     return ((term.share.T @ pressure) / term.volume)[:, None, None] * np.eye(3)

@@ -179,7 +179,7 @@ def _start(model: Model, system: System) -> LoadPath:
     deck, begun, floor = model.deck, model.temperature, 0.0
     states = [begun] if deck.stress or deck.strain else []
     if model.expands:
-        states += [_temperature(model, step) for step in deck.steps]
+        states += [model.temperature_in(step) for step in deck.steps]
     for state in [*states, begun]:
         model.warm(state)
         if evaluation := system.evaluate(np.zeros(system.size), tangent=False) if states else None:
@@ -191,11 +191,6 @@ def _start(model: Model, system: System) -> LoadPath:
         if evaluation := system.evaluate(hardly, tangent=False):
             floor = max(floor, float(np.abs(evaluation.internal).max()))
     return LoadPath(system, floor)
-
-
-def _temperature(model: Model, step: DeckStep) -> np.ndarray:
-    """Temperatures of all nodes that a step names, without their amplitudes."""
-    return model.temperature_of({node: value for (node, _), value in step.temperature.items()})
 
 
 def _increments(deck: Deck, step: DeckStep) -> Increments:
@@ -223,12 +218,12 @@ def _path(model: Model, step: DeckStep, before: Load) -> Callable[[float], Load]
         ends.append((begun, end, factors))
     from_pressure = [term.value.copy() for term, _ in model.pressures]
     to_pressure = [np.array([step.pressure.get(key, 0.0) for key in keys]) for _, keys in model.pressures]
-    from_warm, to_warm = model.temperature, _temperature(model, step)
+    from_warm, to_warm = model.temperature, model.temperature_in(step)
     ramp = not step.sudden
 
     def load(share: float) -> Load:
         part = share if ramp else 1.0
-        if model.expands:
+        if model.expands or model.warms:
             warm = from_warm + part * (to_warm - from_warm)
             for (kind, (node, _)), curve in step.curve.items():
                 if kind == "T":

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import InputError
-from fingerfit.deck.content import Deck, Rigid
+from fingerfit.deck.content import Deck, DeckStep, Rigid
 from fingerfit.fem.assembly import Body
 from fingerfit.fem.system import System
-from fingerfit.material.spread import spread, structure_of
+from fingerfit.material.spread import spread, structure_of, warmed
 from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, from_corners, rule
 
 
@@ -56,6 +56,7 @@ class Model:
         self._begun = self.temperature_of(deck.temperature)
         self.temperature = self._begun
         self.expands: list[tuple[Any, Any, np.ndarray, np.ndarray]] = []
+        self.warms: list[tuple[Any, Any, np.ndarray, np.ndarray]] = []
         self._section = self._sections()
         tied = self._settle_ties()
         self._add_rigid()
@@ -166,6 +167,8 @@ class Model:
             if not self.finite:
                 raise InputError(self.path, "*STEP", "no NLGEOM", "NLGEOM: materials with *EXPANSION need it")
             self.expands.append((body, term, expansion, from_corners(element)))
+        if any(self.deck.sections[s].material in self.deck.warmed for s in section):
+            self.warms.append((body, term, section, from_corners(element)))
         if self.finite:
             self.bodies.append(body)
             self.terms += [term] if term else []
@@ -182,17 +185,37 @@ class Model:
             found[node] = value
         return found
 
+    def temperature_in(self, step: DeckStep) -> np.ndarray:
+        """Temperatures of all nodes that a step names, shape (nodes,), without their amplitudes."""
+        return self.temperature_of({node: value for (node, _), value in step.temperature.items()})
+
     def warm(self, temperature: np.ndarray) -> None:
-        """Let nodes have temperatures, shape (nodes,): materials swell by the change since the beginning."""
+        """Let nodes have temperatures, shape (nodes,): constants follow, and materials swell by the change since the
+        beginning.
+        """
         self.temperature = temperature
+        for body, term, section, weights in self.warms:
+            self._warm(body, term, section, temperature[body.connectivity[:, : weights.shape[1]]] @ weights.T)
         for body, term, expansion, weights in self.expands:
             change = (temperature - self._begun)[body.connectivity[:, : weights.shape[1]]] @ weights.T
             stretch = 1 + expansion[:, None] * change
             if not stretch.min() > 0:
                 raise InputError(self.path, "*TEMPERATURE", "a body that shrinks to nothing", "a smaller change")
-            body.swell(stretch.ravel())
+            body.change(swelling=stretch.ravel())
             if term is not None:
                 term.swell(stretch[:, 0])
+
+    def _warm(self, body: Any, term: Any, section: np.ndarray, at: np.ndarray) -> None:
+        """Give points the constants at their temperatures, shape (elements, points)."""
+        for number in np.unique(section):
+            table = self.deck.warmed.get(self.deck.sections[number].material)
+            if table is None:
+                continue
+            own = section == number
+            points = np.flatnonzero(np.repeat(own, at.shape[1]))
+            body.change(material=warmed(body.points.material, points, table, at[own].ravel()))
+            if term is not None:
+                term.warm(number, table, at.mean(axis=1))
 
     def _initial(self, section: np.ndarray, numbers: np.ndarray, materials: dict[int, Any]) -> np.ndarray | None:
         """Stress in the reference state, shape (elements, 3, 3); what strains without stress make is its negative."""

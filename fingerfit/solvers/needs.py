@@ -28,6 +28,7 @@ FEATURES = frozenset(
         "*HYPERELASTIC, MOONEY-RIVLIN",
         "*HYPERELASTIC, N=2 or more",
         "*HYPERELASTIC, NEO HOOKE",
+        "*HYPERELASTIC at temperatures",
         "*HYPERELASTIC, OGDEN",
         "*HYPERELASTIC, REDUCED POLYNOMIAL, N=4 or more",
         "*HYPERELASTIC, YEOH",
@@ -87,6 +88,7 @@ def _model(deck: Deck) -> Iterator[tuple[str, Any]]:
     yield "*ELEMENT twice in the plane", deck.mesh.dim == 2 and _doubled(deck.mesh)
     yield "*EQUATION", deck.equations
     yield "*EXPANSION", deck.expansion
+    yield "*HYPERELASTIC at temperatures", deck.warmed
     yield "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN", deck.strain
     yield "*INITIAL CONDITIONS, TYPE=STRESS", deck.stress
     yield "*INSTANCE", any(scope for scope, _ in deck.labels)

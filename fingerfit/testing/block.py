@@ -101,10 +101,19 @@ def _swelling(text: str) -> str:
     return text.replace("*BOUNDARY\nINDENTER, 2, 2, -1.0", "*TEMPERATURE\nALL, 2e-4\n*CLOAD\nINDENTER, 2, -0.005")
 
 
+def _warmed(text: str) -> str:
+    """Twice as stiff at the end as at first."""
+    mu, alpha, d = MATERIAL.mu[0], MATERIAL.alpha[0], MATERIAL.d[0]
+    text = text.replace(f"{mu}, {alpha}, {d}", f"{mu}, {alpha}, {d}, 20.\n{2 * mu}, {alpha}, {d / 2}, 40.")
+    text = text.replace("*STEP", "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nALL, 20.\n*STEP", 1)
+    return text.replace("*NODE PRINT", "*TEMPERATURE\nALL, 40.\n*NODE PRINT", 1)
+
+
 CHANGES: dict[str, Callable[[str], str]] = {
     "*AMPLITUDE": _amplitude,
     "*DLOAD": _loaded,
     "*EXPANSION": _swelling,
+    "*HYPERELASTIC at temperatures": _warmed,
     "*INITIAL CONDITIONS, TYPE=STRESS": _stressed,
     "*SPRING": _sprung,
     "*SPRING, NONLINEAR": _bent,

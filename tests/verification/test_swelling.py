@@ -13,6 +13,7 @@ from fingerfit.deck.reader import read_deck
 from fingerfit.fem.volume import AveragedVolume
 from fingerfit.material.prony import Prony
 from fingerfit.mesh.elements import ELEMENTS
+from fingerfit.report.fields import fields
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.calculix import CalculixSolver
 from fingerfit.solvers.contract import CONVERGED
@@ -48,6 +49,15 @@ def test_what_is_free_swells_without_stress(element, swells, tmp_path):
         assert outcome.displacement[step] == pytest.approx(stretch * (points - held), abs=1e-6 * SIZE)
         # equilibrium is found to 1e-8 of the force that would keep it from swelling, 1e3 N at most
         assert outcome.reaction[step] == pytest.approx(0.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("element", ["C3D8", "C3D4H", "C3D20H"])
+def test_what_is_free_is_exported_without_stress(element, tmp_path):
+    deck = swelling_block(tmp_path, element, [0.2])
+    moved, mesh = SOLVER.solve(deck, tmp_path).displacement[-1], read_deck(deck).mesh
+    held = MATERIAL.derivatives(np.full(3, 1.2))[0][0]
+    # found to 1e-8 of what would keep it from swelling
+    assert fields(mesh, deck, moved, 0).stress == pytest.approx(0.0, abs=1e-6 * held)
 
 
 @pytest.mark.parametrize("element", ["CPE8H", "CPE4", "CPE3H", "CPE6", "CPS8"])
@@ -87,7 +97,7 @@ def test_forces_and_tangents_of_what_swells(name, element, relaxing, rng):
     body, terms = made(material, element)
     points = len(body.weight.ravel())
     size = body.dofs.max() + 1
-    body.swell(1 + 0.2 * rng.uniform(-1, 1, points))
+    body.change(swelling=1 + 0.2 * rng.uniform(-1, 1, points))
     for term in terms:
         term.swell(1 + 0.2 * rng.uniform(-1, 1, len(body.connectivity)))
     if relaxing:
