@@ -45,6 +45,7 @@ FAMILY = {
     "interface": "geometry",
     "jumping_brightness": "observation",
     "jumping_pictures": "observation",
+    "layer_ageing": "loading",
     "layer_stiffening": "material",
     "load_step": "numerics",
     "loading_probe": "loading",
@@ -86,7 +87,7 @@ ALIKE = {
     "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"},
     "base_slip": {"debonding", "base_friction"}, "indenter_slip": {"indenter_debonding", "indenter_friction"},
     "bias_field": {"uneven_brightness"}, "force_offset": {"guide_friction"},
-    "wandering_pictures": {"jumping_pictures"}, "intensity_drift": {"jumping_brightness"},
+    "ageing": {"layer_ageing"}, "wandering_pictures": {"jumping_pictures"}, "intensity_drift": {"jumping_brightness"},
 }  # fmt: skip
 """Members that are as right: other laws of the same stiffening, an inclusion of any shape, a side that is loose from an
 edge on or slips beyond a limit, brightness that is uneven in another form, an offset that the guide's

@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.changed import changed_by
-from fingerfit.deck.loading import direction, from_rest, loading_steps, rail
+from fingerfit.deck.loading import ageing, course_of, direction, from_rest, loading_steps, rail
 from fingerfit.deck.modes import modes_of
 from fingerfit.deck.patch import ball, half_tube
 from fingerfit.deck.questions import (
@@ -79,12 +79,12 @@ def deck_context(
     Returns
     -------
     dict
-        ``title, law, mesh, dim, quadratic, thickness, control, boundary, steps, way, rail, swells, increment, top,
-        indenter, layers, effects, parts, follows, work, from_rest, beside``, ``values`` for templates with parameters
-        of their own, and what templates may call: ``fills(block)`` and ``replaced(block)`` for what effects do to a
-        block, ``areas(set)``, ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``, ``side(way)``,
-        ``nodes(set)``, ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y, radius)`` for
-        the centre of a sphere that touches it from above, ``ball(centre, radius, count)`` and
+        ``title, law, mesh, dim, quadratic, thickness, control, boundary, steps, way, rail, warms, swells,
+        increment, top, indenter, layers, effects, parts, follows, work, from_rest, beside``, ``values`` for templates
+        with parameters of their own, and what templates may call: ``fills(block)`` and ``replaced(block)`` for what
+        effects do to a block, ``areas(set)``, ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``,
+        ``side(way)``, ``nodes(set)``, ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y,
+        radius)`` for the centre of a sphere that touches it from above, ``ball(centre, radius, count)`` and
         ``half_tube(axis, radius, count)`` of bricks.
     """
     effects = bound(
@@ -93,13 +93,14 @@ def deck_context(
     present = [effect for effect in effects.values() if effect.present(values)]
     check_blocks(present)
     check_layers(present, values, len(study.layer_names))
-    indenter = int(mesh.node_sets["INDENTER"][0])
+    indenter, ages = int(mesh.node_sets["INDENTER"][0]), ageing(study, present, values)
     layers = [
         _layer(number, len(study.layer_names), name, values, material, present, law)
         for number, name in enumerate(study.layer_names, 1)
     ]
     increment, follows = changed_by("increment", 1.0, {}, present, values), _follows(mesh, indenter, present, values)
     steps, way = loading_steps(study, mesh, present, values), direction(study, mesh.dim)
+    pieces = _pieces(layers, mesh, present, values, _regions(study, mesh, layers, values, material, present, law))
     numbers = itertools.count(TWINS)  # of one part after the other
     return {
         "title": study.title,
@@ -113,11 +114,12 @@ def deck_context(
         "steps": steps,
         "way": way,
         "rail": rail(study, way),
-        "swells": any(step["temperature"] for step in steps),
+        "warms": any(step["temperature"] for step in steps),
+        "swells": any(step["temperature"] for step in steps) and not ages.any(),
         "increment": "1." if increment == 1 else f"{increment:.6g}",
         "top": [int(node) + 1 for node in mesh.node_sets["TOP"]],
         "indenter": indenter + 1,
-        "layers": _pieces(layers, mesh, present, values, _regions(study, mesh, layers, values, material, present, law)),
+        "layers": [{**piece, "course": course_of(ages[piece["number"] - 1])} for piece in pieces],
         "values": {**_contact(mesh), **values},
         "effects": {name: effect.own(values) for name, effect in effects.items()},
         "parts": [effect.part for effect in present if effect.part],
@@ -161,9 +163,11 @@ def check_blocks(effects: Iterable[Effect]) -> None:
 
 
 def check_layers(present: Iterable[Effect], values: Mapping[str, float], count: int) -> None:
-    """Refuse a state of a layer that is not there, and of two effects that swell one that swells in one layer alone.
+    """Refuse what layers or temperatures do not allow.
 
-    Nodes between layers have one temperature, so that all that swells does so where the material has an expansion.
+    That is a state of a layer that is not there; of two effects that swell one that swells in one layer alone, because
+    nodes between layers have one temperature, so that all that swells does so where the material has an expansion; and
+    a layer that ages beside a body that swells, because temperatures then are a clock, or where it is the only one.
 
     Raises
     ------
@@ -174,6 +178,9 @@ def check_layers(present: Iterable[Effect], values: Mapping[str, float], count: 
         layer = effect.own(values).get(LAYER, 0)
         if "before" in effect.changes and layer > count:
             raise InputError(f"effect {effect.name}", LAYER, f"{layer:g}", f"1 to {count}, or 0 for all layers")
+        if "ageing" in effect.changes and (swelling or count == 1):
+            expected = f"no effect {swelling[0].name} beside it" if swelling else "an effect of all layers"
+            raise InputError(f"effect {effect.name}", "changes.ageing", "stiffness of one layer", expected)
         if effect in swelling and len(swelling) > 1 and layer:
             other = next(one.name for one in swelling if one is not effect)
             raise InputError(f"effect {effect.name}", LAYER, f"{layer:g}", f"0, all layers, beside effect {other}")

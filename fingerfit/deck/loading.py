@@ -1,4 +1,4 @@
-"""What the steps of a deck prescribe: along the way of the indenter, beside it, and how far the material swells."""
+"""What the steps of a deck prescribe: along the way of the indenter, beside it, and what becomes of the material."""
 
 from __future__ import annotations
 
@@ -56,12 +56,15 @@ def loading_steps(
     )
     before = float(changed_by("before", 0.0, {"largest": most}, present, values))
     begun = 0.0 if resting else before
-    swelling = _swelling(study, mesh, present, values)
-    warm = [temperature(row) for row in swelling] if swelling.any() else [[]] * (count + 1)
-    found, last = [], 0.0
+    swelling, ages = _swelling(study, mesh, present, values), ageing(study, present, values).any()
+    # a clock, or how far the material swells; `check_layers` refuses both
+    warm: list[list[tuple[int | str, float]]] = [[("ALL", float(k))] if ages else [] for k in range(count + 1)]
+    if swelling.any():
+        warm = [temperature(row) for row in swelling]
+    steps, last = [], 0.0
     if any("before" in effect.changes for effect in present) or swelling[0].any():
         names = {**unloaded(study.course), "time": 0.0, "largest": largest}
-        found.append(
+        steps.append(
             {
                 **({"force": before, "displacement": 0.0} if resting else {control: before}),
                 "period": None,
@@ -85,8 +88,8 @@ def loading_steps(
             aside[1] = float(changed_by("displacement_x", aside.get(1, 0.0), names, present, values))
         entry["aside"] = sorted(aside.items())
         entry["deeper"] = _deeper(mesh, names, present, values)
-        found.append(entry)
-    return found
+        steps.append(entry)
+    return steps
 
 
 def _deeper(
@@ -103,6 +106,23 @@ def _deeper(
     found = changed_by("deeper", np.zeros(len(aside)), {**names, "aside": aside}, present, values)
     found = np.broadcast_to(found, len(aside))
     return [(int(node) + 1, float(one)) for node, one in zip(top, found[1:] - found[0], strict=True)]
+
+
+def ageing(study: Study, present: Sequence[Effect], values: Mapping[str, float]) -> np.ndarray:
+    """Logarithms of a factor on the stiffness of each layer at the first picture and each step, (layers, steps + 1)."""
+    layers, course = range(1, len(study.layer_names) + 1), (unloaded(study.course), *study.course)
+    names = ({"number": n, "layers": layers[-1], **known} for n in layers for known in course)
+    found = [float(changed_by("ageing", 0.0, own, present, values)) for own in names]
+    return np.reshape(found, (len(layers), len(course)))
+
+
+def course_of(logs: np.ndarray) -> list[dict[str, Any]]:
+    """Factors on the stiffness of a layer, each with the temperature, as text behind the constants, that stands for its
+    step; one without any where it stays as it is. Shape of `logs`: (steps + 1,).
+    """
+    if not logs.any():
+        return [{"factor": 1.0, "at": ""}]
+    return [{"factor": float(np.exp(log)), "at": f", {k}."} for k, log in enumerate(logs)]
 
 
 def _swelling(study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float]) -> np.ndarray:

@@ -108,7 +108,7 @@ class Effect:
         deeper there than at its own node, at a step), ``beside_x``, ``beside_y`` (where the
         indenter comes down, mm from where it was said to),
         ``swelling`` (change of volume at a place and step, as a share), ``expansion`` (1 in layers that swell so, 0 in
-        others).
+        others), ``ageing`` (logarithm of a factor on the stiffness of a layer at a step).
     observes : mapping
         Formulas for what is measured: ``displacement``, ``force`` (the one that is not prescribed), ``intensity``,
         ``shift_x``, ``shift_y``, ``shift_z`` (mm).

@@ -43,6 +43,7 @@ CHANGES = (
     "beside_y",
     "swelling",
     "expansion",
+    "ageing",
 )
 OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
 
