@@ -123,7 +123,9 @@ def _repeated(problem: InverseProblem, best: Minimum, threads: int) -> tuple[np.
         return Objective.total([maker.draw() for maker in makers])
 
     width = widths(problem.settings.parameters(), best.model.moving)
-    shifts, hessian = repeat(draw, width, how.replicates, problem.sure)
+    # exponents and effects may compensate moduli
+    mixed = bool(problem.settings.model.effects) or not all(p.log for p in problem.settings.parameters())
+    shifts, hessian = repeat(draw, width, how.replicates, problem.sure, minima=mixed)
     for maker in makers:
         if maker.squares:
             number = maker.squares.number

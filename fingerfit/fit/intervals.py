@@ -155,9 +155,13 @@ def _downhill(objective: Objective, at: np.ndarray, value: float, step: np.ndarr
 
 
 def repeat(
-    draw: Callable[[], Objective], width: np.ndarray, count: int, sure: float = np.inf
+    draw: Callable[[], Objective], width: np.ndarray, count: int, sure: float = np.inf, minima: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Best constants of repetitions by one Newton step with their mean curvature, and that curvature.
+
+    Where numbers compensate each other, the curvature along that is a small difference of large ones, which a
+    similarity of noisy pictures does not show, and the step is far too short
+    (docs/decisions/0004-parametric-bootstrap.md).
 
     Parameters
     ----------
@@ -169,13 +173,15 @@ def repeat(
         Number of repetitions. The first ones give the curvature; the others need their gradient.
     sure : float
         Curvature that is seen in any case.
+    minima : bool
+        Whether the minimum of each repetition is found instead of one step: several times the scores.
 
     Returns
     -------
     shifts : ndarray, shape (count, size)
     hessian : ndarray, shape (size, size)
     """
-    curvatures, gradients = [], []
+    curvatures, gradients, found = [], [], []
     for number in range(count):
         objective = draw()  # one at a time: each holds pictures of its own
         if number < _CURVED:
@@ -184,7 +190,11 @@ def repeat(
         else:
             gradient = _gradient(objective, np.zeros(len(width)), width)
         gradients.append(gradient)
+        if minima:
+            found.append(minimise(objective, width, sure=sure))
     hessian = np.mean(curvatures, axis=0)
+    if minima:
+        return np.array(found), hessian
     curved = _positive(hessian)
     cut = unseen(float(np.linalg.eigvalsh(curved).max(initial=0.0)), sure)
     inverse = np.linalg.pinv(curved, rcond=cut, hermitian=True)

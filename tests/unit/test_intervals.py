@@ -123,6 +123,25 @@ def test_repetitions_shift_as_their_noise_says():
     assert hessian == pytest.approx(A, abs=1e-9)
 
 
+def test_minima_of_repetitions_are_found_where_a_step_is_too_short():
+    """Two numbers compensate each other; along that the curvature at 0.1 from the minimum is four times that at it."""
+    apart = np.array([0.1, -0.1] * 5)
+
+    def score(at):
+        return by_differences(
+            lambda d: float(50 * d.sum() ** 2 + 10 * (d[0] - d[1] - at) ** 2 * (1 + 50 * (d[0] - d[1] - at) ** 2))
+        )
+
+    def found(minima):
+        drawn = iter(apart)
+        shifts, _ = repeat(lambda: score(next(drawn)), TWO, len(apart), minima=minima)
+        return shifts[:, 0] - shifts[:, 1]
+
+    assert found(minima=True) == pytest.approx(apart, rel=0.01)
+    # the curvature is 20 + 6000 x^2 and the gradient 20 x + 2000 x^3, x = 0.1
+    assert found(minima=False) == pytest.approx(apart * (20 + 20) / (20 + 60), rel=0.05)
+
+
 @pytest.mark.parametrize("count", [3, 20, 60, 400])
 def test_intervals_without_a_mesh_are_those_of_student(count):
     shifts = generator(2).normal(0.0, [0.01, 0.02, 0.03], (count, 3))
