@@ -21,6 +21,9 @@ from fingerfit.fit.slopes import coordinates, moved
 from fingerfit.model.parameters import Parameter
 from fingerfit.study.several import AT
 
+MANY = 12
+"""Numbers up to which the minima of repetitions are found: of 38, as those of a field are, that takes minutes. A choice."""
+
 
 def estimate_of(
     problem: InverseProblem, last: Round, threads: int = 1, asked: Sequence[str] | None = None
@@ -125,7 +128,7 @@ def _repeated(problem: InverseProblem, best: Minimum, threads: int) -> tuple[np.
     width = widths(problem.settings.parameters(), best.model.moving)
     # exponents and effects may compensate moduli
     mixed = bool(problem.settings.model.effects) or not all(p.log for p in problem.settings.parameters())
-    shifts, hessian = repeat(draw, width, how.replicates, problem.sure, minima=mixed)
+    shifts, hessian = repeat(draw, width, how.replicates, problem.sure, minima=mixed and len(width) <= MANY)
     for maker in makers:
         if maker.squares:
             number = maker.squares.number
