@@ -22,7 +22,7 @@ from fingerfit.model.parameters import Parameter
 from fingerfit.study.several import AT
 
 MANY = 12
-"""Numbers up to which the minima of repetitions are found: of 38, as those of a field are, that takes minutes. A choice."""
+"""Numbers up to which minima of repetitions are found: of 38, as a field has them, that takes minutes. A choice."""
 
 
 def estimate_of(
