@@ -15,6 +15,9 @@ from fingerfit.model.parameters import Parameter
 WIDTH = 0.02
 """Step of the finite differences of a score that is linearised already, in search coordinates: 2 % of a modulus, a few
 of the phantom's standard errors. A choice."""
+ENOUGH = 0.1
+"""Share of the fall that the slope promises which a step must bring; a whole step to the minimum of a parabola brings
+half of it. A choice."""
 _CURVED = 6
 """Repetitions that give the mean curvature, which needs far more scores than a gradient; a choice."""
 SHORTEST = 1e-5
@@ -133,12 +136,12 @@ def minimise(
         # shortened before it is cut: a long step that is cut along one axis alone points elsewhere
         step *= min(1.0, reach / max(np.abs(step).max(initial=0.0), 1e-300))
         inside = np.clip(at + step, low, high) - at
-        cut, step = not np.array_equal(inside, at + step - at), _downhill(objective, at, value, inside)
+        cut, step = not np.array_equal(inside, at + step - at), _downhill(objective, at, value, inside, gradient)
         if cut and not step.any():
             # bounds have turned the step uphill: straight down, as far as they let it
             down = np.where(free, -gradient / steepest, 0.0)
             down *= min(1.0, reach / max(np.abs(down).max(initial=0.0), 1e-300))
-            step = _downhill(objective, at, value, np.clip(at + down, low, high) - at)
+            step = _downhill(objective, at, value, np.clip(at + down, low, high) - at, gradient)
         if not step.any():
             break
         at = at + step
@@ -147,11 +150,16 @@ def minimise(
     return at
 
 
-def _downhill(objective: Objective, at: np.ndarray, value: float, step: np.ndarray) -> np.ndarray:
-    """A step, halved until the score falls; zero where it does not."""
-    while np.abs(step).max(initial=0.0) > SHORTEST and not objective(at + step) < value:
+def _downhill(objective: Objective, at: np.ndarray, value: float, step: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """A step, halved until the score falls by enough (Armijo 1966); zero where it does not.
+
+    Any fall at all would be too little: from the one side of a minimum to the other and back the score falls, too.
+    """
+    while np.abs(step).max(initial=0.0) > SHORTEST:
+        if objective(at + step) < value - ENOUGH * max(-float(gradient @ step), 0.0):
+            return step
         step = step / 2
-    return step if np.abs(step).max(initial=0.0) > SHORTEST else np.zeros(len(step))
+    return np.zeros(len(step))
 
 
 def repeat(

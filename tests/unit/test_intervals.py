@@ -108,6 +108,12 @@ def test_a_step_that_bounds_turn_uphill_is_taken_straight_down():
     assert found == pytest.approx([0.05, 0.03], abs=2e-3)
 
 
+def test_a_minimum_that_is_steeper_than_the_way_to_it_is_not_jumped_over_for_ever():
+    """The curvature at the start is a third of that near the minimum: whole steps go from one side to the other."""
+    found = minimise(by_differences(lambda d: 50 * float(d.sum() ** 2) + abs(float(d[0] - d[1] - 0.025)) ** 1.5), TWO)
+    assert found == pytest.approx([0.0125, -0.0125], abs=1e-3)
+
+
 def test_what_the_score_does_not_see_is_not_moved():
     found = minimise(by_differences(lambda d: float((d[0] - d[1] - 0.1) ** 2)), TWO)
     assert found[0] - found[1] == pytest.approx(0.1, abs=1e-4)
