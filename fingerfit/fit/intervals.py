@@ -195,11 +195,12 @@ def repeat(
         if number < _CURVED:
             gradient, hessian = gradient_and_hessian(objective, width)
             curvatures.append(hessian)
-        else:
+        elif not minima:
             gradient = _gradient(objective, np.zeros(len(width)), width)
-        gradients.append(gradient)
         if minima:
             found.append(minimise(objective, width, sure=sure))
+        else:
+            gradients.append(gradient)
     hessian = np.mean(curvatures, axis=0)
     if minima:
         return np.array(found), hessian
