@@ -9,14 +9,15 @@ import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
-from fingerfit.fit.intervals import SHORTEST, minimise, widths
+from fingerfit.fit.intervals import SHORTEST, WIDTH, minimise, widths
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.observed import Observed, between
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.slopes import STEP, coordinates, difference, moved
+from fingerfit.fit.slopes import STEP, coordinates, difference, moved, step_to
 from fingerfit.forward.score import JointPrediction, Prediction
+from fingerfit.model.parameters import Parameter
 from fingerfit.settings.choices import CONFIG
 from fingerfit.solvers.contract import CONVERGED
 
@@ -145,7 +146,13 @@ def _at_minimum(problem: InverseProblem, base: Asked, model: LinearModel, trust:
     objective = problem.objective(model)
     fall = objective(np.zeros(len(delta))) - objective(delta)
     values = moved(problem.settings.parameters(), base.values, delta)
-    return Minimum(values, base, model, float(np.abs(delta).max(initial=0.0)), fall)
+    far = np.abs(delta) / _shares(problem, model)
+    return Minimum(values, base, model, float(far.max(initial=0.0)), fall)
+
+
+def _shares(problem: InverseProblem, model: LinearModel) -> np.ndarray:
+    """Changes of the numbers that change the pictures as a modulus does, or less, as shares of its; at most 1."""
+    return widths(problem.settings.parameters(), model.moving) / WIDTH
 
 
 def by_data(problem: InverseProblem, found: Minimum) -> np.ndarray:
@@ -158,7 +165,8 @@ def _move(problem: InverseProblem, model: LinearModel, trust: float, known: bool
     at = coordinates(parameters, model.values)
     low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
     high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
-    low, high = np.maximum(low, -trust), np.minimum(high, trust)
+    reach = trust * _shares(problem, model)
+    low, high = np.maximum(low, -reach), np.minimum(high, reach)
     find, delta = _least_squares if problem.exact else _by_score, np.zeros(len(low))
     for _ in range(REWEIGHED):
         counted = problem.as_counted(model.at(delta))
@@ -224,16 +232,18 @@ def _linear_model(problem: InverseProblem, last: Round, base: Asked) -> LinearMo
     def middle() -> Prediction:
         return problem.prediction(problem.ask(best_values(last)))
 
-    def slope(name: str) -> Prediction:
+    def slope(name: str, parameter: Parameter | None = None) -> Prediction:
         if not {"+" + name, "-" + name} & by_role.keys():  # a side beyond a bound was not asked for
             expected = f"bounds farther apart than two steps of a slope, {2 * STEP:g} in the logarithm"
             raise InputError(CONFIG, f"model.parameters.{name}", "bounds next to each other", expected)
-        found = difference(at("+" + name), at("-" + name), middle)
+        asked = by_role.get("+" + name) or by_role["-" + name]
+        step = step_to(parameter, asked.values, best_values(last)) if parameter else STEP
+        found = difference(at("+" + name), at("-" + name), middle, step)
         if found is None:
             raise StateError(f"no solution on either side of the best guess in {name}")
         return found
 
-    slopes = tuple(slope(parameter.name) for parameter in problem.settings.parameters())
+    slopes = tuple(slope(parameter.name, parameter) for parameter in problem.settings.parameters())
     control = slope("control") if "+control" in by_role else None
     return LinearModel(problem.prediction(base), slopes, control, base.values)
 

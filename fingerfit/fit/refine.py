@@ -58,7 +58,10 @@ def around_best(
 
     Rough slopes, by one side of each constant, are for guesses that will be left: others follow in any case.
     """
-    sides = neighbours(problem.settings.parameters(), best)
+    settings = problem.settings
+    effects = settings.effects(known=problem.effects)
+    absent = {name: value for e in effects for key, value in e.null().items() for name in settings.names_of(key)}
+    sides = neighbours(settings.parameters(), best, absent)
     if rough:
         sides = {role: values for role, values in sides.items() if role[0] == "+" or "+" + role[1:] not in sides}
     # the costly one first: it runs beside the others

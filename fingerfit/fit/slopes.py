@@ -10,6 +10,9 @@ import numpy as np
 from fingerfit.model.parameters import Parameter, round_value
 from fingerfit.search.descent import STEP
 
+TENTH, LEAST = 0.1, 0.01
+"""Share of what there is of an effect by which its numbers are changed for a slope, and the shortest such step as a
+share of the usual one. Choices."""
 Measured = TypeVar("Measured", bound=Any)
 """What a solution leads to: a prediction, or an array."""
 
@@ -26,16 +29,35 @@ def moved(parameters: tuple[Parameter, ...], values: Mapping[str, float], delta:
     return {p.name: round_value(min(max(x, p.lower), p.upper)) for p, x in zip(parameters, found, strict=True)}
 
 
-def neighbours(parameters: tuple[Parameter, ...], best: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Guesses at either side of the best one, by role ``+name`` and ``-name``; those beyond a bound are left out."""
+def neighbours(
+    parameters: tuple[Parameter, ...], best: Mapping[str, float], absent: Mapping[str, float] | None = None
+) -> dict[str, dict[str, float]]:
+    """Guesses at either side of the best one, by role ``+name`` and ``-name``; those beyond a bound are left out.
+
+    Parameters
+    ----------
+    parameters : tuple of Parameter
+    best : mapping
+    absent : mapping, optional
+        Numbers of effects where these are absent: they are changed by a tenth of what there is of the effect, where
+        that is less than the usual step. Over a longer one its pictures do not change in proportion.
+    """
     found = {}
     at = coordinates(parameters, best)
-    for n, (parameter, step) in enumerate(zip(parameters, np.eye(len(parameters)) * STEP, strict=True)):
+    null = coordinates(parameters, {**best, **(absent or {})})
+    steps = np.where(null == at, STEP, np.clip(TENTH * np.abs(at - null), LEAST * STEP, STEP))
+    for n, (parameter, step) in enumerate(zip(parameters, np.diag(steps), strict=True)):
         for sign, factor in (("+", 1.0), ("-", -1.0)):
             guess = moved(parameters, best, factor * step)
-            if abs(abs(coordinates(parameters, guess)[n] - at[n]) - STEP) < 1e-3 * STEP:
+            if abs(abs(coordinates(parameters, guess)[n] - at[n]) - steps[n]) < 1e-3 * steps[n]:
                 found[sign + parameter.name] = guess
     return found
+
+
+def step_to(parameter: Parameter, guess: Mapping[str, float], best: Mapping[str, float]) -> float:
+    """How far a guess of `neighbours` is from the one between, in search coordinates."""
+    there, here = (coordinates((parameter,), values)[0] for values in (guess, best))
+    return float(abs(there - here))
 
 
 def difference(

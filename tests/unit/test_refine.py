@@ -14,7 +14,7 @@ from fingerfit.fit.priors import Priors
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY
 from fingerfit.fit.refine import ADDED, around_best, refine_round
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.slopes import coordinates, moved, neighbours
+from fingerfit.fit.slopes import STEP, coordinates, moved, neighbours, step_to
 from fingerfit.forward.score import Prediction, score
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.model.parameters import Parameter
@@ -169,12 +169,28 @@ def test_a_score_near_its_base_is_that_of_the_linear_model(kind, shape, rng):
             assert objective.gradient(delta) == pytest.approx(expected, abs=exact * np.abs(expected).max())
 
 
+def test_numbers_of_an_effect_are_changed_by_a_tenth_of_it():
+    """Much is there of the first effect, nothing of the third, and hardly anything of the fourth."""
+    numbers = tuple(Parameter(f"e{n}.size", "1", -1.0, 1.0, 0.0, log=False) for n in range(4))
+    best, absent = (
+        {p.name: v for p, v in zip(numbers, (0.8, 0.01, 0.0, 1e-6), strict=True)},
+        dict.fromkeys((p.name for p in numbers), 0.0),
+    )
+    sides = neighbours(numbers, best, absent)
+    steps = [step_to(p, sides["+" + p.name], best) for p in numbers]
+    usual = [step_to(p, neighbours(numbers, best)["+" + p.name], best) for p in numbers]
+    assert usual == pytest.approx([STEP] * 4)
+    assert steps == pytest.approx([STEP, 0.1 * 0.01 / numbers[1].scale, STEP, 0.01 * STEP], rel=1e-6)
+    assert [step_to(p, sides["-" + p.name], best) for p in numbers] == pytest.approx(steps, rel=1e-6)
+
+
 class Body:
     """A fit whose pictures are a known function of the constants; the finer mesh sees mu 5 % differently."""
 
     def __init__(self, sims, truth=0.030, lost=(), folded=()):
         self.sims, self.truth, self.lost, self.folded = sims, truth, lost, folded
-        self.settings = SimpleNamespace(parameters=lambda: PARAMETERS[:1])
+        self.settings = SimpleNamespace(parameters=lambda: PARAMETERS[:1], effects=lambda known: ())
+        self.effects = {}
         self.mesh_names, self.exact, self.long = {SEARCH: SEARCH, REFINED: REFINED}, False, False
         self.beside = 1
         self.observed, self.priors = np.zeros(1, dtype=bool), Priors.of(PARAMETERS[:1])
