@@ -91,7 +91,8 @@ ALIKE = {
 }  # fmt: skip
 """Members that are as right: other laws of the same stiffening, an inclusion of any shape, a side that is loose from an
 edge on or slips beyond a limit, brightness that is uneven in another form, an offset that the guide's
-friction is, pictures that change from step to step by amounts of their own."""
+friction is, pictures that change from step to step by amounts of their own, one layer
+that ages (a form of its kind)."""
 CLOSE = 0.05
 """Share of a constant within which it is right."""
 TRACE = 0.5

@@ -99,7 +99,7 @@ def deck_context(
         for number, name in enumerate(study.layer_names, 1)
     ]
     increment, follows = changed_by("increment", 1.0, {}, present, values), _follows(mesh, indenter, present, values)
-    steps, way = loading_steps(study, mesh, present, values), direction(study, mesh.dim)
+    steps, way = loading_steps(study, mesh, present, values, ages=bool(ages.any())), direction(study, mesh.dim)
     pieces = _pieces(layers, mesh, present, values, _regions(study, mesh, layers, values, material, present, law))
     numbers = itertools.count(TWINS)  # of one part after the other
     return {

@@ -42,9 +42,11 @@ def from_rest(study: Study, present: Sequence[Effect]) -> bool:
 
 
 def loading_steps(
-    study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float]
+    study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float], ages: bool
 ) -> list[dict[str, Any]]:
     """Prescribed quantities of the deck's steps; what was before the first picture is a step of its own.
+
+    Where a layer ages (`ageing`), temperatures count the steps.
 
     In that step the indenter is pushed by a force, or by none, also where displacements are prescribed afterwards: it
     then goes on from where it came to rest (`from_rest`). An indenter on its way along a direction stays where it is.
@@ -56,7 +58,7 @@ def loading_steps(
     )
     before = float(changed_by("before", 0.0, {"largest": most}, present, values))
     begun = 0.0 if resting else before
-    swelling, ages = _swelling(study, mesh, present, values), ageing(study, present, values).any()
+    swelling = _swelling(study, mesh, present, values)
     # a clock, or how far the material swells; `check_layers` refuses both
     warm: list[list[tuple[int | str, float]]] = [[("ALL", float(k))] if ages else [] for k in range(count + 1)]
     if swelling.any():

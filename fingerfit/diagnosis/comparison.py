@@ -21,7 +21,7 @@ from fingerfit.fit.minimum import best_values, finest, left_over
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.slopes import STEP, difference, step_to
+from fingerfit.fit.slopes import difference, step_of
 from fingerfit.forward.patches import Patches, Reader, flat, points_by_patch
 from fingerfit.forward.predict import Predictor, positions, seen_response
 from fingerfit.imaging.pictures import Picture
@@ -158,9 +158,8 @@ class Comparison:
         """Slope by a constant, where the last round took it; none where it has no solution."""
         by_role = {asked.role: asked for asked in self.last.batch}
         ahead, behind = (self.read(by_role[sign + name]) if sign + name in by_role else None for sign in "+-")
-        best, asked = best_values(self.last), by_role.get("+" + name) or by_role.get("-" + name)
-        parameter = next((p for p in self.problem.settings.parameters() if p.name == name), None)
-        step = step_to(parameter, asked.values, best) if parameter and asked else STEP
+        best = best_values(self.last)
+        step = step_of(name, by_role, self.problem.settings.parameters(), best)
         found = difference(ahead, behind, lambda: self.read(self.problem.ask(best)), step)
         return np.zeros(len(self.residual.kept)) if found is None else found
 

@@ -17,7 +17,7 @@ WIDTH = 0.02
 of the phantom's standard errors. A choice."""
 ENOUGH = 0.1
 """Share of the fall that the slope promises which a step must bring; a whole step to the minimum of a parabola brings
-half of it. A choice."""
+half of it. A choice, made after a made-up score; four fits that were tried end where they did."""
 _CURVED = 6
 """Repetitions that give the mean curvature, which needs far more scores than a gradient; a choice."""
 SHORTEST = 1e-5

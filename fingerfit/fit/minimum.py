@@ -15,9 +15,8 @@ from fingerfit.fit.objective import Objective
 from fingerfit.fit.observed import Observed, between
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.slopes import STEP, coordinates, difference, moved, step_to
+from fingerfit.fit.slopes import STEP, coordinates, difference, moved, step_of
 from fingerfit.forward.score import JointPrediction, Prediction
-from fingerfit.model.parameters import Parameter
 from fingerfit.settings.choices import CONFIG
 from fingerfit.solvers.contract import CONVERGED
 
@@ -152,7 +151,7 @@ def _at_minimum(problem: InverseProblem, base: Asked, model: LinearModel, trust:
 
 
 def _shares(problem: InverseProblem, model: LinearModel) -> np.ndarray:
-    """Changes of the numbers that change the pictures as a modulus does, or less, as shares of its; at most 1."""
+    """Shares of the change of a modulus at which numbers change the pictures as that does, at most 1, (parameters,)."""
     return widths(problem.settings.parameters(), model.moving) / WIDTH
 
 
@@ -233,18 +232,19 @@ def _linear_model(problem: InverseProblem, last: Round, base: Asked) -> LinearMo
     def middle() -> Prediction:
         return problem.prediction(problem.ask(best_values(last)))
 
-    def slope(name: str, parameter: Parameter | None = None) -> Prediction:
+    parameters = problem.settings.parameters()
+
+    def slope(name: str) -> Prediction:
         if not {"+" + name, "-" + name} & by_role.keys():  # a side beyond a bound was not asked for
             expected = f"bounds farther apart than two steps of a slope, {2 * STEP:g} in the logarithm"
             raise InputError(CONFIG, f"model.parameters.{name}", "bounds next to each other", expected)
-        asked = by_role.get("+" + name) or by_role["-" + name]
-        step = step_to(parameter, asked.values, best_values(last)) if parameter else STEP
+        step = step_of(name, by_role, parameters, best_values(last))
         found = difference(at("+" + name), at("-" + name), middle, step)
         if found is None:
             raise StateError(f"no solution on either side of the best guess in {name}")
         return found
 
-    slopes = tuple(slope(parameter.name, parameter) for parameter in problem.settings.parameters())
+    slopes = tuple(slope(parameter.name) for parameter in parameters)
     control = slope("control") if "+control" in by_role else None
     return LinearModel(problem.prediction(base), slopes, control, base.values)
 

@@ -12,7 +12,7 @@ from fingerfit.search.descent import STEP
 
 TENTH, LEAST = 0.1, 0.01
 """Share of what there is of an effect by which its numbers are changed for a slope, and the shortest such step as a
-share of the usual one. Choices."""
+share of the usual one. Choices, made after a single fit (docs/decisions/0004-parametric-bootstrap.md)."""
 Measured = TypeVar("Measured", bound=Any)
 """What a solution leads to: a prediction, or an array."""
 
@@ -58,6 +58,13 @@ def step_to(parameter: Parameter, guess: Mapping[str, float], best: Mapping[str,
     """How far a guess of `neighbours` is from the one between, in search coordinates."""
     there, here = (coordinates((parameter,), values)[0] for values in (guess, best))
     return float(abs(there - here))
+
+
+def step_of(name: str, by_role: Mapping[str, Any], parameters: Sequence[Parameter], best: Mapping[str, float]) -> float:
+    """The step of a slope by a number, from the guesses by role; the usual one by the prescribed quantity."""
+    parameter = next((p for p in parameters if p.name == name), None)
+    asked = by_role.get("+" + name) or by_role.get("-" + name)
+    return step_to(parameter, asked.values, best) if parameter and asked else STEP
 
 
 def difference(

@@ -13,6 +13,7 @@ from fingerfit.fem.assembly import Body
 from fingerfit.fem.response import swollen
 from fingerfit.mesh.elements import rule, shape
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.solvers.analysis import load_at_end
 from fingerfit.solvers.model import Model
 
 
@@ -96,7 +97,9 @@ def fields(mesh: Mesh, deck: Path, displacement: np.ndarray, step: int | None = 
 
 def _stress(mesh: Mesh, deck: Path, displacement: np.ndarray, step: int | None) -> np.ndarray | None:
     model = Model(read_deck(deck), deck)
-    model.warm(model.temperature if step is None else model.temperature_in(model.deck.steps[step]))
+    model.warm(model.temperature)
+    if step is not None:
+        load_at_end(model, model.deck.steps[step])
     if not all(isinstance(body, Body) and body.history is None for body in model.bodies):
         return None
     averaged = {id(term.connectivity): term for term in model.terms if hasattr(term, "share")}

@@ -109,7 +109,7 @@ def test_a_step_that_bounds_turn_uphill_is_taken_straight_down():
 
 
 def test_a_minimum_that_is_steeper_than_the_way_to_it_is_not_jumped_over_for_ever():
-    """The curvature at the start is a third of that near the minimum: whole steps go from one side to the other."""
+    """The curvature at the start is less than that near the minimum: whole steps go from one side to the other."""
     found = minimise(by_differences(lambda d: 50 * float(d.sum() ** 2) + abs(float(d[0] - d[1] - 0.025)) ** 1.5), TWO)
     assert found == pytest.approx([0.0125, -0.0125], abs=1e-3)
 

@@ -113,6 +113,7 @@ class Scale:
     label : str
         Quantity and unit.
     cmap : str or Colormap
+        The same wherever the label is: scales are told apart by the rest.
     low, high : float
         Its ends, in that unit.
     extend : str
