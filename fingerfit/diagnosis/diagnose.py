@@ -22,7 +22,6 @@ from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.mesh_errors import by_halved_mesh
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
 from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
-from fingerfit.diagnosis.refits import Everything, ended_of, refit_of, with_outline
 from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
@@ -38,6 +37,7 @@ from fingerfit.diagnosis.reservations import (
     untried,
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_of, with_outline
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.sides import Sides, begun, sides_of
 from fingerfit.diagnosis.trials import rank_again, refit_all

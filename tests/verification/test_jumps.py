@@ -7,7 +7,7 @@ from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.likelihood import Weighed
-from fingerfit.diagnosis.refits import refit_of
+from fingerfit.diagnosis.second_pass import refit_of
 from fingerfit.diagnosis.series import cut
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest

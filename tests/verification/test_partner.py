@@ -10,7 +10,7 @@ from fingerfit.diagnosis.comparison import anchor_of, rank_candidates
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.ranking import best_places
-from fingerfit.diagnosis.refits import ended_of
+from fingerfit.diagnosis.second_pass import ended_of
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
 

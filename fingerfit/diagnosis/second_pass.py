@@ -1,4 +1,4 @@
-"""Models with one effect more, fitted from its predicted size and compared with everything that was measured."""
+"""The second pass: models with one effect more, fitted, and compared with everything that was measured."""
 
 from __future__ import annotations
 
