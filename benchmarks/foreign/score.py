@@ -68,11 +68,13 @@ FAMILY = {
     "split_layer": "structure",
     "state_probe": "state",
     "stiffening": "material",
+    "stretched_in_space": "observation",
     "stretched_pictures": "observation",
     "stiffness_field": "structure",
     "swelling": "state",
     "swollen": "state",
     "tilt": "indenter",
+    "turned_in_space": "observation",
     "turned_pictures": "observation",
     "uneven_brightness": "observation",
     "wall": "indenter",
@@ -82,7 +84,13 @@ FAMILY = {
 """Family of each effect that comes with fingerfit, as this benchmark sees it."""
 PROBES = {name for name in FAMILY if name.endswith("_probe")}
 """Effects that stand for a family: *of no known form* is not the name of a member."""
-IN_SPACE = {"misregistration": "misregistration_in_space", "inclusion": "inclusion_in_space"}
+IN_SPACE = {
+    "inclusion": "inclusion_in_space",
+    "misregistration": "misregistration_in_space",
+    "stretched_pictures": "stretched_in_space",
+    "turned_pictures": "turned_in_space",
+    "wandering_pictures": "misregistration_in_space",
+}
 ALIKE = {
     "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"},
     "base_slip": {"debonding", "base_friction"}, "indenter_slip": {"indenter_debonding", "indenter_friction"},

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import InputError
-from fingerfit.mesh.faces import faces_of
+from fingerfit.mesh.faces import area_vectors, cell_rule, cell_shape, faces_of
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.mesh.tetrahedra import nodes_on, resting
 
@@ -19,8 +19,15 @@ def quadratic(mesh: Mesh) -> bool:
 
 
 def areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, float]]:
-    """Nodes, counted from 1, of a straight edge of a plane mesh and the area that each stands for, mm^2."""
-    order = nodes[np.argsort(mesh.points[nodes, 0])]
+    """Nodes, counted from 1, of a flat side of a block and the area that each stands for, mm^2, by their x.
+
+    In the plane that is a straight edge. In space an even pressure on a quadratic face pulls at its corners: as of a
+    lumped mass, each node has the share of the square of its shape function (Hinton, Rock and Zienkiewicz 1976).
+    """
+    order = nodes[np.argsort(mesh.points[nodes, 0], kind="stable")]
+    if mesh.dim == 3:
+        area = _on_faces(mesh, nodes)
+        return [(int(node) + 1, float(area[node])) for node in order]
     x = mesh.points[order, 0]
     share = np.zeros(len(x))
     if quadratic(mesh):
@@ -33,6 +40,22 @@ def areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, fl
         share[:-1] += length / 2
         share[1:] += length / 2
     return [(int(node) + 1, float(part * thickness)) for node, part in zip(order, share, strict=True)]
+
+
+def _on_faces(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
+    """Area that each node of a mesh in space stands for on the faces all of whose nodes are chosen, mm^2."""
+    chosen, area = np.zeros(len(mesh.points), dtype=bool), np.zeros(len(mesh.points))
+    chosen[nodes] = True
+    for block in mesh.blocks:
+        for local in faces_of(block.element):
+            faces = block.nodes[:, local][chosen[block.nodes[:, local]].all(axis=1)]
+            xi, weights = cell_rule(len(local), mesh.dim)
+            values, slopes = cell_shape(len(local), mesh.dim, xi)
+            size = np.linalg.norm(area_vectors(np.einsum("fni,gnj->fgij", mesh.points[faces], slopes)), axis=-1)
+            square = np.einsum("g,fg,gn->fn", weights, size, values**2)
+            whole = (size @ weights)[:, None]
+            np.add.at(area, faces, whole * square / square.sum(axis=1, keepdims=True))
+    return area
 
 
 def lengths(mesh: Mesh, nodes: np.ndarray) -> list[tuple[int, float]]:

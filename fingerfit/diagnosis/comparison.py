@@ -238,7 +238,7 @@ class Comparison:
         """Error of the mesh as a random field, shape (kept, kept).
 
         Its size is known, patch by patch and step by step, its pattern only roughly: it is taken to be smooth over
-        `SMOOTH` of the body's height and much alike at all steps.
+        `SMOOTH` of the body's height and much alike at all steps. So is that of the response.
         """
         value = self.residual.value
         dim = value.shape[2] - 1
@@ -254,6 +254,9 @@ class Comparison:
         count = len(self.residual.kept)
         whole = np.zeros((count, count))
         whole[: value.size, : value.size] = total.reshape(value.size, value.size)
+        response = self.mesh_signal[value.size :]
+        alike = np.where(np.eye(len(response), dtype=bool), 1.0, ALIKE)
+        whole[value.size :, value.size :] = alike * np.outer(response, response)
         return np.nan_to_num(whole[np.ix_(self.residual.kept, self.residual.kept)])
 
     @cached_property

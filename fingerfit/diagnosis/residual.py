@@ -6,22 +6,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fingerfit.diagnosis.noise import Registrations, noise_of
 from fingerfit.forward.patches import Patches, flat, owners_of, points_by_patch
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.preprocess import reach_of, smooth
-from fingerfit.imaging.registration import Registration, means, register
-from fingerfit.imaging.warp import BackwardMap, spline_coefficients, warp
+from fingerfit.imaging.registration import means, register
+from fingerfit.imaging.warp import BackwardMap
 from fingerfit.study.data import Data
 
 DISPLACEMENT, BRIGHTNESS, RESPONSE = "residual_displacement", "brightness", "response"
 """Parts of what a model leaves, and of what an effect would leave: displacements and brightness of patches, and the
 quantity of each step that is not prescribed."""
-DRAWS = 40
 PLACES = 32
 """Points of a patch in space at which solutions are read, at most."""
-
-Registrations = tuple[Registration, ...]
 
 
 @dataclass(frozen=True)
@@ -123,13 +120,9 @@ def residual_of(
     response = np.where(spread > 0, measured - prediction.response, np.nan)
     vector = flat(value, response)
     kept = np.isfinite(vector)
-    noise, floor = _noise(data, maps, fits, owners, scale, seed)
     covariance = np.zeros((len(vector), len(vector)))
-    size = dim + 1
-    for patch in range(count):
-        rows = np.ravel([[(n * count + patch) * size + c for c in range(size)] for n in range(len(maps))]).astype(int)
-        if len(rows):
-            covariance[np.ix_(rows, rows)] = noise[patch]
+    noise, floor = noise_of(data, maps, fits, owners, scale, seed)
+    covariance[: len(noise), : len(noise)] = noise
     _add_points_noise(covariance, data, patches)
     last = np.arange(len(vector) - len(response), len(vector))
     shared = data.response_gain * np.nan_to_num(measured)
@@ -172,104 +165,3 @@ def _add_points_noise(covariance: np.ndarray, data: Data, patches: Patches) -> N
             for m, other in enumerate(steps):
                 share = between[step, other] / np.sqrt(np.maximum(number[n] * number[m], 1))
                 covariance[here, rows[m, :, axis]] += share
-
-
-def _noise(
-    data: Data, maps: list[BackwardMap], fits: Registrations, owners: list[np.ndarray], scale: np.ndarray, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance of each patch over all pictures, and the noise floor of the pictures.
-
-    The noise of each measured picture is its own; that of the first picture moves with the material into all
-    synthesized ones.
-    """
-    if data.before.ndim == 3 and fits:
-        return _noise_in_space(data, maps, fits, owners, scale, seed)
-    rng = np.random.default_rng(seed)
-    count = len(fits[0].values) if fits else 0
-    size, pictures = len(scale), len(maps)
-    own = np.zeros((DRAWS, pictures, count, size))
-    first = np.zeros((DRAWS, pictures, count, size))
-    power = np.zeros(pictures)
-    for draw in range(DRAWS if pictures else 0):
-        before = spline_coefficients(rng.normal(0.0, data.picture_noise, data.before.shape))
-        for n, (way, fit, owner) in enumerate(zip(maps, fits, owners, strict=True)):
-            mine = smooth(rng.normal(0.0, data.picture_noise, data.before.shape), data.smooth)
-            carried = smooth(warp(before, 0.0, way), data.smooth)
-            own[draw, n], first[draw, n] = fit.solve(mine) * scale, fit.solve(-carried) * scale
-            power[n] += np.mean((mine - carried)[owner >= 0] ** 2) / DRAWS
-    covariance = np.zeros((2, pictures, count, size, size))
-    for n in range(pictures):
-        for patch in range(count):
-            covariance[0, n, patch] = np.cov(own[:, n, patch], rowvar=False)
-            covariance[1, n, patch] = np.cov(first[:, n, patch], rowvar=False)
-    return _joined(covariance[0], covariance[1], fits, scale), np.sqrt(power)
-
-
-def _noise_in_space(
-    data: Data, maps: list[BackwardMap], fits: Registrations, owners: list[np.ndarray], scale: np.ndarray, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The same for volumes, where draws cost minutes: expected values in place of their means.
-
-    Noise that was smoothed by S goes through the equations of a patch, u = N D' S e, so that its covariance is
-    N (S D)' (S D) N. What is carried into a synthesized volume is taken to be alike: interpolation and strain change it
-    by a few per cent. Only how much of it there is, for the floor, is drawn: once, since a body has many voxels.
-    """
-    from scipy.ndimage import find_objects, gaussian_filter
-
-    rng = np.random.default_rng(seed)
-    count, size, reach = len(fits[0].values), len(scale), reach_of(data.smooth)
-    found = np.full((len(maps), count, size, size), np.nan)
-    power = np.zeros(len(maps))
-    # the taps of the Gaussian, from what it makes of a single voxel
-    tap = np.zeros(2 * reach + 1)
-    tap[reach] = 1.0
-    taps = gaussian_filter(tap, data.smooth, mode="constant") if data.smooth > 0 else tap
-    mine = data.picture_noise**2 * float((taps**2).sum()) ** (size - 1)
-    first = spline_coefficients(rng.normal(0.0, data.picture_noise, data.before.shape)).astype(np.float32)
-    for n, (way, fit, owner) in enumerate(zip(maps, fits, owners, strict=True)):
-        power[n] = mine + np.mean(warp(first, 0.0, way, data.smooth)[owner >= 0] ** 2)
-        columns = np.zeros((size, owner.size), dtype=np.float32)
-        columns[:, fit.pixel] = fit.design.T
-        columns = columns.reshape(size, *owner.shape)
-        for patch, box in enumerate(find_objects(owner + 1, count)):
-            if box is None or not np.isfinite(fit.normal[patch]).all():
-                continue
-            design = np.where(owner[box] == patch, columns[(slice(None), *box)], 0.0)
-            if data.smooth > 0:
-                design = np.pad(design, [(0, 0), *[(reach, reach)] * (size - 1)])
-                design = gaussian_filter(design, (0, *[data.smooth] * (size - 1)), mode="constant")
-            flat_design = design.reshape(size, -1)
-            root = scale[:, None] * fit.normal[patch] @ flat_design * data.picture_noise
-            found[n, patch] = root @ root.T
-    return _joined(found, found, fits, scale), np.sqrt(power)
-
-
-def _joined(own: np.ndarray, first: np.ndarray, fits: Registrations, scale: np.ndarray) -> np.ndarray:
-    """Covariance of each patch over all pictures, shape (patches, pictures * size, pictures * size).
-
-    Parameters
-    ----------
-    own : ndarray, shape (pictures, patches, size, size)
-        By the noise of each measured picture.
-    first : ndarray, like `own`
-        By that of the first picture, which all synthesized ones have in common.
-    fits : tuple of Registration
-        Registrations, by picture, with their own error.
-    scale : ndarray, shape (size,)
-        Of a pixel, mm, and of brightness.
-    """
-    pictures, count, size, _ = own.shape
-    found = np.zeros((count, pictures * size, pictures * size))
-    for patch in range(count):
-        block = np.zeros((pictures, size, pictures, size))
-        root = []
-        for n in range(pictures):
-            block[n, :, n] = own[n, patch] + np.outer(scale, scale) * fits[n].own_error[patch]
-            # in pixels: a root of millimetres beside brightness would depend on how large the body is
-            values, vectors = np.linalg.eigh(np.nan_to_num(first[n, patch] / np.outer(scale, scale)))
-            root.append(scale[:, None] * ((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T))
-        for n in range(pictures):
-            for m in range(pictures):
-                block[n, :, m] += root[n] @ root[m].T
-        found[patch] = block.reshape(pictures * size, -1)
-    return found

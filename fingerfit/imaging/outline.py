@@ -72,16 +72,26 @@ class Outline:
                 found[name] = farthest
         return found
 
+    @property
+    def likely(self) -> np.ndarray:
+        """How far out each side likely lies, mm, shape (4, 3): coefficients shrunk towards the body as it is stated.
+
+        One that is no larger than its spread is 0, and a large one stays (James and Stein 1961, positive part).
+        """
+        known = np.nan_to_num(self.outward)
+        noise = np.nan_to_num(self.spread)[:, None] ** 2
+        return known * np.maximum(0.0, 1.0 - noise / np.maximum(known**2, noise + 1e-300))
+
     def moved(self, points: np.ndarray) -> np.ndarray:
         """Points of the stated body where they are in the body that the picture shows, shape (points, 2) both.
 
-        Between two sides the distance changes linearly; sides that the picture does not show stay.
+        Between two sides the distance changes linearly; sides that the picture does not show elsewhere stay.
         """
         share = (points - self.low) / (self.high - self.low)
-        found = points.copy()
+        found, likely = points.copy(), self.likely
         for axis in (0, 1):
             along = 2.0 * share[:, 1 - axis] - 1.0
-            first, last = (legval(along, np.nan_to_num(self.outward[2 * axis + n])) for n in (0, 1))
+            first, last = (legval(along, likely[2 * axis + n]) for n in (0, 1))
             found[:, axis] += share[:, axis] * last - (1.0 - share[:, axis]) * first
         return found
 

@@ -1,0 +1,116 @@
+"""Effects of a brick of layers: its base and indenter give way along both axes of their plates, or it is tilted."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import ROOT, phantom
+
+from fingerfit.core.files import write_text
+from fingerfit.deck.context import deck_context
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.deck.questions import areas
+from fingerfit.deck.render import render_deck
+from fingerfit.mesh.blocks import brick
+from fingerfit.model.applicable import unmet
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.scales import bound
+from fingerfit.solvers.contract import CONVERGED
+from fingerfit.solvers.registry import get_solver
+from fingerfit.study.study import Body, Layer
+
+WIDTH, FORCE, MU = 10.0, 1.0, 0.03
+SIZES = {"width": WIDTH, "height": 6.0, "force": FORCE}
+LAYERS = [("top", 3.0), ("bottom", 3.0)]
+MESH = brick((WIDTH, WIDTH, 6.0), (3, 3, 2), element="C3D20H", layers=LAYERS)
+
+
+def study(control="force", value=FORCE):
+    body = Body(tuple(Layer(*layer) for layer in LAYERS), brick=(WIDTH, WIDTH, 6.0))
+    return replace(phantom(control, [value]), body=body)
+
+
+def deck(values=(), of=None, mesh=MESH):
+    constants = {"mu_top": MU, "mu_bottom": MU} | dict(values)
+    context = deck_context(of or study(), mesh, "mesh.inp", constants, {"alpha": 2.0, "poisson": 0.45})
+    return render_deck("block.inp.j2", context, [ROOT / "templates"])
+
+
+def solve(values, folder, solver="builtin", of=None, mesh=MESH):
+    write_text(folder / "mesh.inp", format_mesh(mesh))
+    # ccx takes a hundred times as long where elements have numbers in the millions
+    write_text(folder / "deck.inp", re.sub(r"\b([1289])00(\d{4}), ", r"\1\2, ", deck(values, of, mesh)))
+    found = get_solver(solver).solve(folder / "deck.inp", folder)
+    assert found.status == CONVERGED, found
+    return found.displacement[-1]
+
+
+def side(name):
+    """Nodes of a side and the area that each stands for."""
+    pairs = areas(MESH, MESH.node_sets[name], 1.0)
+    return np.array([node - 1 for node, _ in pairs]), np.array([area for _, area in pairs])
+
+
+@pytest.mark.parametrize("element", ["C3D8", "C3D20H"])
+def test_nodes_of_a_side_share_its_area(element):
+    mesh = brick((6.0, 4.0, 5.0), (3, 2, 2), element=element)
+    found = areas(mesh, mesh.node_sets["BOTTOM"], 1.0)
+    assert sorted(node - 1 for node, _ in found) == sorted(mesh.node_sets["BOTTOM"])
+    assert sum(area for _, area in found) == pytest.approx(24.0)
+    assert min(area for _, area in found) > 0
+    assert sum(mesh.points[node - 1, 0] * area for node, area in found) == pytest.approx(24.0 * 3.0)
+    assert sum(mesh.points[node - 1, 1] * area for node, area in found) == pytest.approx(24.0 * 2.0)
+
+
+@pytest.mark.parametrize(("name", "edge"), [("base_slip", "BOTTOM"), ("indenter_slip", "TOP"), ("debonding", "BOTTOM")])
+def test_a_plate_lets_go_along_both_of_its_axes(name, edge, tmp_path):
+    own = {"debonding.left": 0.5, "debonding.right": 0.5, "debonding.extent": 0.5}
+    moved = solve(own if name == "debonding" else {f"{name}.share": 0.5}, tmp_path)[MESH.node_sets[edge]]
+    at = MESH.points[MESH.node_sets[edge]][:, :2] - WIDTH / 2
+    assert (np.abs(moved[:, :2]).max(axis=0) > 0.01).all()
+    # outwards on either side
+    assert ((moved[:, :2] * at).sum(axis=0) > 0).all()
+    if name != "debonding":  # which begins at the left and the right edge
+        mirrored = [np.abs(at - place[::-1]).max(axis=1).argmin() for place in at]
+        assert moved[:, 0] == pytest.approx(moved[mirrored, 1], abs=1e-6)
+
+
+def test_a_soft_bed_gives_way_as_far_as_it_says(tmp_path):
+    """Equilibrium: the force is that of all springs, so that their mean way weighed by area is known."""
+    nodes, area = side("BOTTOM")
+    down = -solve({"soft_bed.share": 0.2, "soft_bed.side": 0.0}, tmp_path)[nodes, 2]
+    assert down @ area / area.sum() == pytest.approx(FORCE / WIDTH**2 / MU * WIDTH * 0.2 / 0.8, rel=1e-6)
+
+
+def test_the_probe_of_the_base_can_be_its_members(tmp_path):
+    everywhere = {f"base_probe.{place}": 0.4 for place in ("left", "left_half", "middle", "right_half", "right")}
+    down = {f"base_probe.down_{place}": 0.1 for place in ("left", "right")}
+    assert solve(everywhere, tmp_path) == pytest.approx(solve({"base_slip.share": 0.4}, tmp_path), abs=1e-7)
+    bed = {"soft_bed.share": 0.1, "soft_bed.side": 0.0}
+    assert solve(down, tmp_path) == pytest.approx(solve(bed, tmp_path), abs=1e-7)
+
+
+def test_a_tilted_indenter_is_a_plane(tmp_path):
+    moved = solve({"tilt.slope": 0.02, "tilt.power": 1.6}, tmp_path, of=study("displacement", 0.5))[
+        MESH.node_sets["TOP"]
+    ]
+    aside = MESH.points[MESH.node_sets["TOP"], 0] - MESH.points[MESH.node_sets["INDENTER"][0], 0]
+    assert moved[:, 2] == pytest.approx(-0.5 * (1 + 0.02 * aside), abs=1e-9)
+
+
+@pytest.mark.parametrize("values", [{"base_slip.share": 0.5}, {"indenter_slip.share": 0.5}], ids=["base", "indenter"])
+def test_calculix_agrees(values, tmp_path, needs_ccx):
+    mesh = brick((WIDTH, WIDTH, 6.0), (2, 2, 1), element="C3D20", layers=LAYERS)
+    ours, theirs = (
+        solve(values, tmp_path, solver, study("displacement", 0.3), mesh) for solver in ("builtin", "calculix")
+    )
+    assert np.abs(ours - theirs).max() < 5e-6
+
+
+def test_what_a_brick_may_have():
+    brick_has = {
+        name for name, effect in bound(catalogue(), SIZES, "force").items() if not unmet(effect, study(), 3, True)
+    }
+    assert {"base_slip", "base_probe", "soft_bed", "debonding", "body_gradient", "interface", "skin"} <= brick_has
+    assert not brick_has & {"outline", "base_friction", "inclusion", "misregistration"}
