@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from fingerfit.diagnosis.designs import Further, identification, separation
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import widened
+from fingerfit.diagnosis.form_or_state import form_or_state
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.mesh_errors import by_halved_mesh
@@ -25,21 +25,19 @@ from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
-    elsewhere,
     far_off,
     largest_part,
     of_family,
-    refuted,
     signal_of,
-    strained,
     too_coarse,
     traced,
     untried,
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_of, with_outline
+from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_of
 from fingerfit.diagnosis.series import cut
-from fingerfit.diagnosis.sides import Sides, begun, sides_of
+from fingerfit.diagnosis.sides import sides_of
+from fingerfit.diagnosis.tested import Tested
 from fingerfit.diagnosis.trials import rank_again, refit_all
 from fingerfit.diagnosis.verdict import (
     Verdict,
@@ -183,20 +181,11 @@ def diagnose(
     if coarse and mesh:
         verdict = too_coarse(verdict, score_test, by_mesh, mesh)
     if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
-        best = refits.get(verdict.effects[0]) if verdict.effects else None
-        states, more = _states(problem, last, everything, found, begun(found.comparison, found.everywhere), threads)
+        verdict, states, more = form_or_state(verdict, problem, last, everything, found, refits, threads)
         begins = {one.candidate.effect.name: one for one, _ in states}
         ranking = [begins.get(one.candidate.effect.name, one) for one in ranking]
         refits |= {one.candidate.effect.name: refit for one, refit in states}
-        form, again = with_outline(problem, last, threads)
-        run += more + again
-        if form is not None:
-            verdict = elsewhere(verdict, outline, form, states, best, score_test)
-        if form is not None and verdict.effects == (OUTLINE,) and refuted(form, score_test):
-            probes = [one for one in ranking if one.candidate.effect.probe and one.candidate.effect.family == STATE]
-            unknown, more = _states(problem, last, everything, found, probes, threads)
-            refits |= {one.candidate.effect.name: refit for one, refit in unknown}
-            verdict, run = strained(verdict, outline, next(iter(unknown), None)), run + more
+        run += more
     verdict = far_off(verdict, found.comparison)
     untold = found.lacking, untestable(problem), left_out(problem)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking), len(untold[-1]))
@@ -205,28 +194,9 @@ def diagnose(
     )
 
 
-@dataclass(frozen=True)
-class _Tested:
-    """All candidates tested against what a model leaves: at all places, and the best place of each."""
-
-    comparison: Comparison
-    score_test: ScoreTest
-    everywhere: list[Ranked]
-    ranking: list[Ranked]
-    tests: int
-    run: int
-    lacking: dict[str, InputError]
-    outline: Sides
-
-    @cached_property
-    def weighed(self) -> Weighed:
-        """What the model leaves, for comparisons with all its refits."""
-        return Weighed.of(self.comparison)
-
-
 def _test_all(
-    problem: InverseProblem, last: Round, everything: Everything, threads: int, known: _Tested | None = None
-) -> _Tested:
+    problem: InverseProblem, last: Round, everything: Everything, threads: int, known: Tested | None = None
+) -> Tested:
     """Test all candidates; with the slopes that are `known` of a model with an effect less, where these are given."""
     if known is None:
         found, lacking = candidates(problem, finest(problem, last).values)
@@ -251,7 +221,7 @@ def _test_all(
         family = STATE if another else ""
         ranking, more = refit_all(comparison, ranking, threads, explains(score_test), everywhere, family)
     run += more
-    return _Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking, outline)
+    return Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking, outline)
 
 
 def _in_space(problem: InverseProblem) -> bool:
@@ -259,7 +229,7 @@ def _in_space(problem: InverseProblem) -> bool:
 
 
 def _refit_best(
-    problem: InverseProblem, last: Round, everything: Everything, found: _Tested, refits: dict[str, Refit], threads: int
+    problem: InverseProblem, last: Round, everything: Everything, found: Tested, refits: dict[str, Refit], threads: int
 ) -> int:
     """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
     run = 0
@@ -273,7 +243,7 @@ def _refits(
     problem: InverseProblem,
     last: Round,
     everything: Everything,
-    found: _Tested,
+    found: Tested,
     threads: int,
     known: Mapping[str, Refit] | None = None,
 ) -> Iterator[tuple[Ranked, Refit, int]]:
@@ -332,30 +302,8 @@ def _refits(
         beside, each = (threads, 1) if flat else (1, threads)
 
 
-def _states(
-    problem: InverseProblem,
-    last: Round,
-    everything: Everything,
-    found: _Tested,
-    chosen: Sequence[Ranked],
-    threads: int,
-) -> tuple[list[tuple[Ranked, Refit]], int]:
-    """Effects on the state in the picture before compression, refitted from where they bring the sides nearest."""
-    states, run = list[tuple[Ranked, Refit]](), 0
-    for one in chosen:
-        try:
-            refit, more = refit_of(problem, last, one, everything, found.weighed, threads)
-        except StateError:
-            continue
-        effect, run = one.candidate.effect, run + more
-        away = f"a side is {refit.sides.off:.2g} mm off" if refit.sides.off else "sides are where the picture has them"
-        tell(f"refitted {effect.name} ({effect.title}): {away}; {more} simulations run")
-        states.append((one, refit))
-    return states, run
-
-
 def _partner(
-    problem: InverseProblem, last: Round, half: Ranked, everything: Everything, known: _Tested, threads: int
+    problem: InverseProblem, last: Round, half: Ranked, everything: Everything, known: Tested, threads: int
 ) -> tuple[tuple[Ranked, Refit] | None, int]:
     """The effect that explains most of what another one leaves, and the refit of both.
 

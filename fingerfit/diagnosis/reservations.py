@@ -12,18 +12,15 @@ from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.sides import Sides
 from fingerfit.diagnosis.verdict import MATTERS, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, after, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
-from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, OUTLINE, STATE, Effect
+from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, Effect
 from fingerfit.study.several import AT
 
 FORM = 0.1
 """Share of an effect's signal by which its form may be off from what is there. A choice (decision 19)."""
-SURELY = 3.0
-"""Standard deviations of chance."""
 
 
 def of_family(
@@ -267,106 +264,6 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
         return verdict
     text = f"unexplained: the residual is {error:.2g} times the noise level, but no known effect explains it"
     return Verdict("unexplained", (), text, verdict.threshold)
-
-
-def refuted(form: ScoreTest, stated: ScoreTest) -> bool:
-    """Whether a body at rest in the shape that the picture shows explains less of the data than one as stated."""
-    return not explains(form) and form.misfit * stated.freedom > stated.misfit * form.freedom
-
-
-def strained(verdict: Verdict, sides: Sides, probe: tuple[Ranked, Refit] | None) -> Verdict:
-    """The verdict on a body that was not at rest in the shape that the picture shows, but that no known state explains.
-
-    Parameters
-    ----------
-    verdict : Verdict
-    sides : Sides
-        Against the model without any effect more.
-    probe : (Ranked, Refit) or None
-        That of states before the first picture, refitted.
-    """
-    text = f"{_shown(sides)}, but a body that is at rest in that shape would not deform like this one"
-    if probe is None or not explains(probe[1]):
-        return Verdict("unexplained", (), f"unexplained: {text}", verdict.threshold, STATE)
-    effect = probe[0].candidate.effect
-    return Verdict("missing", (effect.name,), f"missing: {effect.title}; {text}", verdict.threshold, effect.family)
-
-
-def elsewhere(
-    verdict: Verdict,
-    sides: Sides,
-    form: ScoreTest,
-    states: Sequence[tuple[Ranked, Refit]] = (),
-    own: Refit | None = None,
-    stated: ScoreTest | None = None,
-) -> Verdict:
-    """The verdict, but on the outline where the picture before compression shows another body than the study states.
-
-    That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
-    or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
-    off, or where another form explains nothing, to bring them nearer; then the criterion of Schwarz (1978) decides. It
-    knows the sides as data, which another form has as numbers.
-
-    Parameters
-    ----------
-    verdict : Verdict
-    sides : Sides
-        Against the model without any effect more.
-    form : ScoreTest
-        Of the model whose body has the sides that the picture shows.
-    states : sequence of (Ranked, Refit)
-        Effects on the state in that picture, refitted.
-    own : Refit, optional
-        Of the effect that the verdict names. Where it surely explains more than any of these, it comes first.
-    stated : ScoreTest, optional
-        Of the model as it is: a state that explains no more than that, sides included, is none.
-    """
-    shown = _shown(sides, "one")
-    text = f"missing: sides of the body elsewhere; {shown}"
-    another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
-    near = (1.0 - ENOUGH) * sides.off if explains(form) else sides.off
-
-    # what is left beyond what chance would: each has its own values, and some that another has not
-    def left(refit: Refit) -> float:
-        return refit.misfit - refit.freedom + refit.sides.misfit + refit.numbers * float(np.log(refit.freedom))
-
-    def counts(refit: Refit) -> bool:
-        if not explains(refit) or refit.sides.off > near or refit.sides.misfit >= sides.misfit:
-            return False
-        if stated is None:
-            return True
-        surely = verdict.threshold + _chance(stated, refit)
-        return left(refit) + surely < stated.misfit - stated.freedom + sides.misfit
-
-    able = [(one, refit) for one, refit in states if counts(refit)]
-    shaped = form.misfit - form.freedom + sides.numbers * float(np.log(form.freedom))
-    if own is not None and explains(own):
-        rivals = [shaped, *(left(refit) for _, refit in able)]
-        if left(own) + verdict.threshold + _chance(form, own) < min(rivals):
-            return replace(verdict, sentence=f"{verdict.sentence}; {_shown(sides)}")
-    if not able:
-        return another
-    one, refit = min(able, key=lambda each: left(each[1]))
-    effect, title = one.candidate.effect, one.candidate.effect.title
-    gain = shaped - left(refit)
-    if abs(gain) < verdict.threshold + _chance(form, refit):
-        text = f"missing: sides of the body elsewhere or {title}; these data cannot tell them apart; {shown}"
-        return Verdict("indistinguishable", (OUTLINE, effect.name), text, verdict.threshold, "geometry")
-    if gain < 0:
-        return another
-    text = f"missing: {title}; with it {_shown(sides)}"
-    if refit.sides.off:
-        text += f", and {refit.sides.off:.2g} mm from where this model has it"
-    return Verdict("missing", (effect.name,), text, verdict.threshold, effect.family)
-
-
-def _shown(sides: Sides, which: str = "a side") -> str:
-    return f"the picture before compression shows {which} {sides.off:.2g} mm from where body in study.yaml has it"
-
-
-def _chance(one: ScoreTest, other: Refit) -> float:
-    """What chance makes of the values that only one of two models has."""
-    return SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
 
 
 def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:

@@ -51,10 +51,11 @@ def sides_of(comparison: Comparison) -> Sides:
     return found
 
 
-def begun(comparison: Comparison, everywhere: Sequence[Ranked]) -> list[Ranked]:
+def begun(comparison: Comparison, everywhere: Sequence[Ranked], most: float = np.inf) -> list[Ranked]:
     """Effects on the state in that picture, each where and as large as it brings the sides nearest, the nearest first.
 
-    Probes are not among them: they move sides in so many ways that those say nothing.
+    Probes are not among them: they move sides in so many ways that those say nothing. Nor are those that leave a side
+    by slopes more than `most` mm off.
     """
     tests = [test for test in comparison.every if test.data.outline]
     outlines = [_outline(test) for test in tests]
@@ -77,12 +78,22 @@ def begun(comparison: Comparison, everywhere: Sequence[Ranked]) -> list[Ranked]:
         size, *_ = np.linalg.lstsq(slopes, goal[seen] * weight[seen], rcond=None)
         bounds = np.array([(p.lower - p.null, p.upper - p.null) for p in effect.parameters]).T
         size = np.clip(size, *bounds)
-        away = float(((slopes @ size - goal[seen] * weight[seen]) ** 2).sum())
-        found.append((away, replace(one, finding=replace(one.finding, size=size), refitted=None)))
+        left = goal - np.stack(columns, axis=1) @ size
+        if _farthest(outlines, left) <= most:
+            away = float(((left * weight)[seen] ** 2).sum())
+            found.append((away, replace(one, finding=replace(one.finding, size=size), refitted=None)))
     nearest = dict[str, Ranked]()
     for _, one in sorted(found, key=lambda pair: pair[0]):
         nearest.setdefault(one.candidate.effect.name, one)
     return list(nearest.values())
+
+
+def _farthest(outlines: Sequence[Outline], left: np.ndarray) -> float:
+    """How far at most a side is off where so much is left of the coefficients of all outlines, mm."""
+    off = [0.0]
+    for outline, part in zip(outlines, left.reshape(len(outlines), *outlines[0].outward.shape), strict=True):
+        off += [abs(far) for far in replace(outline, outward=part).elsewhere().values()]
+    return max(off)
 
 
 def _outline(test: Comparison) -> Outline:

@@ -8,9 +8,9 @@ from test_outline import HIGH, LOW, MESH, PIXEL, pictured, study_in
 from test_outline import sides as formed
 
 from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.form_or_state import elsewhere, refuted, strained
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit
-from fingerfit.diagnosis.reservations import elsewhere, refuted, strained
 from fingerfit.diagnosis.score_tests import Finding
 from fingerfit.diagnosis.sides import Sides, begun, sides_of
 from fingerfit.diagnosis.verdict import Verdict
@@ -77,6 +77,8 @@ def test_a_state_goes_out_from_where_it_brings_the_sides_nearest(flattened):
     assert [one.candidate.effect.name for one in found] == ["preload", "prestretch"]
     upper = effects[2].candidate.effect.parameters[0].upper
     assert found[0].finding.size == pytest.approx([min(2.0, upper)], abs=PIXEL / 0.3)
+    near = begun(comparison, effects, most=LOWER / 2)  # the stretch leaves the upper side where it is
+    assert [one.candidate.effect.name for one in near] == ["preload"]
 
 
 @pytest.mark.parametrize(("depth", "left"), [(0.0, LOWER), (LOWER, 0.0), (0.3, LOWER - 0.3), (0.9, 0.3)])

@@ -1,0 +1,211 @@
+"""Sides that lie elsewhere: another form of the body, or a state before the first picture that moved them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fingerfit.core.errors import StateError
+from fingerfit.core.progress import tell
+from fingerfit.diagnosis.families import ENOUGH
+from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.refit import Refit, explains
+from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.second_pass import Everything, refit_of, with_outline
+from fingerfit.diagnosis.sides import Sides, begun
+from fingerfit.diagnosis.tested import Tested
+from fingerfit.diagnosis.verdict import Verdict
+from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.rounds import Round
+from fingerfit.model.effect import OUTLINE, STATE
+
+SURELY = 3.0
+"""Standard deviations of chance."""
+
+
+def form_or_state(
+    verdict: Verdict,
+    problem: InverseProblem,
+    last: Round,
+    everything: Everything,
+    found: Tested,
+    refits: Mapping[str, Refit],
+    threads: int,
+) -> tuple[Verdict, list[tuple[Ranked, Refit]], int]:
+    """The verdict on a model whose sides lie elsewhere in the picture before compression.
+
+    Another form, which has no number, is tried first: where it explains the data, only those states are refitted that
+    can bring the sides near enough (docs/decisions/0034-form-or-state.md).
+
+    Parameters
+    ----------
+    verdict : Verdict
+        Without regard to the sides.
+    problem : InverseProblem
+    last : Round
+    everything : Data or sequence of Data
+    found : Tested
+    refits : mapping
+        Those so far, by name of the effect.
+    threads : int
+
+    Returns
+    -------
+    Verdict
+    list of (Ranked, Refit)
+        States that were refitted.
+    int
+        Simulations that were not known before.
+    """
+    form, run = with_outline(problem, last, threads)
+    # slopes say only roughly how near a state brings the sides: all that come half as near as they must are tried
+    most = 2.0 * nearness(found.outline, form) if form is not None else np.inf
+    chosen = begun(found.comparison, found.everywhere, most)
+    states, more = _refitted(problem, last, everything, found, chosen, threads)
+    run += more
+    if form is not None:
+        named = refits.get(verdict.effects[0]) if verdict.effects else None
+        verdict = elsewhere(verdict, found.outline, form, states, named, found.score_test)
+    if form is not None and verdict.effects == (OUTLINE,) and refuted(form, found.score_test):
+        probes = [one for one in found.ranking if one.candidate.effect.probe and one.candidate.effect.family == STATE]
+        unknown, more = _refitted(problem, last, everything, found, probes, threads)
+        states, run = [*states, *unknown], run + more
+        verdict = strained(verdict, found.outline, next(iter(unknown), None))
+    return verdict, states, run
+
+
+def refuted(form: ScoreTest, stated: ScoreTest) -> bool:
+    """Whether a body at rest in the shape that the picture shows explains less of the data than one as stated."""
+    return not explains(form) and form.misfit * stated.freedom > stated.misfit * form.freedom
+
+
+def strained(verdict: Verdict, sides: Sides, probe: tuple[Ranked, Refit] | None) -> Verdict:
+    """The verdict on a body that was not at rest in the shape that the picture shows, but that no known state explains.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    sides : Sides
+        Against the model without any effect more.
+    probe : (Ranked, Refit) or None
+        That of states before the first picture, refitted.
+    """
+    text = f"{_shown(sides)}, but a body that is at rest in that shape would not deform like this one"
+    if probe is None or not explains(probe[1]):
+        return Verdict("unexplained", (), f"unexplained: {text}", verdict.threshold, STATE)
+    effect = probe[0].candidate.effect
+    return Verdict("missing", (effect.name,), f"missing: {effect.title}; {text}", verdict.threshold, effect.family)
+
+
+def nearness(sides: Sides, form: ScoreTest) -> float:
+    """How far off a state may leave a side to count, mm.
+
+    Parameters
+    ----------
+    sides : Sides
+        Against the model without any effect more.
+    form : ScoreTest
+        Of the model whose body has the sides that the picture shows.
+    """
+    return (1.0 - ENOUGH) * sides.off if explains(form) else sides.off
+
+
+def elsewhere(
+    verdict: Verdict,
+    sides: Sides,
+    form: ScoreTest,
+    states: Sequence[tuple[Ranked, Refit]] = (),
+    own: Refit | None = None,
+    stated: ScoreTest | None = None,
+) -> Verdict:
+    """The verdict, but on the outline where the picture before compression shows another body than the study states.
+
+    That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
+    or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
+    off, or where another form explains nothing, to bring them nearer; then the criterion of Schwarz (1978) decides. It
+    knows the sides as data, which another form has as numbers.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    sides : Sides
+        Against the model without any effect more.
+    form : ScoreTest
+        Of the model whose body has the sides that the picture shows.
+    states : sequence of (Ranked, Refit)
+        Effects on the state in that picture, refitted.
+    own : Refit, optional
+        Of the effect that the verdict names. Where it surely explains more than any of these, it comes first.
+    stated : ScoreTest, optional
+        Of the model as it is: a state that explains no more than that, sides included, is none.
+    """
+    shown = _shown(sides, "one")
+    text = f"missing: sides of the body elsewhere; {shown}"
+    another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
+    near = nearness(sides, form)
+
+    # what is left beyond what chance would: each has its own values, and some that another has not
+    def left(refit: Refit) -> float:
+        return refit.misfit - refit.freedom + refit.sides.misfit + refit.numbers * float(np.log(refit.freedom))
+
+    def counts(refit: Refit) -> bool:
+        if not explains(refit) or refit.sides.off > near or refit.sides.misfit >= sides.misfit:
+            return False
+        if stated is None:
+            return True
+        surely = verdict.threshold + _chance(stated, refit)
+        return left(refit) + surely < stated.misfit - stated.freedom + sides.misfit
+
+    able = [(one, refit) for one, refit in states if counts(refit)]
+    shaped = form.misfit - form.freedom + sides.numbers * float(np.log(form.freedom))
+    if own is not None and explains(own):
+        rivals = [shaped, *(left(refit) for _, refit in able)]
+        if left(own) + verdict.threshold + _chance(form, own) < min(rivals):
+            return replace(verdict, sentence=f"{verdict.sentence}; {_shown(sides)}")
+    if not able:
+        return another
+    one, refit = min(able, key=lambda each: left(each[1]))
+    effect, title = one.candidate.effect, one.candidate.effect.title
+    gain = shaped - left(refit)
+    if abs(gain) < verdict.threshold + _chance(form, refit):
+        text = f"missing: sides of the body elsewhere or {title}; these data cannot tell them apart; {shown}"
+        return Verdict("indistinguishable", (OUTLINE, effect.name), text, verdict.threshold, "geometry")
+    if gain < 0:
+        return another
+    text = f"missing: {title}; with it {_shown(sides)}"
+    if refit.sides.off:
+        text += f", and {refit.sides.off:.2g} mm from where this model has it"
+    return Verdict("missing", (effect.name,), text, verdict.threshold, effect.family)
+
+
+def _shown(sides: Sides, which: str = "a side") -> str:
+    return f"the picture before compression shows {which} {sides.off:.2g} mm from where body in study.yaml has it"
+
+
+def _chance(one: ScoreTest, other: Refit) -> float:
+    """What chance makes of the values that only one of two models has."""
+    return SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
+
+
+def _refitted(
+    problem: InverseProblem,
+    last: Round,
+    everything: Everything,
+    found: Tested,
+    chosen: Sequence[Ranked],
+    threads: int,
+) -> tuple[list[tuple[Ranked, Refit]], int]:
+    """Effects on the state in the picture before compression, refitted from where they bring the sides nearest."""
+    states, run = list[tuple[Ranked, Refit]](), 0
+    for one in chosen:
+        try:
+            refit, more = refit_of(problem, last, one, everything, found.weighed, threads)
+        except StateError:
+            continue
+        effect, run = one.candidate.effect, run + more
+        away = f"a side is {refit.sides.off:.2g} mm off" if refit.sides.off else "sides are where the picture has them"
+        tell(f"refitted {effect.name} ({effect.title}): {away}; {more} simulations run")
+        states.append((one, refit))
+    return states, run
