@@ -61,7 +61,7 @@ def form_or_state(
     """
     form, run = with_outline(problem, last, threads)
     # slopes say only roughly how near a state brings the sides: all that come half as near as they must are tried
-    most = 2.0 * nearness(found.outline, form) if form is not None else np.inf
+    most = 2.0 * near_enough(found.outline, form) if form is not None else np.inf
     chosen = begun(found.comparison, found.everywhere, most)
     states, more = _refitted(problem, last, everything, found, chosen, threads)
     run += more
@@ -99,7 +99,7 @@ def strained(verdict: Verdict, sides: Sides, probe: tuple[Ranked, Refit] | None)
     return Verdict("missing", (effect.name,), f"missing: {effect.title}; {text}", verdict.threshold, effect.family)
 
 
-def nearness(sides: Sides, form: ScoreTest) -> float:
+def near_enough(sides: Sides, form: ScoreTest) -> float:
     """How far off a state may leave a side to count, mm.
 
     Parameters
@@ -144,7 +144,7 @@ def elsewhere(
     shown = _shown(sides, "one")
     text = f"missing: sides of the body elsewhere; {shown}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
-    near = nearness(sides, form)
+    near = near_enough(sides, form)
 
     # what is left beyond what chance would: each has its own values, and some that another has not
     def left(refit: Refit) -> float:
