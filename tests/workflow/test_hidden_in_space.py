@@ -14,7 +14,6 @@ from fingerfit.core.files import write_json, write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.diagnosis.comparison import stiffness_map
 from fingerfit.diagnosis.diagnose import diagnose, errors
-from fingerfit.diagnosis.verdict import decide
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
 from fingerfit.virtual.experiment import run_experiment
@@ -55,8 +54,8 @@ MU = {"unit": "MPa", "start": 0.015, "lower": 0.001, "upper": 0.2}
 
 
 @pytest.fixture(scope="module")
-def world(tmp_path_factory):
-    """The homogeneous model diagnosed: some candidates tested, the best of them refitted."""
+def diagnosed(tmp_path_factory):
+    """Diagnoses the homogeneous model: the given candidates are tested, the best of them refitted."""
     folder = tmp_path_factory.mktemp("finger")
     centre = (Anatomy().pulp_centre, 0.0)
     # other elements than the fit's; meshes as coarse as this, of other nodes, would differ by half of what layers do
@@ -69,11 +68,19 @@ def world(tmp_path_factory):
     model = {"template": "fingertip.inp.j2", "material": DESCRIPTION["material"], "parameters": {"mu": MU}}
     stages = [{"name": "grid", "kind": "grid", "points": 3}]
     fitting = {"score": "ssd", "max_evaluations": 3, "stages": stages}
-    tried = {"only": list(TESTED)}
-    settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting, "diagnosis": tried})
-    problem, everything = begin(settings, folder / "model")
-    last = run_fit(problem, 1)[0]
-    return diagnose(problem, last, everything)
+
+    def found(names):
+        tried = {"only": list(names)}
+        settings = load_settings({"study": str(folder / "study"), "model": model, "fit": fitting, "diagnosis": tried})
+        problem, everything = begin(settings, folder / "model")
+        return diagnose(problem, run_fit(problem, 1)[0], everything)
+
+    return found
+
+
+@pytest.fixture(scope="module")
+def world(diagnosed):
+    return diagnosed(TESTED)
 
 
 def test_what_makes_no_sense_here_is_not_tested(world):
@@ -104,12 +111,11 @@ def test_the_layer_is_missing(world):
     assert after.misfit - after.freedom < 0.2 * (score_test.misfit - score_test.freedom)
 
 
-def test_without_it_no_other_takes_its_place(world):
-    others = {name: refit for name, refit in world.refits.items() if name != "layers"}
-    assert others
-    assert all(refit.misfit > world.refits["layers"].misfit for refit in others.values())
-    verdict = decide(world.score_test, world.ranking, others, len(world.ranking))
-    assert (verdict.kind, verdict.effects) == ("unexplained", ())
+def test_without_it_no_other_takes_its_place(world, diagnosed):
+    found = diagnosed([name for name in TESTED if name != "layers"])
+    assert found.refits
+    assert all(refit.misfit > world.refits["layers"].misfit for refit in found.refits.values())
+    assert (found.verdict.kind, found.verdict.effects) == ("unexplained", ())
 
 
 def test_the_constants_are_near_the_truth(world):
