@@ -148,8 +148,9 @@ def diagnose(
     for _ in range(0 if needless else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits, found.weighed)
-        ended = nearest(ended_well(score_test, refits, fitted))
-        verdict = doubted(decide(score_test, ranking, ended, tests, held_out=held_out), fitted)
+        well = ended_well(score_test, refits, fitted)
+        ended, missed = nearest(well), refits.keys() - well.keys()
+        verdict = doubted(decide(score_test, ranking, ended, tests, None, held_out, missed), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
         # a probe has as many numbers as several effects: nothing is looked for beside it
         if half is not None and not half.candidate.effect.probe and half.candidate.effect.name not in halves:

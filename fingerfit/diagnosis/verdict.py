@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from fingerfit.diagnosis.families import ENOUGH
@@ -72,6 +72,7 @@ def decide(
     tests: int,
     partner: tuple[Ranked, Refit] | None = None,
     held_out: float | None = None,
+    missed: Collection[str] = (),
 ) -> Verdict:
     """The verdict on a model.
 
@@ -93,6 +94,8 @@ def decide(
         both.
     held_out : float, optional
         Error of the model on held-out steps, where there are some.
+    missed : collection of str
+        Effects whose refit ended worse than the model without them: it has missed its minimum, and says nothing.
     """
     if score_test.freedom < 1:
         text = "there are as many constants as measured values: missing effects cannot be tested"
@@ -108,11 +111,15 @@ def decide(
         text = f"no known effect improves the fit on held-out steps; only on the fitted ones does: {names}"
         return Verdict("adequate" if adequate else "unexplained", (), text, limit)
     if not tried:
-        chosen = [one.candidate.effect.name for one in to_refit(score_test, ranking, tests)]
-        if chosen or not adequate:
+        chosen = {one.candidate.effect.name for one in to_refit(score_test, ranking, tests)}
+        if chosen - set(missed) or not adequate:
             text = "unexplained: no known effect explains the misfit beyond the noise"
             return Verdict("unexplained", (), text, limit)
         text = "the model explains the measurements to within their noise"
+        if missed:
+            text += (
+                f"; no minimum was found with {', '.join(_title(by_name[name]) for name in by_name if name in missed)}"
+            )
         hidden = ", ".join(_title(one) for one in unseen(score_test, ranking))
         return Verdict("adequate", (), f"{text}; these data would not show: {hidden}" if hidden else text, limit)
     best = min(tried, key=lambda name: refits[name].level)

@@ -280,6 +280,11 @@ def test_a_refit_that_does_not_keep_the_promise(world):
     refits = world.refits(score_test, ranking, tilt=score_test.misfit - 1.0)
     assert set(refits) == {"tilt"}
     assert decide(score_test, ranking, refits, TESTS).kind == "adequate"
+    # one that has missed its minimum, and so does not count, says nothing against that; untried it would
+    assert decide(score_test, ranking, {}, TESTS).kind == "unexplained"
+    found = decide(score_test, ranking, {}, TESTS, missed={"tilt"})
+    assert found.kind == "adequate"
+    assert "no minimum was found with tilt of the indenter" in found.sentence
 
 
 def test_effects_worth_a_refit(world):
