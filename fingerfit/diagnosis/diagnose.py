@@ -152,8 +152,9 @@ def diagnose(
         ended, missed = nearest(well), refits.keys() - well.keys()
         verdict = doubted(decide(score_test, ranking, ended, tests, None, held_out, missed), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
-        # a probe has as many numbers as several effects: nothing is looked for beside it
-        if half is not None and not half.candidate.effect.probe and half.candidate.effect.name not in halves:
+        # a probe has as many numbers as several effects: no partner is looked for beside it
+        probed = half is not None and any(e.probe for e in (half.candidate.effect, *problem.settings.effects()))
+        if half is not None and not probed and half.candidate.effect.name not in halves:
             halves.add(half.candidate.effect.name)
             partner, more = _partner(problem, last, half, everything, found, threads)
             verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more
