@@ -138,11 +138,12 @@ def diagnose(
     outline = found.outline
     verdict = decide(score_test, ranking, {}, tests, held_out=held_out)
     unexplained = not explains(score_test)
-    by_mesh, more = (
-        by_halved_mesh(found.comparison, score_test, threads) if unexplained and not outline.off else (0.0, 0)
-    )
+    # before any effect is blamed: what a mesh leaves may be no more than the noise, and still be most of what is seen
+    blames = unexplained or verdict.kind != "adequate"
+    by_mesh, more = by_halved_mesh(found.comparison, score_test, threads) if blames and not outline.off else (0.0, 0)
     run += more
-    coarse = by_mesh > 0.0 and by_mesh > LARGEST * excess(score_test)
+    seen = 0.0 if unexplained else max((one.finding.fall for one in ranking if one.refitted), default=0.0)
+    coarse = by_mesh > 0.0 and by_mesh > LARGEST * max(excess(score_test), seen)
     # of a body of another shape, and of one that is not solved well, refits say nothing
     needless = coarse or (outline.off and unexplained) or too_small(score_test, ranking, fitted)
     for _ in range(0 if needless else BATCHES):
