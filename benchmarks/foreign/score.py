@@ -82,7 +82,7 @@ FAMILY = {
     "yeoh": "material",
 }
 """Family of each effect that comes with fingerfit, as this benchmark sees it."""
-PROBES = {name for name in FAMILY if name.endswith("_probe")}
+PROBES = {name for name in FAMILY if name.endswith("_probe")} | {"stiffness_field"}
 """Effects that stand for a family: *of no known form* is not the name of a member."""
 IN_SPACE = {
     "inclusion": "inclusion_in_space",
