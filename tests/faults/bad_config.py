@@ -108,7 +108,7 @@ CASES = [
     *fit("score", "nmi", "ssd", place="points"),
     *fit("steps", [3], place="points"),
     *model("effects.intensity_drift", {}, says=["effects.intensity_drift"], place="points"),
-    *model("effects.tilt", {}, says=["effects.tilt"], place="volume"),
+    *model("effects.wall", {}, says=["effects.wall"], place="volume"),
     *model("effects.friction", {}, says=["effects.friction"]),
     *of("solver", "abaqus", says=["abaqus", "executable"], environment={"FINGERFIT_ABAQUS": "no-such-program job={job}"}),
     *of("solver", "calculix", says=["no-such-ccx"], environment={"FINGERFIT_CCX": "no-such-ccx"}),
