@@ -247,7 +247,7 @@ class Comparison:
         apart = ((self.patches.centre[:, None] - self.patches.centre[None]) ** 2).sum(axis=2)
         height = float(np.ptp(self.problem.meshes[SEARCH].body[:, -1]))
         near = np.exp(-apart / (2 * (SMOOTH * height) ** 2))
-        steps = np.where(np.eye(len(size), dtype=bool), 1.0, ALIKE)
+        steps = _alike(len(size))
         total = np.zeros((*value.shape, *value.shape))
         for axis in range(dim):
             total[:, :, axis, :, :, axis] = np.einsum("np,pq,nm,mq->npmq", size, near, steps, size, optimize=True)
@@ -255,8 +255,7 @@ class Comparison:
         whole = np.zeros((count, count))
         whole[: value.size, : value.size] = total.reshape(value.size, value.size)
         response = self.mesh_signal[value.size :]
-        alike = np.where(np.eye(len(response), dtype=bool), 1.0, ALIKE)
-        whole[value.size :, value.size :] = alike * np.outer(response, response)
+        whole[value.size :, value.size :] = _alike(len(response)) * np.outer(response, response)
         return np.nan_to_num(whole[np.ix_(self.residual.kept, self.residual.kept)])
 
     @cached_property
@@ -354,6 +353,11 @@ class Comparison:
         response = self.prediction.response
         changed = seen_response(after, response, data) - seen_response(before, response, data)
         return flat(value, changed) / step
+
+
+def _alike(steps: int) -> np.ndarray:
+    """Correlations of the mesh's errors of steps, shape (steps, steps)."""
+    return np.where(np.eye(steps, dtype=bool), 1.0, ALIKE)
 
 
 def anchor_of(problem: InverseProblem, last: Round) -> Asked:

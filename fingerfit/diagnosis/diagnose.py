@@ -144,6 +144,7 @@ def diagnose(
     run += more
     seen = 0.0 if unexplained else max((one.finding.fall for one in ranking if one.refitted), default=0.0)
     coarse = by_mesh > 0.0 and by_mesh > LARGEST * max(excess(score_test), seen)
+    probed = any(effect.probe for effect in problem.settings.effects())
     # of a body of another shape, and of one that is not solved well, refits say nothing
     needless = coarse or (outline.off and unexplained) or too_small(score_test, ranking, fitted)
     for _ in range(0 if needless else BATCHES):
@@ -154,8 +155,7 @@ def diagnose(
         verdict = doubted(decide(score_test, ranking, ended, tests, None, held_out, missed), fitted)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
         # a probe has as many numbers as several effects: no partner is looked for beside it
-        probed = half is not None and any(e.probe for e in (half.candidate.effect, *problem.settings.effects()))
-        if half is not None and not probed and half.candidate.effect.name not in halves:
+        if half is not None and not (probed or half.candidate.effect.probe or half.candidate.effect.name in halves):
             halves.add(half.candidate.effect.name)
             partner, more = _partner(problem, last, half, everything, found, threads)
             verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more

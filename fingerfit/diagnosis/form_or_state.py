@@ -23,6 +23,8 @@ from fingerfit.model.effect import OUTLINE, STATE
 
 SURELY = 3.0
 """Standard deviations of chance."""
+ROUGHLY = 2.0
+"""How many times as far off as a state may leave a side to count slopes may leave it: they are rough. A choice."""
 
 
 def form_or_state(
@@ -60,8 +62,7 @@ def form_or_state(
         Simulations that were not known before.
     """
     form, run = with_outline(problem, last, threads)
-    # slopes say only roughly how near a state brings the sides: all that come half as near as they must are tried
-    most = 2.0 * near_enough(found.outline, form) if form is not None else np.inf
+    most = ROUGHLY * near_enough(found.outline, form) if form is not None else np.inf
     chosen = begun(found.comparison, found.everywhere, most)
     states, more = _refitted(problem, last, everything, found, chosen, threads)
     run += more
