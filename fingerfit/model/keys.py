@@ -32,6 +32,7 @@ from fingerfit.model.scales import unit_of
 CHANGES = (
     *CONSTANTS,
     "field",
+    "border_down",
     "force",
     "displacement",
     "displacement_x",

@@ -13,7 +13,7 @@ from fingerfit.core.described import described
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.folders import template_folders
 from fingerfit.core.keys import read_yaml, unknown_key
-from fingerfit.deck.context import compressibility
+from fingerfit.deck.pieces import compressibility
 from fingerfit.deck.render import is_template
 from fingerfit.fit.check import wrong_element
 from fingerfit.model.catalogue import catalogue, wrong_numbers

@@ -100,10 +100,15 @@ def test_those_that_make_sense_are_taken(folder):
 
 def test_constants_that_start_alike_hide_no_border(folder):
     """A border between equal layers may lie anywhere; the search starts with equal ones."""
+    border = {"title": "border", "acts": "structure", "words": "It lies lower.", "look": "At it.", "confirm": "A cut."}
+    down = {"unit": "mm", "absent": 0, "lower": -1, "upper": 1, "step": 0.1}
+    border |= {"parameters": {"down": down}, "changes": {"border_down": "where(number == 1, down, 0.0)"}}
+    (folder / "study/effects").mkdir()
+    (folder / "study/effects/border.yaml").write_text(yaml.safe_dump(border))
     one = {"unit": "MPa", "start": 0.1, "lower": 0.001, "upper": 1.0, "log": True}
     config = {"study": "study", "model": {**MODEL, "parameters": {"mu_top": one, "mu_bottom": one}}, "fit": FIT}
     (folder / "mine.yaml").write_text(yaml.safe_dump(config))
-    assert "added interface" in add(folder / "mine.yaml", "interface")
+    assert "added border" in add(folder / "mine.yaml", "border")
     stages.check_model(load_settings(folder / "mine.yaml"))
 
 

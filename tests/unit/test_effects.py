@@ -273,22 +273,33 @@ def test_an_ellipse_has_its_size_axes_and_turn():
 
 
 def test_borders_that_lie_elsewhere_inclined_and_bent():
-    """The same as the interface's where it is level; a border that is lower at one side and higher at the other."""
-    for border, numbers in ((1, {"upper": 0.5}), (2, {"lower": 0.5}), (1, {"upper": -0.5}), (2, {"lower": -0.5})):
-        (value,) = numbers.values()
-        one = np.log(moduli({"interface.down": value, "interface.border": border}) / plain_moduli())
-        other = np.log(moduli({f"geometry_probe.{key}": v for key, v in numbers.items()}) / plain_moduli())
-        assert np.abs(one).max() > 0.02
-        assert other == pytest.approx(one, abs=1e-4)
-    change = np.log(moduli({"geometry_probe.incline": 1.0}) / plain_moduli())
+    """The probe has the same as the interface for either border; lower at one side, higher at the other."""
+    for form, probed in (("down", ""), ("incline", "incline_"), ("bend", "bend_")):
+        for border, name in ((1, "upper"), (2, "lower")):
+            for value in (0.5, -0.5):
+                one = np.log(moduli({f"interface.{form}": value, "interface.border": border}) / plain_moduli())
+                other = np.log(moduli({f"geometry_probe.{probed}{name}": value}) / plain_moduli())
+                assert np.abs(one).max() > 0.01
+                assert other == pytest.approx(one, abs=1e-4)
+    change = np.log(moduli({"interface.incline": 1.0, "interface.border": 1}) / plain_moduli())
     x, y = centres().T
     # lower on the right: soft reaches down there; higher on the left: stiff reaches up
     assert (change[(x > 9) & (y > 6) & (y < 8)] < 0).all()
     assert (change[(x < 3) & (y > 8) & (y < 10)] > 0).all()
     assert np.abs(change[(x > 9) & (y > 8)]).max() == 0
-    bent = np.log(moduli({"geometry_probe.bend": 1.0}) / plain_moduli()).reshape(-1, 4)
+    assert np.abs(change[y < 4]).max() == 0
+    bent = np.log(moduli({"interface.bend": 1.0, "interface.border": 1}) / plain_moduli()).reshape(-1, 4)
     assert bent == pytest.approx(bent[:, ::-1], abs=1e-4)
     assert np.abs(bent).max() > 0.02
+
+
+def test_a_border_moves_the_volume_between_its_layers():
+    """The change of log mu, summed over the body, is the contrast times the area between both places of the border."""
+    mesh = layered_block(12.0, LAYERS, 60, 20, "CPE4")
+    contrast = np.log(MU["mu_top"] / MU["mu_middle"])
+    for down in (1.0, -1.0):
+        change = np.log(moduli({"interface.down": down, "interface.border": 1}, mesh) / plain_moduli(mesh))
+        assert change.sum() * 0.04 == pytest.approx(12.0 * down * contrast, rel=0.02)
 
 
 def test_fields_of_two_effects_add():

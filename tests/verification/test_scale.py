@@ -22,13 +22,15 @@ LARGER, SLOWER = 5.0, 3.0
 """Factors on lengths and on times; stresses stay, so that forces grow with the square of lengths."""
 FORCE = LARGER**2
 LENGTHS = {
-    "onset.offset": LARGER, "soft_frame.most": LARGER, "interface.down": LARGER, "tilt.slope": 1 / LARGER,
+    "onset.offset": LARGER, "soft_frame.most": LARGER, "tilt.slope": 1 / LARGER,
     **{f"{name}.{axis}": LARGER for name in ("misregistration", "wandering_pictures") for axis in "xy"},
     **{f"jumping_pictures.{axis}{k}": LARGER for axis in "xy" for k in range(1, 13)},
     **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
     **{f"loading_probe.{name}": LARGER for name in ("reading", "growing")},
     **dict.fromkeys(("sideways.moved", "sideways.early", "indenter_probe.moved", "indenter_probe.midway"), LARGER),
-    **{f"geometry_probe.{name}": LARGER for name in ("upper", "lower", "incline", "bend", "third", "fourth")},
+    **{f"interface.{name}": LARGER for name in ("down", "incline", "bend", "third")},
+    **{f"geometry_probe.{name}": LARGER for name in ("upper", "lower", "third", "fourth")},
+    **{f"geometry_probe.{form}_{border}": LARGER for form in ("incline", "bend") for border in ("upper", "lower")},
 }  # fmt: skip
 SIZES = {
     **LENGTHS,
