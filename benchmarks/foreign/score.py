@@ -24,6 +24,7 @@ FAMILY = {
     "coarse_mesh": "numerics",
     "compressibility": "material",
     "debonding": "base",
+    "distorted_in_space": "observation",
     "indenter_debonding": "indenter",
     "distorted_pictures": "observation",
     "ellipse": "structure",
@@ -55,6 +56,7 @@ FAMILY = {
     "observation_probe": "observation",
     "onset": "loading",
     "nonlinear_sensor": "loading",
+    "observation_probe_in_space": "observation",
     "outline": "geometry",
     "preload": "state",
     "prestretch": "state",
@@ -82,9 +84,10 @@ FAMILY = {
     "yeoh": "material",
 }
 """Family of each effect that comes with fingerfit, as this benchmark sees it."""
-PROBES = {name for name in FAMILY if name.endswith("_probe")} | {"stiffness_field"}
+PROBES = {name for name in FAMILY if name.endswith(("_probe", "_probe_in_space"))} | {"stiffness_field"}
 """Effects that stand for a family: *of no known form* is not the name of a member."""
 IN_SPACE = {
+    "distorted_pictures": "distorted_in_space",
     "inclusion": "inclusion_in_space",
     "misregistration": "misregistration_in_space",
     "stretched_pictures": "stretched_in_space",

@@ -15,6 +15,7 @@ from fingerfit.deck.render import render_deck
 from fingerfit.mesh.blocks import brick
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import catalogue
+from fingerfit.model.observation import Observation
 from fingerfit.model.scales import bound
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.solvers.registry import get_solver
@@ -97,6 +98,55 @@ def test_a_tilted_indenter_is_a_plane(tmp_path):
     ]
     aside = MESH.points[MESH.node_sets["TOP"], 0] - MESH.points[MESH.node_sets["INDENTER"][0], 0]
     assert moved[:, 2] == pytest.approx(-0.5 * (1 + 0.02 * aside), abs=1e-9)
+
+
+def shifts(values, k, points=MESH.points):
+    """How far the volume at step k of 4 shows nodes from where they are, mm."""
+    course = tuple({"k": float(k), "n": 4.0, "now": k / 4, "loaded": k / 4} for k in range(1, 5))
+    return Observation.of(bound(catalogue(), SIZES).values(), values, MESH.points, course).shift(k, points)
+
+
+OBSERVED = {
+    "misregistration_in_space": ({"x": "moved_x", "y": "moved_y", "z": "moved_z"}, "growing"),
+    "turned_in_space": ({"about_x": "about_x", "about_y": "about_y", "about_z": "about_z"}, "turning"),
+    "stretched_in_space": ({"wide": "wide", "broad": "broad", "high": "high"}, "growing"),
+}
+"""Numbers of the probe for those of a member, and what those that grow are called."""
+
+
+@pytest.mark.parametrize("k", [1, 4])
+@pytest.mark.parametrize("growing", [0.0, 1.0])
+@pytest.mark.parametrize("name", OBSERVED)
+def test_the_probe_of_the_observation_can_be_its_members(name, growing, k):
+    alike, called = OBSERVED[name]
+    for own, its in alike.items():
+        if growing:
+            its = f"{called}_{its}" if name == "stretched_in_space" else f"{called}_{its[-1]}"
+        member = shifts({f"{name}.{own}": 0.01, f"{name}.growing": growing}, k)
+        assert np.abs(member).max() > 0.002
+        assert shifts({f"observation_probe_in_space.{its}": 0.01}, k) == pytest.approx(member, abs=1e-12)
+
+
+def test_volumes_are_distorted_about_their_middle():
+    middle = np.array([WIDTH, WIDTH, 6.0]) / 2
+    beside = np.array([[5.0, 0.0, 0.0], [0.0, -5.0, 0.0], [0.0, 0.0, 2.5], [3.0, 4.0, 0.0]])
+    wanted = -0.05 * beside * [[1.0], [1.0], [0.25], [1.0]]
+    found = shifts({"distorted_in_space.barrel": 0.05, "distorted_in_space.growing": 0.0}, 1, middle + beside)
+    assert found == pytest.approx(wanted, abs=1e-12)
+    grown = shifts({"distorted_in_space.barrel": 0.05, "distorted_in_space.growing": 1.0}, 1, middle + beside)
+    assert grown == pytest.approx(wanted / 4, abs=1e-12)
+    probed = shifts({"observation_probe_in_space.barrel": 0.05}, 1, middle + beside)
+    assert probed == pytest.approx(wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize(("axes", "plane"), [("xy", (0, 1)), ("xz", (0, 2)), ("yz", (1, 2))])
+def test_the_probe_of_the_observation_shears_without_a_turn(axes, plane):
+    beside = MESH.points - np.array([WIDTH, WIDTH, 6.0]) / 2
+    wanted = np.zeros_like(beside)
+    wanted[:, plane] = 0.01 * beside[:, plane[::-1]]
+    for name, share in (("shear", 1.0), ("shearing", 0.25)):
+        found = shifts({f"observation_probe_in_space.{name}_{axes}": 0.01}, 1)
+        assert found == pytest.approx(share * wanted, abs=1e-12)
 
 
 @pytest.mark.parametrize("values", [{"base_slip.share": 0.5}, {"indenter_slip.share": 0.5}], ids=["base", "indenter"])
