@@ -32,9 +32,11 @@ SIZES = {"width": 12.0, "height": 12.0, "force": 66.0, "duration": 140.0}
 EFFECTS = bound(catalogue(), SIZES, "force")
 BY_DISPLACEMENT = bound(catalogue(), SIZES, "displacement")
 UNSEEN_BY_THE_DECK = {name for name, e in EFFECTS.items() if not e.simulated}
-OF_A_FINGERTIP = {"friction", "bone_mobility", "inclusion_in_space", "indenter_place"}
+OF_A_FINGERTIP = {"friction", "bone_mobility", "indenter_place"}
 """Effects that no block in the plane has: tests/verification/test_fingertip.py."""
-IN_THE_DECK = sorted(set(EFFECTS) - UNSEEN_BY_THE_DECK - OF_A_FINGERTIP)
+IN_SPACE = {name for name, e in EFFECTS.items() if "space" in e.needs}
+"""Those of bodies in space: tests/verification/test_fingertip.py and test_effects_in_space.py."""
+IN_THE_DECK = sorted(set(EFFECTS) - UNSEEN_BY_THE_DECK - OF_A_FINGERTIP - IN_SPACE)
 
 
 def study(control="force", values=FORCES):

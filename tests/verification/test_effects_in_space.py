@@ -17,7 +17,9 @@ from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.observation import Observation
 from fingerfit.model.scales import bound
-from fingerfit.solvers.contract import CONVERGED
+from fingerfit.solvers.calculix import CalculixSolver
+from fingerfit.solvers.contract import CONVERGED, Capabilities
+from fingerfit.solvers.needs import FEATURES
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.study import Body, Layer
 
@@ -38,13 +40,13 @@ def deck(values=(), of=None, mesh=MESH):
     return render_deck("block.inp.j2", context, [ROOT / "templates"])
 
 
-def solve(values, folder, solver="builtin", of=None, mesh=MESH):
+def solve(values, folder, solver="builtin", of=None, mesh=MESH, step=-1):
     write_text(folder / "mesh.inp", format_mesh(mesh))
     # ccx takes a hundred times as long where elements have numbers in the millions
     write_text(folder / "deck.inp", re.sub(r"\b([1289])00(\d{4}), ", r"\1\2, ", deck(values, of, mesh)))
     found = get_solver(solver).solve(folder / "deck.inp", folder)
     assert found.status == CONVERGED, found
-    return found.displacement[-1]
+    return found.displacement[step]
 
 
 def side(name):
@@ -100,6 +102,27 @@ def test_a_tilted_indenter_is_a_plane(tmp_path):
     assert moved[:, 2] == pytest.approx(-0.5 * (1 + 0.02 * aside), abs=1e-9)
 
 
+EFFECTS = bound(catalogue(), {**SIZES, "breadth": WIDTH}, "force")
+OF_BRICKS = [name for name, effect in EFFECTS.items() if effect.simulated and {"layers", "space"} <= set(effect.needs)]
+
+
+@pytest.mark.parametrize("name", OF_BRICKS)
+def test_absent_it_leaves_the_deck_and_each_of_its_numbers_changes_it(name):
+    effect = EFFECTS[name]
+    for place in effect.places():
+        assert deck({**effect.null(), **place}) == deck()
+    for p in effect.parameters:
+        assert deck({effect.key(p.name): p.null + p.step}) != deck()
+
+
+@pytest.mark.parametrize("name", OF_BRICKS)
+def test_at_its_step_it_has_a_solution(name, tmp_path):
+    effect = EFFECTS[name]
+    values = {effect.key(p.name): p.null + p.step for p in effect.parameters}
+    change = np.abs(solve(values, tmp_path) - solve({}, tmp_path)).max()
+    assert 1e-4 < change < 1.0
+
+
 def shifts(values, k, points=MESH.points):
     """How far the volume at step k of 4 shows nodes from where they are, mm."""
     course = tuple({"k": float(k), "n": 4.0, "now": k / 4, "loaded": k / 4} for k in range(1, 5))
@@ -147,6 +170,85 @@ def test_the_probe_of_the_observation_shears_without_a_turn(axes, plane):
     for name, share in (("shear", 1.0), ("shearing", 0.25)):
         found = shifts({f"observation_probe_in_space.{name}_{axes}": 0.01}, 1)
         assert found == pytest.approx(share * wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["prestretch_in_space", "state_probe_in_space"])
+@pytest.mark.parametrize("along", [(1e-4, 0.0), (0.0, 1e-4), (1e-4, -5e-5)])
+def test_a_body_between_plates_that_slide_loses_its_stretch(name, along, tmp_path):
+    """To first order: each axis by its stretch, and by half of the other one with the opposite sign, as z by both."""
+    x, y = along
+    free = replace(study(), base="slides", indenter="slides")
+    values = {f"{name}.along_x": x, f"{name}.along_y": y}
+    moved = solve(values, tmp_path, of=free, step=0)
+    assert moved == pytest.approx(MESH.points * [y / 2 - x, x / 2 - y, (x + y) / 2], abs=1e-6)
+
+
+def rows_of(card, values):
+    """Lines of numbers below each card of a keyword, without their first entry."""
+    found = re.findall(rf"^\*{card}\n((?:[^*].*\n)*)", deck(values), re.MULTILINE)
+    return [[[float(x) for x in row.split(",")[1:]] for row in rows.splitlines()] for rows in found]
+
+
+STRESS = "INITIAL CONDITIONS, TYPE=STRESS"
+
+
+def test_one_layer_alone_may_have_been_stretched_along_y():
+    layer = {"prestretch_in_space.along_y": 0.1, "prestretch_in_space.layer": 2.0}
+    assert rows_of(STRESS, layer) == [[pytest.approx([-0.1 * MU, 0.2 * MU, -0.1 * MU, 0, 0, 0])]]
+    assert f"{STRESS}\nBOTTOM, " in deck(layer)
+
+
+def test_the_probe_of_the_state_can_be_its_members():
+    for own in ("along_x", "along_y"):
+        (both,) = rows_of(STRESS, {f"state_probe_in_space.{own}": 0.05})
+        assert len(both) == len(LAYERS)
+        assert [both] == rows_of(STRESS, {f"prestretch_in_space.{own}": 0.05, "prestretch_in_space.layer": 0.0})
+    warm, swelled = (
+        rows_of("TEMPERATURE", {f"{name}": 0.05}) for name in ("swollen.volume", "state_probe_in_space.swollen")
+    )
+    assert warm == swelled
+    pushed, pressed = (
+        rows_of("CLOAD", values) for values in ({"preload.force": 0.1 * FORCE}, {"state_probe_in_space.load": 0.1})
+    )
+    assert pushed == pressed
+    assert len(pushed) == 2
+
+
+class Careless(CalculixSolver):
+    """Takes an initial stress, which decks of CalculiX have by integration point."""
+
+    capabilities = Capabilities(CalculixSolver.capabilities.elements, features=FEATURES)
+
+
+def by_point(text, mesh):
+    """The deck with its initial stress at the 27 points of each element."""
+
+    def rows(found):
+        given = [line.split(", ", 1) for line in found[1].splitlines()]
+        return "*INITIAL CONDITIONS, TYPE=STRESS\n" + "".join(
+            f"{int(element) + 1}, {point}, {stress}\n"
+            for name, stress in given
+            for element in mesh.element_sets[name]
+            for point in range(1, 28)
+        )
+
+    return re.sub(r"\*INITIAL CONDITIONS, TYPE=STRESS\n((?:[^*].*\n)*)", rows, text)
+
+
+def test_calculix_reads_the_initial_stress_in_the_same_order(tmp_path, needs_ccx):
+    """In an elastic body at small strain; it goes on without it in one that is hyperelastic."""
+    mesh = brick((WIDTH, WIDTH, 6.0), (2, 2, 1), element="C3D20", layers=LAYERS)
+    values = {"prestretch_in_space.along_x": 0.04, "prestretch_in_space.along_y": -0.02}
+    elastic = f"*ELASTIC\n{2 * MU * 1.45}, 0.45\n"
+    text = re.sub(r"\*HYPERELASTIC, OGDEN.*\n.*\n", elastic, deck(values, study("displacement", 0.3), mesh))
+    text = re.sub(r"\b([1289])00(\d{4}), ", r"\1\2, ", text).replace(", NLGEOM", "")
+    write_text(tmp_path / "mesh.inp", format_mesh(mesh))
+    found = []
+    for solver, shown in ((get_solver("builtin"), text), (Careless(), by_point(text, mesh))):
+        write_text(tmp_path / "deck.inp", shown)
+        found.append(solver.solve(tmp_path / "deck.inp", tmp_path).displacement)
+    assert np.abs(found[0][0]).max() > 0.1
+    assert np.abs(found[0] - found[1]).max() < 5e-7
 
 
 @pytest.mark.parametrize("values", [{"base_slip.share": 0.5}, {"indenter_slip.share": 0.5}], ids=["base", "indenter"])

@@ -50,7 +50,12 @@ MORE = {
     "uneven swelling": ("state", {"state_probe": {"lower": 0.08, "upper": -0.05}}, {"state_probe"}, {}),
     "yeoh": ("material", {"yeoh": {"c2": 0.4, "c3": 0.5}}, LAW, FURTHER),
     "exponential": ("material", {"exponential": {"b": 3.0}}, LAW, FURTHER),
-    "borders": ("geometry", {"geometry_probe": {"upper": 1.0, "incline_upper": 2.0, "incline_lower": 2.0}}, {"geometry_probe"}, {}),
+    "borders": (
+        "geometry",
+        {"geometry_probe": {"upper": 1.0, "incline_upper": 2.0, "incline_lower": 2.0}},
+        {"geometry_probe"},
+        {},
+    ),
 }
 
 
