@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.changed import changed_by
-from fingerfit.deck.loading import ageing, course_of, direction, from_rest, loading_steps, rail
+from fingerfit.deck.loading import ageing, course_of, direction, from_rest, loading_steps, rail, under_indenter
 from fingerfit.deck.patch import ball, half_tube
 from fingerfit.deck.pieces import Own, comes_down, compressibility, pieces_of
 from fingerfit.deck.questions import (
@@ -93,7 +93,7 @@ def deck_context(
         _layer(number, len(study.layer_names), name, values, material, present, law)
         for number, name in enumerate(study.layer_names, 1)
     ]
-    increment, follows = changed_by("increment", 1.0, {}, present, values), _follows(mesh, indenter, present, values)
+    increment, follows = changed_by("increment", 1.0, {}, present, values), _follows(mesh, present, values)
     steps, way = loading_steps(study, mesh, present, values, ages=bool(ages.any())), direction(study, mesh.dim)
     pieces = pieces_of(layers, mesh, present, values, _regions(study, mesh, layers, values, material, present, law))
     numbers = itertools.count(TWINS)  # of one part after the other
@@ -181,13 +181,13 @@ def check_layers(present: Iterable[Effect], values: Mapping[str, float], count: 
             raise InputError(f"effect {effect.name}", LAYER, f"{layer:g}", f"0, all layers, beside effect {other}")
 
 
-def _follows(mesh: Mesh, indenter: int, present: list[Effect], values: Mapping[str, float]) -> dict[int, float]:
+def _follows(mesh: Mesh, present: list[Effect], values: Mapping[str, float]) -> dict[int, float]:
     """Share of the indenter's way that each node under it goes, nodes counted from 1; empty where all go with it."""
     if not any("follow" in effect.changes for effect in present):
         return {}
     top = mesh.node_sets["TOP"]
-    aside = mesh.points[top, 0] - mesh.points[indenter, 0]
-    share = np.broadcast_to(changed_by("follow", np.ones(len(top)), {"aside": aside}, present, values), len(top))
+    share = changed_by("follow", np.ones(len(top)), under_indenter(mesh, top), present, values)
+    share = np.broadcast_to(share, len(top))
     return {int(node) + 1: float(one) for node, one in zip(top, share, strict=True)}
 
 

@@ -15,6 +15,9 @@ from fingerfit.model.effect import Effect
 from fingerfit.model.observation import places, unloaded
 from fingerfit.study.study import AXES, Step, Study, largest_of
 
+SIDEWAYS = ("displacement_x", "displacement_y")
+"""What effects may change of where the indenter goes aside; the second one in space only."""
+
 
 def direction(study: Study, dim: int) -> list[float]:
     """Unit vector of the indenter's way, shape (dim,)."""
@@ -85,13 +88,23 @@ def loading_steps(
         if entry[control] is not None:
             entry[control] = float(changed_by(control, entry[control], names, present, values)) + begun
         aside = _aside(study, step, entry["displacement"])
-        if any("displacement_x" in effect.changes for effect in present):
-            names["share"] = abs(getattr(step, control) or 0.0) / (largest or 1.0)
-            aside[1] = float(changed_by("displacement_x", aside.get(1, 0.0), names, present, values))
+        shared = {**names, "share": abs(getattr(step, control) or 0.0) / (largest or 1.0)}
+        for axis, what in enumerate(SIDEWAYS[: mesh.dim - 1], 1):
+            if any(what in effect.changes for effect in present):
+                aside[axis] = float(changed_by(what, aside.get(axis, 0.0), shared, present, values))
         entry["aside"] = sorted(aside.items())
         entry["deeper"] = _deeper(mesh, names, present, values)
         steps.append(entry)
     return steps
+
+
+def under_indenter(mesh: Mesh, nodes: np.ndarray) -> dict[str, np.ndarray]:
+    """Names that formulas have for places of nodes as seen from the indenter's own: mm along x, and in space along y.
+
+    In the plane `beside` is 0; shape (nodes,) each.
+    """
+    found = mesh.points[nodes] - mesh.points[mesh.node_sets["INDENTER"][0]]
+    return {"aside": found[:, 0], "beside": found[:, 1] if mesh.dim == 3 else np.zeros(len(nodes))}
 
 
 def _deeper(
@@ -104,9 +117,9 @@ def _deeper(
     if not any("deeper" in effect.changes for effect in present):
         return []
     top, indenter = mesh.node_sets["TOP"], mesh.node_sets["INDENTER"][0]
-    aside = mesh.points[[indenter, *top], 0] - mesh.points[indenter, 0]
-    found = changed_by("deeper", np.zeros(len(aside)), {**names, "aside": aside}, present, values)
-    found = np.broadcast_to(found, len(aside))
+    places = under_indenter(mesh, np.array([indenter, *top]))
+    found = changed_by("deeper", np.zeros(1 + len(top)), {**names, **places}, present, values)
+    found = np.broadcast_to(found, 1 + len(top))
     return [(int(node) + 1, float(one)) for node, one in zip(top, found[1:] - found[0], strict=True)]
 
 

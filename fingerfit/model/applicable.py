@@ -56,7 +56,8 @@ def unmet(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
     if pushes and study.control == "displacement" and (study.body.width is None or study.direction):
         # only the deck of a block goes on from where a force has left the indenter
         found.append("a prescribed force")
-    if study.on_a_rail and ("indenter" in effect.replaces or "displacement_x" in effect.changes):
+    moved = {"displacement_x", "displacement_y"} & effect.changes.keys()
+    if study.on_a_rail and ("indenter" in effect.replaces or moved):
         found.append("an indenter that is not on a rail")
     # a side that slides has nothing that could give way
     if "base" in effect.replaces and study.base != "held":

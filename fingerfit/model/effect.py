@@ -102,7 +102,8 @@ class Effect:
         Bounds of those scanned numbers that a fit then changes, too; the others stay.
     changes : mapping
         Formulas for what goes into the deck: ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a factor on
-        mu at a place), ``force``, ``displacement`` (prescribed), ``displacement_x`` (of the indenter sideways, mm),
+        mu at a place), ``force``, ``displacement`` (prescribed), ``displacement_x``, in space ``displacement_y`` (of
+        the indenter sideways, mm),
         ``before`` (prescribed before the first picture), ``increment`` (of the solver, as a share of a step),
         ``follow`` (share of the indenter's way that a node under it goes), ``deeper`` (mm that the indenter goes
         deeper there than at its own node, at a step), ``beside_x``, ``beside_y`` (where the

@@ -36,6 +36,7 @@ CHANGES = (
     "force",
     "displacement",
     "displacement_x",
+    "displacement_y",
     "before",
     "increment",
     "follow",

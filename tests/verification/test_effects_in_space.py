@@ -2,17 +2,20 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import LAYERS as PLANE
 from conftest import ROOT, phantom
 
 from fingerfit.core.files import write_text
 from fingerfit.deck.context import deck_context
+from fingerfit.deck.loading import under_indenter
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.questions import areas
 from fingerfit.deck.render import render_deck
-from fingerfit.mesh.blocks import brick
+from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.observation import Observation
@@ -32,6 +35,11 @@ MESH = brick((WIDTH, WIDTH, 6.0), (3, 3, 2), element="C3D20H", layers=LAYERS)
 def study(control="force", value=FORCE):
     body = Body(tuple(Layer(*layer) for layer in LAYERS), brick=(WIDTH, WIDTH, 6.0))
     return replace(phantom(control, [value]), body=body)
+
+
+def two_steps():
+    """Half the way and the whole of it."""
+    return replace(phantom("displacement", [0.2, 0.4]), body=study().body)
 
 
 def deck(values=(), of=None, mesh=MESH):
@@ -94,12 +102,87 @@ def test_the_probe_of_the_base_can_be_its_members(tmp_path):
     assert solve(down, tmp_path) == pytest.approx(solve(bed, tmp_path), abs=1e-7)
 
 
-def test_a_tilted_indenter_is_a_plane(tmp_path):
-    moved = solve({"tilt.slope": 0.02, "tilt.power": 1.6}, tmp_path, of=study("displacement", 0.5))[
-        MESH.node_sets["TOP"]
-    ]
-    aside = MESH.points[MESH.node_sets["TOP"], 0] - MESH.points[MESH.node_sets["INDENTER"][0], 0]
-    assert moved[:, 2] == pytest.approx(-0.5 * (1 + 0.02 * aside), abs=1e-9)
+TOP = MESH.node_sets["TOP"]
+ASIDE, BESIDE = (MESH.points[TOP] - MESH.points[MESH.node_sets["INDENTER"][0]])[:, :2].T
+
+
+@pytest.mark.parametrize("name", ["tilt_in_space", "indenter_probe_in_space"])
+def test_a_tilted_indenter_is_a_plane(name, tmp_path):
+    values = {f"{name}.slope_x": 0.02, f"{name}.slope_y": -0.03}
+    moved = solve(values, tmp_path, of=study("displacement", 0.5))[TOP]
+    assert moved[:, 2] == pytest.approx(-0.5 * (1 + 0.02 * ASIDE - 0.03 * BESIDE), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("values", "larger"),
+    [
+        ({"tilt_in_space.early_x": 0.02, "tilt_in_space.early_y": -0.01, "tilt_in_space.power": 2.0}, 0.25),
+        ({"indenter_probe_in_space.turned_x": 0.02, "indenter_probe_in_space.turned_y": -0.01}, 1.0),
+    ],
+    ids=["tilt", "probe"],
+)
+def test_a_tilt_of_its_own_course_is_gone_at_the_largest_load(values, larger, tmp_path):
+    deeper = -solve(values, tmp_path, of=two_steps(), step=slice(None))[:, TOP, 2] - [[0.2], [0.4]]
+    assert deeper == pytest.approx(np.outer([larger, 0.0], 0.02 * ASIDE - 0.01 * BESIDE), abs=1e-6)
+
+
+def test_a_curved_indenter_is_round(tmp_path):
+    values = {"indenter_probe_in_space.curve": 0.004, "indenter_probe_in_space.lowered": 0.1}
+    moved = solve(values, tmp_path, of=study("displacement", 0.5))[TOP]
+    own = MESH.node_sets["INDENTER"][0] == TOP  # the indenter's own node goes as far as it is said to
+    wanted = -0.5 * (1.1 + 0.004 * (ASIDE**2 + BESIDE**2))
+    assert moved[~own, 2] == pytest.approx(wanted[~own], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("values", "halfway"),
+    [
+        ({"sideways_in_space.early_x": 0.04, "sideways_in_space.early_y": -0.02, "sideways_in_space.power": 2.0}, 0.25),
+        ({"indenter_probe_in_space.midway_x": 0.04, "indenter_probe_in_space.midway_y": -0.02}, 1.0),
+    ],
+    ids=["member", "probe"],
+)
+def test_an_indenter_moves_along_both_axes(values, halfway, tmp_path):
+    name = next(iter(values)).partition(".")[0]
+    moved = {f"{name}.moved_x": 0.1, f"{name}.moved_y": -0.06}
+    found = solve(values | moved, tmp_path, of=two_steps(), step=slice(None))[:, TOP, :2]
+    wanted = np.array([[0.05 + 0.04 * halfway, -0.03 - 0.02 * halfway], [0.1, -0.06]])
+    assert found == pytest.approx(np.broadcast_to(wanted[:, None], found.shape), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["indenter_slip.share", "indenter_probe_in_space.slips"])
+def test_springs_under_an_indenter_go_aside_with_it_along_both_axes(name, tmp_path):
+    """Hardly slipping it is glued; slipping it takes the body along as it does where it goes straight down."""
+    aside = {"sideways_in_space.moved_x": 0.1, "sideways_in_space.moved_y": -0.06}
+    where = study("displacement", 0.3)
+    glued, firm = (solve(values, tmp_path, of=where) for values in (aside, aside | {name: 1e-6}))
+    assert np.abs(firm - glued).max() < 2e-4
+    loose, plain = (solve(values | {name: 0.5}, tmp_path, of=where) for values in (aside, {}))
+    dragged = (loose - plain)[TOP, :2].mean(axis=0)
+    assert (dragged / [0.1, -0.06] > 0.2).all() and (dragged / [0.1, -0.06] < 0.9).all()
+    assert dragged[0] / 0.1 == pytest.approx(dragged[1] / -0.06, rel=0.02)
+
+
+def test_the_probe_of_the_indenter_can_be_its_members(tmp_path):
+    where = study("displacement", 0.3)
+    for probed, member in (
+        ({"slips": 0.5}, {"indenter_slip.share": 0.5}),
+        ({"slope_y": 0.02, "moved_y": 0.1}, {"tilt_in_space.slope_y": 0.02, "sideways_in_space.moved_y": 0.1}),
+    ):
+        found = solve({f"indenter_probe_in_space.{name}": value for name, value in probed.items()}, tmp_path, of=where)
+        assert found == pytest.approx(solve(member, tmp_path, of=where), abs=1e-9)
+
+
+def test_in_the_plane_nothing_is_beside_and_no_indenter_goes_that_way():
+    plane = layered_block(12.0, PLANE, 4, 2, "CPE8H")
+    assert not under_indenter(plane, plane.node_sets["TOP"])["beside"].any()
+    constants = dict.fromkeys(("mu_top", "mu_middle", "mu_bottom"), MU)
+    within, moved = (
+        deck_context(phantom("force", [10.0]), plane, "mesh.inp", constants | values, {"alpha": 2.0, "poisson": 0.45})
+        for values in ({"tilt_in_space.slope_y": 0.02}, {"sideways_in_space.moved_y": 0.1})
+    )
+    assert set(within["follows"].values()) == {1.0}
+    assert [step["aside"] for step in moved["steps"]] == [[(1, 0.0)]]
 
 
 EFFECTS = bound(catalogue(), {**SIZES, "breadth": WIDTH}, "force")
@@ -112,7 +195,7 @@ def test_absent_it_leaves_the_deck_and_each_of_its_numbers_changes_it(name):
     for place in effect.places():
         assert deck({**effect.null(), **place}) == deck()
     for p in effect.parameters:
-        assert deck({effect.key(p.name): p.null + p.step}) != deck()
+        assert deck({effect.key(p.name): p.null + p.step}, two_steps()) != deck((), two_steps())
 
 
 @pytest.mark.parametrize("name", OF_BRICKS)
@@ -251,7 +334,16 @@ def test_calculix_reads_the_initial_stress_in_the_same_order(tmp_path, needs_ccx
     assert np.abs(found[0] - found[1]).max() < 5e-7
 
 
-@pytest.mark.parametrize("values", [{"base_slip.share": 0.5}, {"indenter_slip.share": 0.5}], ids=["base", "indenter"])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"base_slip.share": 0.5},
+        {"indenter_slip.share": 0.5},
+        {"tilt_in_space.slope_x": 0.02, "tilt_in_space.slope_y": -0.03, "sideways_in_space.moved_y": 0.1},
+        {"indenter_probe_in_space.slips": 0.5, "indenter_probe_in_space.moved_y": 0.1},
+    ],
+    ids=["base", "indenter", "tilt", "probe"],
+)
 def test_calculix_agrees(values, tmp_path, needs_ccx):
     mesh = brick((WIDTH, WIDTH, 6.0), (2, 2, 1), element="C3D20", layers=LAYERS)
     ours, theirs = (
@@ -261,8 +353,9 @@ def test_calculix_agrees(values, tmp_path, needs_ccx):
 
 
 def test_what_a_brick_may_have():
-    brick_has = {
-        name for name, effect in bound(catalogue(), SIZES, "force").items() if not unmet(effect, study(), 3, True)
-    }
+    measured = study()
+    measured = replace(measured, steps=tuple(replace(step, points=Path("points.csv")) for step in measured.steps))
+    brick_has = {name for name, effect in EFFECTS.items() if not unmet(effect, measured, 3, True)}
     assert {"base_slip", "base_probe", "soft_bed", "debonding", "body_gradient", "interface", "skin"} <= brick_has
-    assert not brick_has & {"outline", "base_friction", "inclusion", "misregistration"}
+    assert {name for name, effect in EFFECTS.items() if "space" in effect.needs} <= brick_has
+    assert not brick_has & {"outline", "base_friction", "inclusion", "misregistration", "tilt", "sideways"}
