@@ -151,7 +151,12 @@ def test_effects_in_place_of_a_glued_indenter_need_one_that_is_not_on_a_rail(tmp
         "oblique": load_study(written(tmp_path, steps, boundary=OBLIQUE)),
     }
     assert not any(needed in unmet(slip, study, 2, False) for study in studies.values())
-    assert needed in unmet(slip, replace(studies["oblique"], control="force"), 2, False)
+    railed = replace(studies["oblique"], control="force")
+    assert needed in unmet(slip, railed, 2, False)
+    for axis in "xy":
+        aside = replace(catalogue()["sideways"], changes={f"displacement_{axis}": f"displacement_{axis} + moved"})
+        assert needed in unmet(aside, railed, 2, False)
+        assert needed not in unmet(aside, studies["oblique"], 2, False)
 
 
 def moved_aside(folder, **effects):

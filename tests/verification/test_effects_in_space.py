@@ -22,6 +22,7 @@ from fingerfit.model.observation import Observation
 from fingerfit.model.scales import bound
 from fingerfit.solvers.calculix import CalculixSolver
 from fingerfit.solvers.contract import CONVERGED, Capabilities
+from fingerfit.solvers.first_order import answers
 from fingerfit.solvers.needs import FEATURES
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.study import Body, Layer
@@ -55,6 +56,11 @@ def solve(values, folder, solver="builtin", of=None, mesh=MESH, step=-1):
     found = get_solver(solver).solve(folder / "deck.inp", folder)
     assert found.status == CONVERGED, found
     return found.displacement[step]
+
+
+def solve_text(text, folder):
+    write_text(folder / "deck.inp", text)
+    return get_solver("builtin").solve(folder / "deck.inp", folder)
 
 
 def side(name):
@@ -183,6 +189,26 @@ def test_in_the_plane_nothing_is_beside_and_no_indenter_goes_that_way():
     )
     assert set(within["follows"].values()) == {1.0}
     assert [step["aside"] for step in moved["steps"]] == [[(1, 0.0)]]
+
+
+SLOPES = {
+    "tilt_in_space.slope_y": 0.02,
+    "sideways_in_space.moved_y": 0.1,
+    "indenter_probe_in_space.slips": 0.3,
+    "prestretch_in_space.along_y": 0.02,
+}
+"""One number of each kind, and where it is."""
+
+
+@pytest.mark.parametrize("name", SLOPES)
+def test_slopes_to_first_order_are_those_of_whole_simulations(name, tmp_path):
+    here, *sides = (deck({name: part * SLOPES[name]}, study("force", 0.5)) for part in (1.0, 1.02, 0.98))
+    write_text(tmp_path / "mesh.inp", format_mesh(MESH))
+    known, ahead, behind = (solve_text(text, tmp_path) for text in (here, *sides))
+    first, second = answers(tmp_path, here, known, sides)
+    whole, near = (ahead.displacement - behind.displacement), first.displacement - second.displacement
+    assert np.abs(whole).max() > 1e-5
+    assert np.abs(near - whole).max() < 2e-3 * np.abs(whole).max()
 
 
 EFFECTS = bound(catalogue(), {**SIZES, "breadth": WIDTH}, "force")
