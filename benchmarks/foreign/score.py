@@ -30,6 +30,7 @@ FAMILY = {
     "ellipse": "structure",
     "exponential": "material",
     "fibres": "material",
+    "fibres_in_space": "material",
     "force_gain": "loading",
     "force_offset": "loading",
     "friction": "indenter",
@@ -93,6 +94,7 @@ PROBES = {name for name in FAMILY if name.endswith(("_probe", "_probe_in_space")
 """Effects that stand for a family: *of no known form* is not the name of a member."""
 IN_SPACE = {
     "distorted_pictures": "distorted_in_space",
+    "fibres": "fibres_in_space",
     "inclusion": "inclusion_in_space",
     "misregistration": "misregistration_in_space",
     "prestretch": "prestretch_in_space",
