@@ -9,12 +9,12 @@ from test_effects_in_space import LAYERS, WIDTH, solve, study
 
 from fingerfit.mesh.blocks import brick
 
-NU, DOWN = 0.45, 0.4
+NU, DOWN = 0.45, 1.2
 MESH = brick((WIDTH, WIDTH, 6.0), (2, 2, 1), element="C3D20H", layers=LAYERS)
 HELD = study("displacement", DOWN)
 
 
-def fibres(angle, stiffness=2.0, exponent=1.5):
+def fibres(angle, stiffness=0.5, exponent=6.0):
     return {
         f"fibres_in_space.{name}": x for name, x in (("stiffness", stiffness), ("angle", angle), ("exponent", exponent))
     }
@@ -40,7 +40,7 @@ def test_between_plates_that_slide_it_bulges_across_the_fibres(angle, axis, elem
     found = 1 + moved[np.argmax(mesh.points.sum(axis=1))] / [WIDTH, WIDTH, 6.0]
     down = 1 - DOWN / 6.0
     least = minimize(
-        lambda x: between_plates_that_slide(*x, down, 2.0, 1.5), [1.0, 1.0], method="Nelder-Mead",
+        lambda x: between_plates_that_slide(*x, down, 0.5, 6.0), [1.0, 1.0], method="Nelder-Mead",
         options={"xatol": 1e-9, "fatol": 1e-15},
     ).x  # fmt: skip
     assert found == pytest.approx([*(least if axis == 0 else least[::-1]), down], abs=2e-6)
@@ -60,4 +60,8 @@ def test_they_turn_with_their_angle(tmp_path):
     assert at[-45.0] == pytest.approx(mirrored(at[45.0], -1), abs=1e-6)
     assert at[45.0] == pytest.approx(mirrored(at[45.0], 1), abs=1e-6)
     assert np.abs(at[0.0] - at[90.0]).max() > 0.01
-    assert np.abs(at[45.0] - at[-45.0]).max() > 0.01
+    outwards = {}
+    for x, y in ((0, 0), (1, 0)):  # a corner that the fibres at 45 degrees go to, and one that they do not
+        corner = np.abs(MESH.points - [WIDTH * x, WIDTH * y, 3.0]).max(axis=1).argmin()
+        outwards[x] = at[45.0][corner, :2] @ [2 * x - 1, 2 * y - 1]
+    assert 0 < outwards[0] < 0.95 * outwards[1]
