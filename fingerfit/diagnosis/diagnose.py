@@ -14,6 +14,7 @@ from fingerfit.diagnosis.candidates import candidates, left_out, makes_sense, ma
 from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
 from fingerfit.diagnosis.designs import Further, identification, separation
 from fingerfit.diagnosis.errors import errors
+from fingerfit.diagnosis.evidence import spare
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.form_or_state import form_or_state
@@ -27,6 +28,7 @@ from fingerfit.diagnosis.reservations import (
     doubted,
     far_off,
     largest_part,
+    not_needed,
     of_family,
     signal_of,
     too_coarse,
@@ -53,7 +55,7 @@ from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest, minimum
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Round
-from fingerfit.model.effect import MESH_ERROR, OUTLINE, STATE
+from fingerfit.model.effect import MESH_ERROR, OUTLINE, STATE, Effect
 from fingerfit.settings.extend import rivals, with_model
 from fingerfit.study.several import AT
 
@@ -90,6 +92,8 @@ class Diagnosis:
         Effects that were not tried, by title, and what would have to be measured.
     left_out : list of str
         Titles of the effects that were not tried, as ``diagnosis`` in config.yaml says.
+    spare : list of Effect
+        Effects of an adequate model that it may not need: as from `spare`.
     """
 
     comparison: Comparison
@@ -104,6 +108,7 @@ class Diagnosis:
     lacking: dict[str, InputError]
     untestable: dict[str, InputError]
     left_out: list[str]
+    spare: list[Effect]
 
 
 def diagnose(
@@ -146,8 +151,8 @@ def diagnose(
     coarse = by_mesh > 0.0 and by_mesh > LARGEST * max(excess(score_test), seen)
     probed = any(effect.probe for effect in problem.settings.effects())
     # of a body of another shape, and of one that is not solved well, refits say nothing
-    needless = coarse or (outline.off and unexplained) or too_small(score_test, ranking, fitted)
-    for _ in range(0 if needless else BATCHES):
+    no_refits = coarse or (outline.off and unexplained) or too_small(score_test, ranking, fitted)
+    for _ in range(0 if no_refits else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits, found.weighed)
         well = ended_well(score_test, refits, fitted)
@@ -189,11 +194,12 @@ def diagnose(
         ranking = [begins.get(one.candidate.effect.name, one) for one in ranking]
         refits |= {one.candidate.effect.name: refit for one, refit in states}
         run += more
-    verdict = far_off(verdict, found.comparison)
+    needless = spare(problem, score_test, found.comparison.base.values) if verdict.kind == "adequate" else []
+    verdict = not_needed(far_off(verdict, found.comparison), needless)
     untold = found.lacking, untestable(problem), left_out(problem)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking), len(untold[-1]))
     return Diagnosis(
-        found.comparison, score_test, ranking, refits, verdict, run, measurements, further, stiffness, *untold
+        found.comparison, score_test, ranking, refits, verdict, run, measurements, further, stiffness, *untold, needless
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from fingerfit.deck.modes import modes_of
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.ranking import LIKELY
+from fingerfit.diagnosis.evidence import LIKELY
 from fingerfit.fit.slopes import coordinates
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import Effect

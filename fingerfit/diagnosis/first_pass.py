@@ -16,7 +16,8 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.ranking import LIKELY, Ranked, Refitted
+from fingerfit.diagnosis.evidence import information
+from fingerfit.diagnosis.ranking import Ranked, Refitted
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.first_order import beside
 from fingerfit.fit.intervals import bound_of
@@ -138,8 +139,9 @@ class FirstPass:
         bound = tuple(p.name for p in path.parameters if bound_of(p, values[p.name]) is not None)
         slopes = np.zeros((path.count, len(free)))
         slopes[:, free] = found.jac
-        weighed = _information(path.parameters, values, slopes, effect)
-        return Refitted(values, float(2.0 * found.cost), found.status > 0, bound, path.run, path.count, *weighed)
+        known, far = information(path.parameters, values, slopes, effect)
+        misfit, surprise = float(2.0 * found.cost), float(far @ far)
+        return Refitted(values, misfit, found.status > 0, bound, path.run, path.count, known, surprise)
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Values, or columns of them, in units of their noise; those that are fitted only."""
@@ -148,27 +150,6 @@ class FirstPass:
     def left(self, read: np.ndarray) -> np.ndarray:
         """What a model leaves whose solution is `read` so, in units of the noise."""
         return self.whiten(self._left - (read - self._anchor))
-
-
-def _information(
-    parameters: Sequence[Parameter], values: Mapping[str, float], slopes: np.ndarray, effect: Effect | None
-) -> tuple[np.ndarray, float]:
-    """Information on an effect's numbers in units of their likely sizes, and how far these are from absent.
-
-    Sizes of an effect are as likely as half of their scale. Its place may be anywhere between its bounds.
-    """
-    absent = effect.null() if effect else {}
-    places = [effect.key(name) for name in effect.refine] if effect else []
-    likely = np.array(
-        [LIKELY if p.name in absent else (p.upper - p.lower) / p.scale / np.sqrt(12.0) for p in parameters]
-    )
-    own = np.array([p.name in absent or p.name in places for p in parameters], dtype=bool)
-    basis, sizes, _ = np.linalg.svd(slopes[:, ~own], full_matrices=False)
-    basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)]
-    left = slopes[:, own] - basis @ (basis.T @ slopes[:, own])
-    left = left * likely[own]
-    far = [(values[p.name] - absent[p.name]) / p.scale / LIKELY for p in parameters if p.name in absent]
-    return left.T @ left, float(np.square(far).sum())
 
 
 def widened(problem: InverseProblem, values: Mapping[str, float], one: Ranked, share: float = 1.0) -> InverseProblem:

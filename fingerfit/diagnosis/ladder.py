@@ -77,22 +77,33 @@ def run_again(config: Path) -> str:
 def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
     """Fit, diagnose, add the missing effect, until the model is adequate or no known effect explains the rest.
 
-    Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so.
+    Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so. An effect that
+    an adequate model may not need is dropped; where it is missing then, it comes back, and nothing more is dropped.
 
     Raises
     ------
     FingerfitError
         When the workflow fails.
     """
+    dropped = set[str]()
     for _ in range(RUNGS):
         if subprocess.run(command(["diagnose"], config, cores), check=False).returncode:
             raise FingerfitError(f"{config}: the workflow failed; its messages are above")
         settings = load_settings(config)
         say(_told(read_record(model_folder(settings) / "rung.json", "model", "error", "simulations", "sentence")))
-        diagnosis, results = read_record(model_folder(settings) / "diagnosis.json", "effects"), study_folder(settings)
+        diagnosis = read_record(model_folder(settings) / "diagnosis.json", "effects", "spare")
+        spare = [name for name in diagnosis["spare"] if name not in dropped]
+        if not diagnosis["effects"] and spare:
+            dropped.add(spare[0])
+            say(f"{spare[0]} may not be needed beside the others: dropping it")
+            say(drop(config, spare[0]))
+            continue
         if not diagnosis["effects"]:
+            results = study_folder(settings)
             return say(f"ladder: {results}/ladder.json; page: {results}/report.html")
         first, *others = diagnosis["effects"]
+        if first in dropped:  # it was needed, and so is what it is beside
+            dropped |= load_settings(config).model.effects.keys()
         if others:
             say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
         say(add(config, first))

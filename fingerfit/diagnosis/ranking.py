@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.evidence import log_odds
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
 
 STARTS = 4
 """Places from which an effect is refitted in the first pass, at most. A choice."""
-LIKELY = 0.5
-"""Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +62,9 @@ class Ranked:
     refitted: Refitted | None = None
 
     def odds(self, spread: float, fall: float | None = None) -> float:
-        """Logarithm of the odds for the model with the effect against the one without it (Laplace's approximation).
+        """Logarithm of the odds for the model with the effect against the one without it: `log_odds`.
 
-        Their evidence is the likelihood, integrated over the numbers of the effect with a normal prior of its likely
-        size (MacKay 1992); constants have the same prior in both. Where there is no refit: as BIC has it.
+        Where there is no refit: as BIC has it.
 
         Parameters
         ----------
@@ -76,11 +74,10 @@ class Ranked:
             Of the misfit, as a refit found it: counts where it is less than that of the first pass.
         """
         own = self.finding.fall if fall is None else min(fall, self.finding.fall)
-        fall, (values, numbers) = own / spread, self.columns.shape
+        values, numbers = self.columns.shape
         if self.refitted is None:
-            return 0.5 * (fall - numbers * float(np.log(max(values, 1))))
-        certain = np.eye(len(self.refitted.information)) + self.refitted.information / spread
-        return 0.5 * float(fall - self.refitted.surprise - np.linalg.slogdet(certain)[1])
+            return 0.5 * (own / spread - numbers * float(np.log(max(values, 1))))
+        return log_odds(own, self.refitted.surprise, self.refitted.information, spread)
 
     @property
     def size(self) -> dict[str, float]:

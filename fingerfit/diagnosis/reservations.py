@@ -286,6 +286,12 @@ def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:
     return replace(verdict, sentence=verdict.sentence + text)
 
 
+def not_needed(verdict: Verdict, spare: Sequence[Effect]) -> Verdict:
+    """The verdict, and which effects an adequate model may not need beside its others."""
+    titles = ", ".join(effect.title for effect in spare)
+    return replace(verdict, sentence=f"{verdict.sentence}; perhaps not needed: {titles}") if spare else verdict
+
+
 def untried(verdict: Verdict, solver: str, titles: Sequence[str], left_out: int) -> Verdict:
     """The verdict, and in its sentence what was not tried: what the solver cannot, and how many were left out."""
     lacking = f"; not tried, since solver {solver} lacks what they need: {', '.join(titles)}" if titles else ""

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from fingerfit.diagnosis.evidence import LIKELY
 from fingerfit.diagnosis.families import SURE
-from fingerfit.diagnosis.ranking import LIKELY, Ranked
+from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.score_tests import ScoreTest
 
 

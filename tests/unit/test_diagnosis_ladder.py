@@ -331,6 +331,16 @@ def test_a_misspelt_study_is_named(config, tmp_path):
     assert str(caught.value) == f"{mine}: study: found stdy; expected the folder of a study"
 
 
+def rung(folder, model, effects=(), spare=(), error=2.284):
+    """Results of a model that is there already."""
+    counted = {"run": 9, "reused": 5}
+    error = {"fitted": error, "held_out": None}
+    keep_json(
+        folder / model / "rung.json", {"model": model, "error": error, "simulations": counted, "sentence": "so it is"}
+    )
+    keep_json(folder / model / "diagnosis.json", {"effects": list(effects), "spare": list(spare), "ranking": []})
+
+
 SNAKEFILE = "rule diagnose:\n    output: touch('done')\n"
 
 
@@ -339,13 +349,8 @@ def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, mon
     write_text(tmp_path / "Snakefile", SNAKEFILE)
     write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
     monkeypatch.setattr(call, "SHIPPED", tmp_path)
-    error, counted = {"fitted": 2.284, "held_out": None}, {"run": 9, "reused": 5}
-    for model, effects in (("base", ["tilt", "skin"]), ("base+tilt", [])):
-        folder = tmp_path / "results/study" / model
-        keep_json(
-            folder / "rung.json", {"model": model, "error": error, "simulations": counted, "sentence": "so it is"}
-        )
-        keep_json(folder / "diagnosis.json", {"effects": effects, "ranking": []})
+    rung(tmp_path / "results/study", "base", ["tilt", "skin"])
+    rung(tmp_path / "results/study", "base+tilt")
     assert main(["discover"]) == 0
     assert capfd.readouterr().out.splitlines() == [
         "base: error 2.28 times the noise level; 9 simulations run, 5 reused from models below; so it is",
@@ -354,3 +359,28 @@ def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, mon
         "base+tilt: error 2.28 times the noise level; 9 simulations run, 5 reused from models below; so it is",
         "ladder: results/study/ladder.json; page: results/study/report.html",
     ]
+
+
+@pytest.mark.parametrize("needed", [False, True])
+def test_discover_drops_what_is_not_needed_beside_a_later_effect(needed, config, tmp_path, monkeypatch, capfd):
+    """An effect that is missing without comes back, and nothing is dropped any more."""
+    write_text(tmp_path / "Snakefile", SNAKEFILE)
+    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
+    monkeypatch.setattr(call, "SHIPPED", tmp_path)
+    study = tmp_path / "results/study"
+    rung(study, "base", ["tilt"])
+    rung(study, "base+tilt", ["skin"])
+    rung(study, "base+tilt+skin", spare=["tilt"])
+    rung(study, "base+skin", ["tilt"] if needed else [])
+    rung(study, "base+skin+tilt", spare=["skin"])
+    assert main(["discover"]) == 0
+    said = [line.partition(" (")[0] for line in capfd.readouterr().out.splitlines() if "error" not in line]
+    more = ["config.yaml: added tilt"] if needed else []
+    assert said[:-1] == [
+        "config.yaml: added tilt",
+        "config.yaml: added skin",
+        "tilt may not be needed beside the others: dropping it",
+        "config.yaml: dropped tilt; its results stay where they are",
+        *more,
+    ]
+    assert list(load_settings(config).model.effects) == (["skin", "tilt"] if needed else ["skin"])

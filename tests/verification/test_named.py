@@ -7,8 +7,9 @@ from small_body import compared, fitted, written
 
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import rank_candidates
+from fingerfit.diagnosis.evidence import LIKELY
 from fingerfit.diagnosis.families import families
-from fingerfit.diagnosis.ranking import LIKELY, best_places
+from fingerfit.diagnosis.ranking import best_places
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.minimum import finest
@@ -50,9 +51,15 @@ MORE = {
     "uneven swelling": ("state", {"state_probe": {"lower": 0.08, "upper": -0.05}}, {"state_probe"}, {}),
     "yeoh": ("material", {"yeoh": {"c2": 0.4, "c3": 0.5}}, LAW, FURTHER),
     "exponential": ("material", {"exponential": {"b": 3.0}}, LAW, FURTHER),
+    "inclined border": (
+        "geometry",
+        {"interface": {"down": 1.0, "incline": 3.0, "border": 1}},
+        {"interface"},
+        {},
+    ),
     "borders": (
         "geometry",
-        {"geometry_probe": {"upper": 1.0, "incline_upper": 2.0, "incline_lower": 2.0}},
+        {"geometry_probe": {"upper": 1.0, "incline_upper": 2.0}},
         {"geometry_probe"},
         {},
     ),

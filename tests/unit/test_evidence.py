@@ -1,0 +1,66 @@
+"""Evidence for effects: against numbers integrated one by one; which effects a model may do without."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fingerfit.diagnosis.evidence import LIKELY, log_odds, spare
+from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.parameters import Parameter
+from fingerfit.model.scales import bound
+
+VALUES = 60
+EFFECTS = bound(catalogue(), {"width": 12.0, "height": 12.0, "force": 40.0}, "force")
+
+
+def test_odds_are_an_integral_over_the_number():
+    """A line with noise of 1: with a slope whose prior is normal, and without one."""
+    rng = np.random.default_rng(3)
+    x, prior = np.linspace(-1, 1, VALUES), 0.7
+    y = 0.4 * x + rng.normal(size=VALUES)
+    slopes = np.linspace(-8, 8, 4001)
+    misfit = ((y - slopes[:, None] * x) ** 2).sum(axis=1)
+    density = np.exp(-0.5 * (slopes / prior) ** 2) / prior / np.sqrt(2 * np.pi)
+    exact = np.log((np.exp(-0.5 * (misfit - (y @ y))) * density).sum() * (slopes[1] - slopes[0]))
+    # where likelihood and prior together are largest
+    best = x @ y / (x @ x + prior**-2)
+    fall = y @ y - ((y - best * x) ** 2).sum()
+    assert log_odds(fall, (best / prior) ** 2, np.array([[x @ x * prior**2]]), 1.0) == pytest.approx(exact, abs=1e-6)
+
+
+def model(effects, slopes, values):
+    """A fitted model with one constant: `slopes` of all numbers in units of the noise, `values` in units of scales."""
+    known = {name: EFFECTS[name] for name in effects}
+    numbers = [(effect.key(p.name), p) for effect in known.values() for p in effect.parameters]
+    parameters = [Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0)]
+    parameters += [Parameter(key, p.unit, p.lower, p.upper, p.null, False, p.scale) for key, p in numbers]
+    settings = SimpleNamespace(
+        parameters=lambda: tuple(parameters), model=SimpleNamespace(effects=dict.fromkeys(effects))
+    )
+    at = {p.name: value * p.scale for p, value in zip(parameters[1:], values, strict=True)} | {"mu": 0.1}
+    # what is left after a fit has no part along its slopes
+    rest = np.random.default_rng(5).normal(size=VALUES)
+    rest -= slopes @ np.linalg.lstsq(slopes, rest, rcond=None)[0]
+    score_test = ScoreTest(rest, np.eye(VALUES), slopes, np.zeros((VALUES, 0)))
+    return SimpleNamespace(settings=settings, effects=known), score_test, at
+
+
+@pytest.mark.parametrize(("alike", "expected"), [(0.0, []), (0.999, ["base_slip"])])
+def test_what_another_effect_says_as_well_is_spare(alike, expected):
+    rng = np.random.default_rng(4)
+    one, other, mu = np.linalg.qr(rng.normal(size=(VALUES, 3)))[0].T * 40.0
+    slopes = np.stack([mu, one, alike * one + np.sqrt(1 - alike**2) * other], axis=1)
+    problem, score_test, at = model(["base_slip", "force_gain"], slopes, [0.2, 0.5])
+    assert [effect.name for effect in spare(problem, score_test, at)] == expected
+
+
+def test_a_number_that_is_almost_absent_is_spare_and_the_last_effect_is_not_asked_for():
+    rng = np.random.default_rng(4)
+    slopes = np.linalg.qr(rng.normal(size=(VALUES, 3)))[0] * 40.0
+    small = 0.3 / 40.0  # a third of its standard error
+    problem, score_test, at = model(["base_slip", "force_gain"], slopes, [small, small])
+    assert small < LIKELY
+    assert [effect.name for effect in spare(problem, score_test, at)] == ["base_slip"]
+    assert spare(*model(["base_slip"], slopes[:, :2], [small])) == []
