@@ -19,6 +19,7 @@ from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, Effect
 from fingerfit.study.several import AT
 
+BEYOND = "the misfit beyond the noise"
 FORM = 0.1
 """Share of an effect's signal by which its form may be off from what is there. A choice (decision 19)."""
 
@@ -118,17 +119,17 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
         effect, fall = one.candidate.effect, one.finding.fall
         beyond = fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         if effect.acts == NUMERICS and beyond and fall >= ENOUGH * excess:
-            return replace(verdict, sentence=_cured(effect, "that", fall / excess), family=NUMERICS)
+            return replace(verdict, sentence=_cured(effect, "that", fall / excess, BEYOND), family=NUMERICS)
     return verdict
 
 
-def _cured(effect: Effect, what: str, share: float) -> str:
+def _cured(effect: Effect, what: str, share: float, of: str) -> str:
     wrong, cure = cure_of(effect)
-    return f"{wrong}: {what} explains {100 * min(share, 1.0):.0f} % of the misfit beyond the noise{CURE}{cure}"
+    return f"{wrong}: {what} explains {100 * min(share, 1.0):.0f} % of {of}{CURE}{cure}"
 
 
-def too_coarse(verdict: Verdict, score_test: ScoreTest, fall: float, effect: Effect) -> Verdict:
-    """The verdict of a model whose mesh leaves all that there is beyond the noise.
+def too_coarse(verdict: Verdict, score_test: ScoreTest, fall: float, best: float, effect: Effect) -> Verdict:
+    """The verdict of a model whose mesh leaves most of what there is beyond the noise, or of what an effect would say.
 
     Parameters
     ----------
@@ -136,11 +137,14 @@ def too_coarse(verdict: Verdict, score_test: ScoreTest, fall: float, effect: Eff
     score_test : ScoreTest
     fall : float
         Of the misfit, by the error of the mesh.
+    best : float
+        The same by the best effect of the first pass, where the model leaves no more than the noise; else 0.
     effect : Effect
         The one that stands for it.
     """
-    share = fall / max(score_test.misfit - score_test.freedom, 1.0)
-    text = _cured(effect, "half the element size", share)
+    beyond = max(excess(score_test), 1.0)
+    of = BEYOND if beyond >= best else "what the best effect would explain"
+    text = _cured(effect, "half the element size", fall / max(beyond, best), of)
     return Verdict("unexplained", (), text, verdict.threshold, NUMERICS)
 
 

@@ -12,7 +12,7 @@ from seeds import generator
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
-from fingerfit.diagnosis.reservations import by_settings, doubted, signal_of, traced
+from fingerfit.diagnosis.reservations import by_settings, doubted, signal_of, too_coarse, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import Verdict, decide, ended_well, half_explained
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
@@ -439,6 +439,16 @@ def test_what_only_mesh_or_load_steps_explain_is_cured_by_settings(world, name, 
     found = by_settings(decide(score_test, ranking, {}, TESTS), score_test, ranking, TESTS)
     assert (found.kind, found.effects) == ("unexplained", ())
     assert found.sentence.startswith(says)
+
+
+def test_a_coarse_mesh_is_held_against_the_noise_or_against_the_best_effect(world):
+    """A model that leaves no more than the noise may still be one whose mesh says all that an effect would."""
+    loud, quiet = world.score_test(30 * world.signal(0)), world.score_test(3 * world.signal(0))
+    verdict = decide(loud, [], {}, TESTS)
+    told = too_coarse(verdict, loud, 450.0, 0.0, EFFECTS["coarse_mesh"]).sentence
+    assert "half the element size explains 50 % of the misfit beyond the noise" in told
+    told = too_coarse(verdict, quiet, 15.0, 20.0, EFFECTS["coarse_mesh"]).sentence
+    assert "half the element size explains 75 % of what the best effect would explain" in told
 
 
 def test_what_mesh_explains_in_part_or_beside_an_effect_is_not_named_on_it(world):
