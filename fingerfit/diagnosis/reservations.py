@@ -101,7 +101,11 @@ def largest_part(
     share = (error**2 - own.fitted**2) / (error**2 - 1.0)
     beyond = own.gain(score_test.misfit) > verdict.threshold
     spread = max(1.0, own.level / max(own.freedom, 1))
-    behind = {name: (refit.level - own.level) / 2 / spread for name, refit in (tried or {}).items()}
+    # as in `nearest`: what leaves more in every pixel, or value, is behind, whatever its patches say
+    behind = {
+        name: np.inf if refit.fitted > own.fitted + MATTERS else (refit.level - own.level) / 2 / spread
+        for name, refit in (tried or {}).items()
+    }
     if not (beyond and share > LARGEST and leads(score_test, ranking, one, behind)):
         return verdict
     fell = f"the error falls from {error:.2g} to {own.fitted:.2g} times the noise level"

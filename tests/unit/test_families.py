@@ -176,6 +176,10 @@ def test_the_largest_part_is_named_where_its_family_leads(error, rival, kind):
         tried = refits | {"tilt": Refit(misfit, score_test.freedom, error, 1.0, {})}
         again = largest_part(nearest, score_test, ranking, refits, 5.0, tried)
         assert again.kind == ("missing" if leads and error < 4.0 else "unexplained")
+    # one that leaves more in every pixel is behind, whatever its patches say
+    tried = refits | {"tilt": Refit(0.5 * refits["base_slip"].misfit, score_test.freedom, error + 2 * MATTERS, 1.0, {})}
+    again = largest_part(nearest, score_test, ranking, refits, 5.0, tried)
+    assert again.kind == ("missing" if error < 4.0 else "unexplained")
     # nobody knows what else a family has that no probe stands for
     known = [one for one in ranking if not one.candidate.effect.probe]
     assert largest_part(nearest, score_test, known, refits, 5.0) is nearest
