@@ -23,6 +23,7 @@ FAMILY = {
     "bone_mobility": "base",
     "coarse_mesh": "numerics",
     "compressibility": "material",
+    "contrast_drift": "observation",
     "debonding": "base",
     "distorted_in_space": "observation",
     "indenter_debonding": "indenter",
@@ -108,12 +109,13 @@ ALIKE = {
     "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"},
     "base_slip": {"debonding", "base_friction"}, "indenter_slip": {"indenter_debonding", "indenter_friction"},
     "bias_field": {"uneven_brightness"}, "force_offset": {"guide_friction"},
-    "ageing": {"layer_ageing"}, "wandering_pictures": {"jumping_pictures"}, "intensity_drift": {"jumping_brightness"},
+    "ageing": {"layer_ageing"}, "wandering_pictures": {"jumping_pictures"},
+    "intensity_drift": {"jumping_brightness", "contrast_drift"},
 }  # fmt: skip
 """Members that are as right: other laws of the same stiffening, an inclusion of any shape, a side that is loose from an
 edge on or slips beyond a limit, brightness that is uneven in another form, an offset that the guide's
-friction is, pictures that change from step to step by amounts of their own, one layer
-that ages (a form of its kind)."""
+friction is, pictures that change from step to step by amounts of their own or by a power of their
+brightness, one layer that ages (a form of its kind)."""
 CLOSE = 0.05
 """Share of a constant within which it is right."""
 TRACE = 0.5
