@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -79,13 +80,10 @@ class Predictor:
             return None
         maps = self.maps(outcome, seen)
         # smoothed after the warp: its border is then as soft as that of the measured picture
-        synthesized = [warp(data.coefficients, data.background, way, data.smooth) for way in maps]
-        if seen is not None and synthesized:
-            at = positions(self._frame)
-            synthesized = [
-                seen.intensity(picture, int(step) + 1, *at)
-                for picture, step in zip(synthesized, data.picture_step, strict=True)
-            ]
+        synthesized = [
+            warp(data.coefficients, data.background, way, data.smooth, self._lit(seen, int(step) + 1, way))
+            for way, step in zip(maps, data.picture_step, strict=True)
+        ]
         pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
         points = np.empty_like(data.points_displacement)
         probe = self._probe if outcome.begun is None else Probe(in_first_picture(self.mesh, outcome), data.points)
@@ -97,6 +95,12 @@ class Predictor:
         if seen is not None:
             measured = seen_response(seen, measured, data)
         return Synthesis(Prediction(pictures, measured, points), maps)
+
+    def _lit(self, seen: Observation | None, k: int, way: BackwardMap) -> Callable[[np.ndarray], np.ndarray] | None:
+        """What effects on the brightness make of the pixels that a map covers at the k-th step; None without any."""
+        if seen is None or not seen.lit:
+            return None
+        return lambda own: seen.intensity(own, k, *positions(self._frame, way.pixel))
 
     def maps(self, outcome: Outcome, seen: Observation | None = None) -> list[BackwardMap]:
         """Backward maps of the pictures' steps."""

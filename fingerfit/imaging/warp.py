@@ -8,7 +8,7 @@ a body has many, scan lines take the place of the search (`fingerfit.imaging.tet
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -259,7 +259,13 @@ def _weights(t: np.ndarray) -> np.ndarray:
     return np.stack([first, second, 1 - first - second - last, last])
 
 
-def warp(coefficients: np.ndarray, background: float, way: BackwardMap, sigma: float = 0.0) -> np.ndarray:
+def warp(
+    coefficients: np.ndarray,
+    background: float,
+    way: BackwardMap,
+    sigma: float = 0.0,
+    seen: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> np.ndarray:
     """The synthesized picture, as precise as the coefficients.
 
     Parameters
@@ -272,9 +278,12 @@ def warp(coefficients: np.ndarray, background: float, way: BackwardMap, sigma: f
         Where the covered pixels come from.
     sigma : float
         Standard deviation of a Gaussian that follows, pixels.
+    seen : callable, optional
+        What becomes of the intensities of covered pixels, shape (pixels,): the background is not the body's.
     """
     flat = np.full(int(np.prod(way.shape)), background, dtype=coefficients.dtype)
-    flat[way.pixel] = sample(coefficients, way.index)
+    own = sample(coefficients, way.index)
+    flat[way.pixel] = own if seen is None else seen(own)
     picture = flat.reshape(way.shape)
     if sigma > 0 and len(way.pixel):
         # all else is background and stays as it is

@@ -48,6 +48,11 @@ class Observation:
         present = tuple(effect for effect in effects if effect.observes and effect.present(values))
         return cls(present, values, points.min(axis=0), points.max(axis=0), course) if present else None
 
+    @property
+    def lit(self) -> bool:
+        """Whether one of them changes the brightness."""
+        return any("intensity" in effect.observes for effect in self.effects)
+
     def shift(self, k: int, at: np.ndarray) -> np.ndarray:
         """How far from where they are the picture at the k-th step shows places, mm, shape (..., dim) as theirs.
 

@@ -106,6 +106,21 @@ def test_no_displacement_gives_the_picture_back(element, rng):
     assert covered.sum() == len(way.pixel) == 54 * 54  # centres from 0.203 to 11.797 mm
 
 
+def test_what_changes_the_brightness_changes_the_body_and_not_what_is_around_it(rng):
+    mesh = layered_block(12.0, [("a", 12.0)], 5, 5, "CPE4")
+    frame = grid(64)
+    way = backward_map(mesh, np.zeros(mesh.points.shape), frame)
+    coefficients = spline_coefficients(rng.uniform(0.5, 1.0, size=frame.values.shape))
+    plain, lit = (warp(coefficients, 0.1, way, seen=seen) for seen in (None, lambda own: 1.5 * own))
+    outside = np.ones(plain.size, dtype=bool)
+    outside[way.pixel] = False
+    assert (lit.ravel()[outside] == 0.1).all()
+    assert lit.ravel()[way.pixel] == pytest.approx(1.5 * plain.ravel()[way.pixel])
+    # before the pictures are smoothed, so that a border is as soft as that of the measured one
+    soft = warp(coefficients, 0.1, way, 1.0, lambda own: 1.5 * own)
+    assert soft == pytest.approx(smooth(lit, 1.0), abs=1e-12)
+
+
 def test_inverted_and_overlapping_elements_are_reported():
     mesh = layered_block(12.0, [("a", 12.0)], 2, 2, "CPE4")
     u = np.zeros(mesh.points.shape)
