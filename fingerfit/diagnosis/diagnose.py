@@ -42,6 +42,7 @@ from fingerfit.diagnosis.sides import sides_of
 from fingerfit.diagnosis.tested import Tested
 from fingerfit.diagnosis.trials import rank_again, refit_all
 from fingerfit.diagnosis.verdict import (
+    MATTERS,
     Verdict,
     best_of,
     decide,
@@ -259,11 +260,13 @@ def _refits(
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
     Where one explains most of the misfit, not those whose odds in the first pass were far below its own, and no probe
-    that was less likely: it would only say that there is something of no known form. A series of many numbers may
+    that was less likely: it would only say that there is something of no known form. But where the best one leaves more
+    than the noise, a probe of another family may come nearer, and counts as a member does. A series of many numbers may
     imitate what has few: beside it others are tried that were half as likely. A probe comes after the members of
     its family, and not at all where one of them explains the data, every pixel included.
     """
     explained, by_series, named = -np.inf, False, set[str]()
+    nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
     flat = not _in_space(problem)
@@ -273,7 +276,8 @@ def _refits(
         effect = ranked.candidate.effect
         if effect.probe and effect.family in named:
             return False
-        share = HALF if by_series else 1.0 if effect.probe else ENOUGH
+        elsewhere = effect.family not in nearest_by and least > 1.0 + MATTERS
+        share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
         return not ranked.refitted or ranked.odds(spread) >= share * explained
 
     def refitted(ranked: Ranked) -> tuple[tuple[Refit, int] | None, set[str]]:
@@ -301,6 +305,8 @@ def _refits(
             if explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH:
                 field = bool(effect.series) and effect.probe
                 explained, by_series = max((explained, by_series), (ranked.odds(spread), field))
+                nearest_by.add(effect.family)
+                least = min(least, refit.fitted)
             share = min(1.0, max(0.0, refit.explained(found.score_test.misfit)))
             if not effect.probe and explains(refit) and refit.fitted <= GOOD:
                 named.add(effect.family)
