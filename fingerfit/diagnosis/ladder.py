@@ -91,8 +91,8 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
             raise FingerfitError(f"{config}: the workflow failed; its messages are above")
         settings = load_settings(config)
         say(_told(read_record(model_folder(settings) / "rung.json", "model", "error", "simulations", "sentence")))
-        diagnosis = read_record(model_folder(settings) / "diagnosis.json", "effects", "spare")
-        spare = [name for name in diagnosis["spare"] if name not in dropped]
+        diagnosis = read_record(model_folder(settings) / "diagnosis.json", "effects")
+        spare = [name for name in diagnosis.get("spare", ()) if name not in dropped]
         if not diagnosis["effects"] and spare:
             dropped.add(spare[0])
             say(f"{spare[0]} may not be needed beside the others: dropping it")
