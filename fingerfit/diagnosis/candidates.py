@@ -91,6 +91,8 @@ def makes_sense(effect: Effect, problem: InverseProblem) -> bool:
         return False
     if all(test.lacks(effect) for test in problem.every):  # one test that can have it is enough
         return False
+    if any(one.series and one.probe and one.family == effect.family for one in settings.effects()):
+        return False  # beside a field as fine as the data tell, no other form of the same
     return not (_is_fitted(effect, problem) or _replacing_the_same(effect, problem))
 
 

@@ -27,10 +27,10 @@ from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
     far_off,
+    form_of,
     largest_part,
     not_needed,
     of_family,
-    signal_of,
     too_coarse,
     traced,
     untried,
@@ -174,8 +174,8 @@ def diagnose(
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
     tolerance = problem.settings.fit.tolerance
     blamed = [one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects]
-    signal = signal_of(found.comparison, blamed)
-    verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, intervals, signal)
+    form = form_of(found.comparison, blamed)
+    verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, intervals, form)
     measurements = list[tuple[str, float]]()
     further, more = identification(found.comparison, threads)
     run += more

@@ -161,7 +161,7 @@ def traced(
     tolerance: float,
     tests: int,
     intervals: Mapping[str, Sequence[float]] | None = None,
-    signal: float = 0.0,
+    form: float = 0.0,
 ) -> Verdict:
     """The verdict, but *adequate* where the model explains the data and what is named does not matter or is not likely.
 
@@ -189,14 +189,14 @@ def traced(
         How many effects, and places of them, were tested.
     intervals : mapping, optional
         Lower and upper end of the 95 % interval of each constant of the model without the effects.
-    signal : float
-        Misfit that the effects of the model explain: `signal_of`.
+    form : float
+        Misfit that the form of the model's own effects may leave: `form_of`.
     """
     if verdict.kind == "adequate" or base.fitted > LOUD:
         return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     names = " or ".join(one.candidate.effect.title for one in named)
-    fall, form = max((refits[name].fall for name in verdict.effects), default=0.0), FORM**2 * signal
+    fall = max((refits[name].fall for name in verdict.effects), default=0.0)
     if not explains(score_test):
         if excess(score_test) >= form or fall >= form or base.fitted > GOOD:
             return verdict
@@ -219,8 +219,19 @@ def traced(
     return Verdict("adequate", (), text, verdict.threshold)
 
 
-def signal_of(comparison: Comparison, named: Sequence[Effect] = ()) -> float:
+def form_of(comparison: Comparison, named: Sequence[Effect] = ()) -> float:
+    """Misfit that the form of a model's own effects may leave: a share of their signal, as for `signal_of`.
+
+    A probe has no form of its own; what it stands for may differ from it by as much as an answer need not explain.
+    """
+    members, probes = (signal_of(comparison, named, probes) for probes in (False, True))
+    return FORM**2 * members + (1.0 - ENOUGH) * probes
+
+
+def signal_of(comparison: Comparison, named: Sequence[Effect] = (), probes: bool | None = None) -> float:
     """Misfit that a model would have without the numbers of its effects, by slopes, the constants following.
+
+    With `probes` of its probes only, or of none of them.
 
     A shift or a brightness that has another form leaves shifts and brightness: where all that is `named` acts on the
     body, effects on the observation do not count.
@@ -232,6 +243,7 @@ def signal_of(comparison: Comparison, named: Sequence[Effect] = ()) -> float:
         effect.key(number.name): number.null
         for effect in map(problem.effects.get, problem.settings.model.effects)
         if effect is not None and not (bodily and effect.acts == OBSERVATION)
+        if probes is None or effect.probe == probes
         for number in effect.parameters
     }
     names = [p.name.partition(AT)[0] for p in parameters]

@@ -12,7 +12,7 @@ from seeds import generator
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
-from fingerfit.diagnosis.reservations import by_settings, doubted, signal_of, too_coarse, traced
+from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, signal_of, too_coarse, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import Verdict, decide, ended_well, half_explained
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
@@ -560,7 +560,7 @@ def test_what_the_form_of_the_models_own_effects_may_be_off_by_is_a_trace(signal
     base = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1})
     refits = {"tilt": Refit(60.0, 99, 0.9, 0.9, {"mu_top": 0.2}, fall=40.0)}
     named = Verdict("missing", ("tilt",), "", 12.0)
-    verdict = traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20, signal=signal)
+    verdict = traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20, form=0.01 * signal)
     assert verdict.kind == kind
     assert ("the form of the model's own effects" in verdict.sentence) == (kind == "adequate")
 
@@ -581,7 +581,7 @@ def test_what_a_model_leaves_may_be_the_form_of_its_own_effects(found, signal, f
     base = Refit(1000.0, 1000, fitted, 1.0, {"mu_top": 0.1})
     refits = {"tilt": Refit(800.0, 999, 1.0, 1.0, {"mu_top": 0.2}, fall=200.0)}
     given = Verdict(found, ("tilt",) if found == "missing" else (), "", 12.0)
-    verdict = traced(given, score_test, [likely(20.0)], refits, base, 0.02, 20, signal=signal)
+    verdict = traced(given, score_test, [likely(20.0)], refits, base, 0.02, 20, form=0.01 * signal)
     assert verdict.kind == kind
     assert ("no more than what the form" in verdict.sentence) == (kind == "adequate")
 
@@ -627,7 +627,7 @@ def test_a_shift_is_no_excuse_for_what_acts_on_the_body():
     settings = SimpleNamespace(parameters=lambda: parameters, model=model)
     values = {"mu": 0.1, "tilt.slope": 0.6, "misregistration.x": 0.8}
     comparison = SimpleNamespace(
-        problem=SimpleNamespace(settings=settings, effects=EFFECTS),
+        problem=SimpleNamespace(settings=settings, effects=dict(EFFECTS)),
         score_test=SimpleNamespace(own=np.eye(4)[:, :3], left=np.zeros(4)),
         base=SimpleNamespace(values=values),
     )
@@ -635,3 +635,7 @@ def test_a_shift_is_no_excuse_for_what_acts_on_the_body():
     assert signal_of(comparison, [EFFECTS["gradient"]]) == pytest.approx(tilt)
     assert signal_of(comparison, [EFFECTS["gradient"], EFFECTS["turned_pictures"]]) == pytest.approx(tilt + shift)
     assert signal_of(comparison) == pytest.approx(tilt + shift)
+    assert form_of(comparison) == pytest.approx(0.01 * (tilt + shift))
+    # a probe has no form: a quarter
+    comparison.problem.effects["tilt"] = replace(EFFECTS["tilt"], probe=True)
+    assert form_of(comparison) == pytest.approx(0.25 * tilt + 0.01 * shift)
