@@ -16,7 +16,7 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_pass import Everything, refit_of, with_outline
 from fingerfit.diagnosis.sides import Sides, begun
 from fingerfit.diagnosis.tested import Tested
-from fingerfit.diagnosis.verdict import Verdict
+from fingerfit.diagnosis.verdict import Verdict, nearer
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.model.effect import OUTLINE, STATE
@@ -175,6 +175,14 @@ def elsewhere(
         return Verdict("indistinguishable", (OUTLINE, effect.name), text, verdict.threshold, "geometry")
     if gain < 0:
         return another
+    # patches say the one and pixels another: these data cannot tell them apart
+    others = [each for each, its in able if nearer(its, refit)]
+    if others:
+        both = [*others, one]
+        text = " or ".join(each.candidate.effect.title for each in both)
+        text = f"missing: {text}; these data cannot tell them apart; with either {_shown(sides)}"
+        names = tuple(each.candidate.effect.name for each in both)
+        return Verdict("indistinguishable", names, text, verdict.threshold, effect.family)
     text = f"missing: {title}; with it {_shown(sides)}"
     if refit.sides.off:
         text += f", and {refit.sides.off:.2g} mm from where this model has it"

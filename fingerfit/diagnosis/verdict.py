@@ -203,11 +203,15 @@ def _plainer(one: Refit, best: Refit, clearly: float) -> bool:
     Patches say the one and pixels the other, in steps that were fitted and in those that were not: a sharp edge has an
     error of the mesh that smooth shapes with more numbers can make up for.
     """
-    errors = [(one.fitted, best.fitted)]
-    if one.held_out is not None and best.held_out is not None:
-        errors.append((one.held_out, best.held_out))
-    nearer = all(own < other - clearly for own, other in errors)
-    return nearer and one.numbers < best.numbers and explains(one)
+    return one.numbers < best.numbers and explains(one) and nearer(one, best, clearly)
+
+
+def nearer(one: Refit, other: Refit, clearly: float = WORSE) -> bool:
+    """Whether a refit is clearly nearer in the pictures than another one, in fitted and in held-out steps."""
+    errors = [(one.fitted, other.fitted)]
+    if one.held_out is not None and other.held_out is not None:
+        errors.append((one.held_out, other.held_out))
+    return all(own < its - clearly for own, its in errors)
 
 
 def _without_series(rivals: Sequence[str], ranking: Mapping[str, Ranked], refits: Mapping[str, Refit]) -> list[str]:

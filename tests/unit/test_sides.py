@@ -1,5 +1,6 @@
 """Sides that the first picture shows elsewhere: read from simulations, explained by a state, told from another form."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -144,6 +145,20 @@ def test_another_form_or_a_state(states, named):
     assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
     assert "0.6 mm" in found.sentence
     assert found.family == ("state" if named == ("preload",) else "geometry")
+
+
+@pytest.mark.parametrize(
+    ("errors", "named"), [((0.96, 0.95), ("prestretch", "preload")), ((0.96, 0.99), ("preload",))], ids=["both", "one"]
+)
+def test_a_state_that_is_nearer_in_the_pictures_is_named_beside_the_one_that_patches_prefer(errors, named):
+    """In those that were fitted and in those that were not."""
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    best, other = replace(refit(1000.0), held_out=1.0), replace(refit(1090.0), fitted=errors[0], held_out=errors[1])
+    states = [(ranked("preload", "preload"), best), (ranked("prestretch", "prestretch"), other)]
+    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states)
+    assert (found.effects, found.family) == (named, "state")
+    assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
+    assert "0.6 mm" in found.sentence
 
 
 @pytest.mark.parametrize(("away", "named"), [(450.0, ("preload",)), (550.0, ("outline",))], ids=["nearer", "no nearer"])
