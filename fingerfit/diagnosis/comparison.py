@@ -201,15 +201,15 @@ class Comparison:
         Noise of the pictures, and what the noise of the prescribed quantity moves.
         """
         by_role = {asked.role: asked for asked in self.last.batch}
-        ahead, behind = (self._pictures(by_role.get(sign + "control")) for sign in "+-")
-        slope = difference(ahead, behind, lambda: self._pictures(self.problem.ask(best_values(self.last))))
+        ahead, behind = (self.pictures(by_role.get(sign + "control")) for sign in "+-")
+        slope = difference(ahead, behind, lambda: self.pictures(self.problem.ask(best_values(self.last))))
         moved = np.zeros(len(self.residual.floor))
         if slope is not None:
             for n, (step, way) in enumerate(zip(self.data.picture_step, self.residual.fits, strict=True)):
                 moved[n] = np.sqrt(np.mean(slope[n].ravel()[way.pixel] ** 2)) * self._control_noise[step]
         return np.hypot(self.residual.floor, moved)
 
-    def _pictures(self, asked: Asked | None) -> np.ndarray | None:
+    def pictures(self, asked: Asked | None) -> np.ndarray | None:
         """Synthesized pictures of a simulation on the search mesh; None without one, or without a solution."""
         if asked is None:
             return None

@@ -1,4 +1,4 @@
-"""The model once more, on a mesh of elements half as large: whether all that it leaves is an error of its mesh.
+"""Errors of the mesh: what they make of the pictures, and whether half the element size explains all that is left.
 
 How large the error of a mesh is expected to be follows from two meshes. Of two coarse ones that is a guess; a third,
 finer one tells.
@@ -9,17 +9,48 @@ from __future__ import annotations
 import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.errors import fitted_pictures
 from fingerfit.diagnosis.joint import joined
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
 from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.minimum import left_over
 from fingerfit.fit.problem import REFINED, SEARCH
 from fingerfit.forward.patches import Reader
+from fingerfit.forward.predict import Predictor
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.solvers.contract import CONVERGED
 
 MOST = 2.0
 """Error of the mesh, at most, as a multiple of what half the element size changes: with the order of a glued corner
 (decision 3) it is 1.8 times that."""
+
+
+def in_pictures(comparison: Comparison) -> float:
+    """What the expected error of the mesh makes of the fitted pictures, root mean square, in units of the noise floor.
+
+    0 without pictures, and where no finer mesh tells.
+    """
+    if len(comparison.every) > 1:
+        return float(np.sqrt(np.mean([in_pictures(test) ** 2 for test in comparison.every])))
+    problem, data, own = comparison.problem, comparison.data, comparison.prediction.pictures
+    fitted = fitted_pictures(problem, data)
+    if not fitted.any() or REFINED not in problem.meshes:
+        return 0.0
+    if comparison.mesh == REFINED:
+        other, share = comparison.pictures(comparison.anchor), left_over(problem)
+    else:
+        asked = on_finer_mesh(problem, comparison.last)
+        changed = as_on_finer_mesh(problem, asked, data) if asked else None
+        seen = problem.seen(comparison.base.values)
+        made = Predictor(data, problem.meshes[SEARCH]).predict(changed, seen) if changed is not None else None
+        other, share = None if made is None else made.prediction.pictures, 1.0 + left_over(problem)
+    if other is None:
+        return 0.0
+    ways = comparison.residual.fits
+    size = [np.sqrt(np.mean((a - b).ravel()[way.pixel] ** 2)) for a, b, way in zip(own, other, ways, strict=True)]
+    ratio = share * np.array(size) / comparison.floor
+    return float(np.sqrt(np.mean(ratio[fitted] ** 2)))
 
 
 def by_halved_mesh(comparison: Comparison, score_test: ScoreTest, threads: int = 1) -> tuple[float, int]:

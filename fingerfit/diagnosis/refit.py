@@ -51,6 +51,8 @@ class Refit:
         How many numbers of the effect were fitted.
     sides : Sides
         Where the picture before compression has the sides of the body, against the model.
+    by_mesh : float
+        Of the error on the fitted steps, what the mesh is expected to make.
     """
 
     misfit: float
@@ -70,6 +72,12 @@ class Refit:
     before: float | None = None
     numbers: int = 0
     sides: Sides = field(default_factory=Sides)
+    by_mesh: float = 0.0
+
+    @property
+    def at_least(self) -> float:
+        """Error on the fitted steps without what the mesh is expected to make of it, but no less than the noise."""
+        return max(self.fitted**2 - self.by_mesh**2, min(self.fitted, 1.0) ** 2) ** 0.5
 
     @property
     def level(self) -> float:

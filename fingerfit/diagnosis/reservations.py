@@ -103,7 +103,7 @@ def largest_part(
     spread = max(1.0, own.level / max(own.freedom, 1))
     # as in `nearest`: what leaves more in every pixel, or value, is behind, whatever its patches say
     behind = {
-        name: np.inf if refit.fitted > own.fitted + MATTERS else (refit.level - own.level) / 2 / spread
+        name: np.inf if refit.at_least > own.fitted + MATTERS else (refit.level - own.level) / 2 / spread
         for name, refit in (tried or {}).items()
     }
     if not (beyond and share > LARGEST and leads(score_test, ranking, one, behind)):

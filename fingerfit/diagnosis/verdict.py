@@ -167,10 +167,11 @@ def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float
 def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:
     """Refits whose error on the steps that all have fitted is no more than `MATTERS` above the least of them.
 
-    The misfit knows patches that could be registered, the error every pixel.
+    The misfit knows patches that could be registered, the error every pixel. What the mesh of a refit makes of it does
+    not count against it: patches have that in their covariance.
     """
     least = min((refit.fitted for refit in refits.values()), default=0.0)
-    return {name: refit for name, refit in refits.items() if not refit.fitted > least + MATTERS}
+    return {name: refit for name, refit in refits.items() if not refit.at_least > least + MATTERS}
 
 
 def generalising(score_test: ScoreTest, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:
