@@ -149,6 +149,10 @@ def test_a_refit_whose_pictures_are_worse_is_no_answer():
     refits = {"tilt": refit(0.96), "onset": refit(0.96 + 0.9 * MATTERS), "relaxation": refit(0.97 + MATTERS)}
     assert set(nearest(refits)) == {"tilt", "onset"}
     assert nearest({}) == {}
+    # what its mesh makes does not count against it, and makes nothing better than the noise
+    coarse = {name: replace(refit(1.2), by_mesh=part) for name, part in (("yeoh", 0.3), ("skin", 0.7), ("bed", 1.2))}
+    assert set(nearest(refits | coarse)) == {"tilt", "onset", "skin", "bed"}
+    assert coarse["bed"].at_least == 1.0
 
 
 @pytest.mark.parametrize(
