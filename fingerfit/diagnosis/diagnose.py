@@ -339,14 +339,15 @@ def _partner(
 
 
 def by_one_likelihood(refits: Mapping[str, Refit], without: Weighed) -> dict[str, Refit]:
-    """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest.
+    """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest, but for
+    what its mesh makes of them.
 
     `without` is what the model leaves that has none of the effects.
     """
     models = {name: refit.weighed for name, refit in refits.items() if refit.weighed is not None}
     if not models:
         return dict(refits)
-    best = min(models, key=lambda name: np.nan_to_num(refits[name].fitted, nan=np.inf))
+    best = min(models, key=lambda name: np.nan_to_num(refits[name].at_least, nan=np.inf))
     found = misfits({**models, "": without}, best)
     return {
         name: replace(refit, compared=found[name], before=found[""]) if name in found else refit
