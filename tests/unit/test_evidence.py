@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from seeds import generator
 
 from fingerfit.diagnosis.evidence import LIKELY, log_odds, spare
 from fingerfit.diagnosis.score_tests import ScoreTest
@@ -17,7 +18,7 @@ EFFECTS = bound(catalogue(), {"width": 12.0, "height": 12.0, "force": 40.0}, "fo
 
 def test_odds_are_an_integral_over_the_number():
     """A line with noise of 1: with a slope whose prior is normal, and without one."""
-    rng = np.random.default_rng(3)
+    rng = generator(3)
     x, prior = np.linspace(-1, 1, VALUES), 0.7
     y = 0.4 * x + rng.normal(size=VALUES)
     slopes = np.linspace(-8, 8, 4001)
@@ -41,7 +42,7 @@ def model(effects, slopes, values):
     )
     at = {p.name: value * p.scale for p, value in zip(parameters[1:], values, strict=True)} | {"mu": 0.1}
     # what is left after a fit has no part along its slopes
-    rest = np.random.default_rng(5).normal(size=VALUES)
+    rest = generator(5).normal(size=VALUES)
     rest -= slopes @ np.linalg.lstsq(slopes, rest, rcond=None)[0]
     score_test = ScoreTest(rest, np.eye(VALUES), slopes, np.zeros((VALUES, 0)))
     return SimpleNamespace(settings=settings, effects=known), score_test, at
@@ -49,7 +50,7 @@ def model(effects, slopes, values):
 
 @pytest.mark.parametrize(("alike", "expected"), [(0.0, []), (0.999, ["base_slip"])])
 def test_what_another_effect_says_as_well_is_spare(alike, expected):
-    rng = np.random.default_rng(4)
+    rng = generator(4)
     one, other, mu = np.linalg.qr(rng.normal(size=(VALUES, 3)))[0].T * 40.0
     slopes = np.stack([mu, one, alike * one + np.sqrt(1 - alike**2) * other], axis=1)
     problem, score_test, at = model(["base_slip", "force_gain"], slopes, [0.2, 0.5])
@@ -57,7 +58,7 @@ def test_what_another_effect_says_as_well_is_spare(alike, expected):
 
 
 def test_a_number_that_is_almost_absent_is_spare_and_the_last_effect_is_not_asked_for():
-    rng = np.random.default_rng(4)
+    rng = generator(4)
     slopes = np.linalg.qr(rng.normal(size=(VALUES, 3)))[0] * 40.0
     small = 0.3 / 40.0  # a third of its standard error
     problem, score_test, at = model(["base_slip", "force_gain"], slopes, [small, small])

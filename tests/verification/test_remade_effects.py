@@ -27,7 +27,7 @@ from fingerfit.fit.check import check_effects
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH, InverseProblem
-from fingerfit.mesh.blocks import layered_block
+from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import OUTLINE
 from fingerfit.model.scales import bound
@@ -86,7 +86,17 @@ def test_its_decks_are_ours_byte_for_byte(name, remade, finger):
     effect = OURS_BOUND[name]
     steps = [(0.3, 0.5), (20.0, 40.0)]
     for control in ("force", "displacement"):
-        if "space" in effect.needs or name in ("friction", "bone_mobility"):
+        if {"layers", "space"} <= set(effect.needs):
+            mesh, mu, templates = (
+                brick((12.0, 12.0, 12.0), (2, 2, 3), element="C3D8", layers=LAYERS),
+                MU,
+                ["block.inp.j2"],
+            )
+            study = phantom(control, list(steps[control == "force"]))
+            body = replace(study.body, width=None, brick=(12.0, 12.0, 12.0))
+            timed = tuple(replace(step, time=10.0 * step.number) for step in study.steps)
+            study = replace(study, body=body, steps=timed)
+        elif "space" in effect.needs or name in ("friction", "bone_mobility"):
             mesh, mu = finger, {"mu_epidermis": 0.138, "mu_subcutaneous": 0.00798}
             templates = ["fingertip.inp.j2", "fingertip_fixed.inp.j2", "fingertip_meshed.inp.j2"]
             body = Body((Layer("epidermis"), Layer("subcutaneous")))
