@@ -11,12 +11,9 @@ from fingerfit.core.errors import InputError
 from fingerfit.deck.changed import changed_by
 from fingerfit.deck.questions import temperature
 from fingerfit.mesh.mesh import Mesh
-from fingerfit.model.effect import Effect
+from fingerfit.model.effect import ASIDE, Effect
 from fingerfit.model.observation import places, unloaded
 from fingerfit.study.study import AXES, Step, Study, largest_of
-
-SIDEWAYS = ("displacement_x", "displacement_y")
-"""What effects may change of where the indenter goes aside; the second one in space only."""
 
 
 def direction(study: Study, dim: int) -> list[float]:
@@ -89,7 +86,7 @@ def loading_steps(
             entry[control] = float(changed_by(control, entry[control], names, present, values)) + begun
         aside = _aside(study, step, entry["displacement"])
         shared = {**names, "share": abs(getattr(step, control) or 0.0) / (largest or 1.0)}
-        for axis, what in enumerate(SIDEWAYS[: mesh.dim - 1], 1):
+        for axis, what in enumerate(ASIDE[: mesh.dim - 1], 1):
             if any(what in effect.changes for effect in present):
                 aside[axis] = float(changed_by(what, aside.get(axis, 0.0), shared, present, values))
         entry["aside"] = sorted(aside.items())

@@ -203,11 +203,9 @@ class Comparison:
         by_role = {asked.role: asked for asked in self.last.batch}
         ahead, behind = (self.pictures(by_role.get(sign + "control")) for sign in "+-")
         slope = difference(ahead, behind, lambda: self.pictures(self.problem.ask(best_values(self.last))))
-        moved = np.zeros(len(self.residual.floor))
-        if slope is not None:
-            for n, (step, way) in enumerate(zip(self.data.picture_step, self.residual.fits, strict=True)):
-                moved[n] = np.sqrt(np.mean(slope[n].ravel()[way.pixel] ** 2)) * self._control_noise[step]
-        return np.hypot(self.residual.floor, moved)
+        if slope is None:
+            return self.residual.floor
+        return np.hypot(self.residual.floor, self.residual.inside(slope) * self._control_noise[self.data.picture_step])
 
     def pictures(self, asked: Asked | None) -> np.ndarray | None:
         """Synthesized pictures of a simulation on the search mesh; None without one, or without a solution."""

@@ -17,13 +17,13 @@ def errors(comparison: Comparison) -> tuple[float, float | None]:
     if len(comparison.every) > 1:  # each test counts alike, however many values it has
         own = np.array([errors(test) for test in comparison.every], dtype=float)
         held = own[np.isfinite(own[:, 1]), 1]
-        return _root_mean_square(own[:, 0]), _root_mean_square(held) if len(held) else None
+        return root_mean_square(own[:, 0]), root_mean_square(held) if len(held) else None
     if not len(comparison.data.picture_step):
         return _errors_by_step(comparison)
     ratio = comparison.residual.error / comparison.floor
     fitted = fitted_pictures(comparison.problem, comparison.data)
     held = ratio[~fitted]
-    return _root_mean_square(ratio[fitted]), _root_mean_square(held) if len(held) else None
+    return root_mean_square(ratio[fitted]), root_mean_square(held) if len(held) else None
 
 
 def fitted_pictures(problem: InverseProblem, data: Data) -> np.ndarray:
@@ -49,9 +49,10 @@ def _errors_by_step(comparison: Comparison) -> tuple[float, float | None]:
     found = []
     for chosen in (fitted, ~fitted):
         own = np.linalg.cholesky(noise[np.ix_(chosen, chosen)])
-        found.append(_root_mean_square(np.linalg.solve(own, residual.vector[chosen])) if chosen.any() else None)
+        found.append(root_mean_square(np.linalg.solve(own, residual.vector[chosen])) if chosen.any() else None)
     return float("nan") if found[0] is None else found[0], found[1]
 
 
-def _root_mean_square(values: np.ndarray) -> float:
+def root_mean_square(values: np.ndarray) -> float:
+    """Of values; not a number without any."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.errors import fitted_pictures
+from fingerfit.diagnosis.errors import fitted_pictures, root_mean_square
 from fingerfit.diagnosis.joint import joined
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
@@ -32,7 +32,7 @@ def in_pictures(comparison: Comparison) -> float:
     0 without pictures, and where no finer mesh tells.
     """
     if len(comparison.every) > 1:
-        return float(np.sqrt(np.mean([in_pictures(test) ** 2 for test in comparison.every])))
+        return root_mean_square(np.array([in_pictures(test) for test in comparison.every]))
     problem, data, own = comparison.problem, comparison.data, comparison.prediction.pictures
     fitted = fitted_pictures(problem, data)
     if not fitted.any() or REFINED not in problem.meshes:
@@ -47,10 +47,8 @@ def in_pictures(comparison: Comparison) -> float:
         other, share = None if made is None else made.prediction.pictures, 1.0 + left_over(problem)
     if other is None:
         return 0.0
-    ways = comparison.residual.fits
-    size = [np.sqrt(np.mean((a - b).ravel()[way.pixel] ** 2)) for a, b, way in zip(own, other, ways, strict=True)]
-    ratio = share * np.array(size) / comparison.floor
-    return float(np.sqrt(np.mean(ratio[fitted] ** 2)))
+    ratio = share * comparison.residual.inside(own - other) / comparison.floor
+    return root_mean_square(ratio[fitted])
 
 
 def by_halved_mesh(comparison: Comparison, score_test: ScoreTest, threads: int = 1) -> tuple[float, int]:

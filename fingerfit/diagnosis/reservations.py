@@ -20,6 +20,7 @@ from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, Effect
 from fingerfit.study.several import AT
 
 BEYOND = "the misfit beyond the noise"
+"""What shares of an explanation are of, in words."""
 FORM = 0.1
 """Share of an effect's signal by which its form may be off from what is there. A choice (decision 19)."""
 

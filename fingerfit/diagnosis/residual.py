@@ -61,6 +61,11 @@ class Residual:
         """All known values, shape (kept,)."""
         return flat(self.value, self.response)[self.kept]
 
+    def inside(self, pictures: np.ndarray) -> np.ndarray:
+        """Root mean square of differences of pictures inside the body, shape (pictures,)."""
+        both = zip(pictures, self.fits, strict=True)
+        return np.array([np.sqrt(np.mean(picture.ravel()[way.pixel] ** 2)) for picture, way in both])
+
 
 def common_modes(residual: Residual, data: Data, control: np.ndarray) -> np.ndarray:
     """What all values of a step have in common, shape (kept, modes).

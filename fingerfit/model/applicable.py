@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fingerfit.model.effect import Effect
+from fingerfit.model.effect import ASIDE, Effect
 from fingerfit.model.formulas import names_in
 from fingerfit.study.study import Study
 
@@ -56,8 +56,7 @@ def unmet(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
     if pushes and study.control == "displacement" and (study.body.width is None or study.direction):
         # only the deck of a block goes on from where a force has left the indenter
         found.append("a prescribed force")
-    moved = {"displacement_x", "displacement_y"} & effect.changes.keys()
-    if study.on_a_rail and ("indenter" in effect.replaces or moved):
+    if study.on_a_rail and ("indenter" in effect.replaces or set(ASIDE) & effect.changes.keys()):
         found.append("an indenter that is not on a rail")
     # a side that slides has nothing that could give way
     if "base" in effect.replaces and study.base != "held":

@@ -42,6 +42,8 @@ LAYER = "layer"
 """Name of the scanned number that says in which layer an effect is, from 1 from the indenter down; 0 is in all."""
 CONSTANTS = ("alpha", "poisson")
 """Constants of each layer that effects may change; a model may fit them, too."""
+ASIDE = ("displacement_x", "displacement_y")
+"""What effects may change of where the indenter goes aside, by axis; the second one in space only."""
 MESH_ERROR = "mesh"
 """The expected error of the mesh: the only signal that is known without a simulation of its own."""
 DIGITS = 6

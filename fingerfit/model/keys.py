@@ -16,6 +16,7 @@ from fingerfit.core.errors import InputError, Problems
 from fingerfit.core.keys import read_yaml, unknown_key
 from fingerfit.model.effect import (
     ACTS,
+    ASIDE,
     CONSTANTS,
     FAMILIES,
     FAMILY_OF,
@@ -35,8 +36,7 @@ CHANGES = (
     "border_down",
     "force",
     "displacement",
-    "displacement_x",
-    "displacement_y",
+    *ASIDE,
     "before",
     "increment",
     "follow",
