@@ -20,7 +20,7 @@ from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.form_or_state import form_or_state
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
-from fingerfit.diagnosis.mesh_errors import by_halved_mesh
+from fingerfit.diagnosis.mesh_errors import by_halved_mesh, errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
 from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.reservations import (
@@ -137,7 +137,9 @@ def diagnose(
     found = _test_all(problem, last, everything, threads)
     run, refits = found.run, dict[str, Refit]()
     fitted, held_out = errors(found.comparison)
-    if fitted > LOUD:  # that something is missing is known: nothing is named by chance because much was tried
+    but_mesh = errors_but_mesh(found.comparison)
+    at_least = but_mesh[0]
+    if at_least > LOUD:  # that something is missing is known: nothing is named by chance because much was tried
         found = replace(found, tests=1)
     score_test, ranking, tests = found.score_test, found.ranking, found.tests
     halves, ended = set[str](), dict[str, Refit]()
@@ -152,13 +154,13 @@ def diagnose(
     coarse = by_mesh > 0.0 and by_mesh > LARGEST * max(excess(score_test), seen)
     probed = any(effect.probe for effect in problem.settings.effects())
     # of a body of another shape, and of one that is not solved well, refits say nothing
-    no_refits = coarse or (outline.off and unexplained) or too_small(score_test, ranking, fitted)
+    no_refits = coarse or (outline.off and unexplained) or too_small(score_test, ranking, at_least)
     for _ in range(0 if no_refits else BATCHES):
         run += _refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood(refits, found.weighed)
         well = ended_well(score_test, refits, fitted)
         ended, missed = nearest(well), refits.keys() - well.keys()
-        verdict = doubted(decide(score_test, ranking, ended, tests, None, held_out, missed), fitted)
+        verdict = doubted(decide(score_test, ranking, ended, tests, None, held_out, missed), at_least)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
         # a probe has as many numbers as several effects: no partner is looked for beside it
         if half is not None and not (probed or half.candidate.effect.probe or half.candidate.effect.name in halves):
@@ -171,7 +173,7 @@ def diagnose(
     estimate = minimum(problem, last).values
     constants = problem.settings.model.parameters
     own = {p.name: estimate[p.name] for p in problem.settings.parameters() if p.name.partition(AT)[0] in constants}
-    base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own)
+    base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own, but_mesh=but_mesh)
     tolerance = problem.settings.fit.tolerance
     blamed = [one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects]
     form = form_of(found.comparison, blamed)

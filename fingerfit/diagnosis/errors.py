@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
@@ -14,16 +16,21 @@ def errors(comparison: Comparison) -> tuple[float, float | None]:
 
     Without pictures: of the steps' points and forces (or displacements), each in units of its noise.
     """
-    if len(comparison.every) > 1:  # each test counts alike, however many values it has
-        own = np.array([errors(test) for test in comparison.every], dtype=float)
-        held = own[np.isfinite(own[:, 1]), 1]
-        return root_mean_square(own[:, 0]), root_mean_square(held) if len(held) else None
+    if len(comparison.every) > 1:
+        return of_tests([errors(test) for test in comparison.every])
     if not len(comparison.data.picture_step):
         return _errors_by_step(comparison)
     ratio = comparison.residual.error / comparison.floor
     fitted = fitted_pictures(comparison.problem, comparison.data)
     held = ratio[~fitted]
     return root_mean_square(ratio[fitted]), root_mean_square(held) if len(held) else None
+
+
+def of_tests(each: Sequence[tuple[float, float | None]]) -> tuple[float, float | None]:
+    """Errors of several tests together: each counts alike, however many values it has."""
+    own = np.array(each, dtype=float)
+    held = own[np.isfinite(own[:, 1]), 1]
+    return root_mean_square(own[:, 0]), root_mean_square(held) if len(held) else None
 
 
 def fitted_pictures(problem: InverseProblem, data: Data) -> np.ndarray:

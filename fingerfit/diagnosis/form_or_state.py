@@ -169,20 +169,17 @@ def elsewhere(
         return another
     one, refit = min(able, key=lambda each: left(each[1]))
     effect, title = one.candidate.effect, one.candidate.effect.title
-    gain = shaped - left(refit)
-    if abs(gain) < verdict.threshold + _chance(form, refit):
-        text = f"missing: sides of the body elsewhere or {title}; these data cannot tell them apart; {shown}"
-        return Verdict("indistinguishable", (OUTLINE, effect.name), text, verdict.threshold, "geometry")
-    if gain < 0:
+    gain, tell = shaped - left(refit), verdict.threshold + _chance(form, refit)
+    if gain <= -tell:
         return another
     # patches say the one and pixels another: these data cannot tell them apart
-    others = [each for each, its in able if nearer(its, refit)]
-    if others:
-        both = [*others, one]
-        text = " or ".join(each.candidate.effect.title for each in both)
-        text = f"missing: {text}; these data cannot tell them apart; with either {_shown(sides)}"
-        names = tuple(each.candidate.effect.name for each in both)
-        return Verdict("indistinguishable", names, text, verdict.threshold, effect.family)
+    named = [*(each.candidate.effect for each, its in able if nearer(its, refit)), effect]
+    names, titles = [each.name for each in named], [each.title for each in named]
+    if gain < tell:  # twelve numbers that happen to be those of a state would be a coincidence: the states come first
+        names, titles = [*names, OUTLINE], [*titles, "sides of the body elsewhere"]
+    if len(names) > 1:
+        text = f"missing: {' or '.join(titles)}; these data cannot tell them apart; {_shown(sides)}"
+        return Verdict("indistinguishable", tuple(names), text, verdict.threshold, effect.family)
     text = f"missing: {title}; with it {_shown(sides)}"
     if refit.sides.off:
         text += f", and {refit.sides.off:.2g} mm from where this model has it"

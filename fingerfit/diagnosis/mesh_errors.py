@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.errors import fitted_pictures, root_mean_square
+from fingerfit.diagnosis.errors import errors, fitted_pictures, of_tests, root_mean_square
 from fingerfit.diagnosis.joint import joined
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
@@ -26,17 +26,27 @@ MOST = 2.0
 (decision 3) it is 1.8 times that."""
 
 
-def in_pictures(comparison: Comparison) -> float:
-    """What the expected error of the mesh makes of the fitted pictures, root mean square, in units of the noise floor.
+def errors_but_mesh(comparison: Comparison) -> tuple[float, float | None]:
+    """Errors of fitted and of held-out pictures as from `errors`, without what the mesh is expected to make of each.
 
-    0 without pictures, and where no finer mesh tells.
+    No less than the noise. Without pictures, and where no finer mesh tells, the errors as they are.
     """
     if len(comparison.every) > 1:
-        return root_mean_square(np.array([in_pictures(test) for test in comparison.every]))
+        return of_tests([errors_but_mesh(test) for test in comparison.every])
+    by_mesh = _in_pictures(comparison)
+    if by_mesh is None:
+        return errors(comparison)
+    error = comparison.residual.error / comparison.floor
+    left = np.sqrt(np.maximum(error**2 - by_mesh**2, np.minimum(error, 1.0) ** 2))
+    fitted = fitted_pictures(comparison.problem, comparison.data)
+    return root_mean_square(left[fitted]), root_mean_square(left[~fitted]) if not fitted.all() else None
+
+
+def _in_pictures(comparison: Comparison) -> np.ndarray | None:
+    """What the expected error of the mesh makes of each picture, in units of the noise floor; None where none tells."""
     problem, data, own = comparison.problem, comparison.data, comparison.prediction.pictures
-    fitted = fitted_pictures(problem, data)
-    if not fitted.any() or REFINED not in problem.meshes:
-        return 0.0
+    if not len(data.picture_step) or REFINED not in problem.meshes:
+        return None
     if comparison.mesh == REFINED:
         other, share = comparison.pictures(comparison.anchor), left_over(problem)
     else:
@@ -45,10 +55,7 @@ def in_pictures(comparison: Comparison) -> float:
         seen = problem.seen(comparison.base.values)
         made = Predictor(data, problem.meshes[SEARCH]).predict(changed, seen) if changed is not None else None
         other, share = None if made is None else made.prediction.pictures, 1.0 + left_over(problem)
-    if other is None:
-        return 0.0
-    ratio = share * comparison.residual.inside(own - other) / comparison.floor
-    return root_mean_square(ratio[fitted])
+    return None if other is None else share * comparison.residual.inside(own - other) / comparison.floor
 
 
 def by_halved_mesh(comparison: Comparison, score_test: ScoreTest, threads: int = 1) -> tuple[float, int]:

@@ -51,8 +51,8 @@ class Refit:
         How many numbers of the effect were fitted.
     sides : Sides
         Where the picture before compression has the sides of the body, against the model.
-    by_mesh : float
-        Of the error on the fitted steps, what the mesh is expected to make.
+    but_mesh : (float, float or None), optional
+        The errors without what the mesh is expected to make of the pictures: as from `errors_but_mesh`.
     """
 
     misfit: float
@@ -72,12 +72,17 @@ class Refit:
     before: float | None = None
     numbers: int = 0
     sides: Sides = field(default_factory=Sides)
-    by_mesh: float = 0.0
+    but_mesh: tuple[float, float | None] | None = None
 
     @property
     def at_least(self) -> float:
         """Error on the fitted steps without what the mesh is expected to make of it, but no less than the noise."""
-        return max(self.fitted**2 - self.by_mesh**2, min(self.fitted, 1.0) ** 2) ** 0.5
+        return self.fitted if self.but_mesh is None else self.but_mesh[0]
+
+    @property
+    def held_at_least(self) -> float | None:
+        """The same on the held-out steps; None without any."""
+        return self.held_out if self.but_mesh is None else self.but_mesh[1]
 
     @property
     def level(self) -> float:

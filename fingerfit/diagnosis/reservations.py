@@ -193,13 +193,13 @@ def traced(
     form : float
         Misfit that the form of the model's own effects may leave: `form_of`.
     """
-    if verdict.kind == "adequate" or base.fitted > LOUD:
+    if verdict.kind == "adequate" or base.at_least > LOUD:
         return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     names = " or ".join(one.candidate.effect.title for one in named)
     fall = max((refits[name].fall for name in verdict.effects), default=0.0)
     if not explains(score_test):
-        if excess(score_test) >= form or fall >= form or base.fitted > GOOD:
+        if excess(score_test) >= form or fall >= form or base.at_least > GOOD:
             return verdict
         text = "the model leaves no more than what the form of its own effects may be off by"
         return Verdict("adequate", (), f"{text}; a trace: {names}" if names else text, verdict.threshold)
@@ -265,8 +265,8 @@ def _matters(refit: Refit, base: Refit, tolerance: float, intervals: Mapping[str
         return not min(low, value - reach) <= refit.values[name] <= max(high, value + reach)
 
     changes = [moves(name, value) for name, value in base.values.items()]
-    known = base.held_out is not None and refit.held_out is not None
-    before, after = (base.held_out, refit.held_out) if known else (base.fitted, refit.fitted)
+    known = base.held_at_least is not None and refit.held_at_least is not None
+    before, after = (base.held_at_least, refit.held_at_least) if known else (base.at_least, refit.at_least)
     return any(changes) or float(before or 0.0) - float(after or 0.0) > MATTERS
 
 

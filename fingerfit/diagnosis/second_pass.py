@@ -14,7 +14,7 @@ from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
-from fingerfit.diagnosis.mesh_errors import in_pictures
+from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.score_tests import ScoreTest
@@ -70,7 +70,7 @@ def refit_of(
         ended.share, start, len(ended.problem.asked), ended.fall(weighed), constants, ended.weighed,
         compared=own["after"], before=own["before"],
         numbers=len(ended.problem.settings.parameters()) - len(problem.settings.parameters()),
-        sides=sides_of(ended.comparison), by_mesh=in_pictures(ended.comparison),
+        sides=sides_of(ended.comparison), but_mesh=errors_but_mesh(ended.comparison),
     )  # fmt: skip
     return refit, run
 

@@ -14,6 +14,9 @@ from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.fit.rounds import Asked
 from fingerfit.imaging.outline import CORNER, SIDES, Outline
 
+_PLACES = 41
+"""Along a side."""
+
 
 @dataclass(frozen=True)
 class Sides:
@@ -103,17 +106,23 @@ def _outline(test: Comparison) -> Outline:
 
 
 def _sides(test: Comparison, asked: Asked) -> np.ndarray:
-    """How far out the sides of a simulation lie in that picture, as in `Outline.outward`."""
+    """How far out the sides of a simulation lie in that picture, as in `Outline.outward`.
+
+    As in the picture: at places along the side where it lies then, evenly spaced, whatever the nodes are.
+    """
     mesh, (low, high) = test.problem.meshes[test.problem.mesh_of(asked)], test.data.stated
     moved = test.problem.outcome(asked).begun
     found = np.zeros((len(SIDES), 3))
     for number in range(len(SIDES)) if moved is not None else ():
         axis, last = divmod(number, 2)
-        share = (mesh.points - low) / (high - low)
-        own = (np.abs(share[:, axis] - last) < 1e-6) & (np.abs(2 * share[:, 1 - axis] - 1) <= 1 - 2 * CORNER)
-        basis = legvander(2 * share[own, 1 - axis] - 1, found.shape[1] - 1)
+        own = np.abs((mesh.points[:, axis] - (high if last else low)[axis]) / (high - low)[axis]) < 1e-6
         outward = (1 if last else -1) * np.asarray(moved)[own, axis]
-        found[number] = np.linalg.lstsq(basis, outward, rcond=None)[0]
+        share = ((mesh.points + moved)[own, 1 - axis] - low[1 - axis]) / (high - low)[1 - axis]
+        order = np.argsort(share)
+        places = np.linspace(CORNER, 1.0 - CORNER, _PLACES)
+        places = places[(places >= share.min()) & (places <= share.max())]
+        basis = legvander(2 * places - 1, found.shape[1] - 1)
+        found[number] = np.linalg.lstsq(basis, np.interp(places, share[order], outward[order]), rcond=None)[0]
     return found
 
 

@@ -90,6 +90,22 @@ def test_a_model_says_where_the_sides_are(flattened, depth, left):
     assert sides_of(compared(flattened, states)).off == pytest.approx(left, abs=PIXEL)
 
 
+def test_sides_that_bulge_are_where_they_lie_then(tmp_path):
+    """A side that bulges most near its lower end keeps its form in the picture, while its material sinks by a tenth.
+
+    Read at the places of the material it would be 0.2 mm off.
+    """
+    depth, taper = 1.0, -0.9
+    study = study_in(tmp_path, pictured(formed(taper=taper, bulge=0.8, lower=depth)))
+    mesh = make_mesh(study, MESH)
+    data = prepare(study, mesh, None, 1.0, 0.3)
+    begin = pressed(mesh, depth)
+    x, y = ((mesh.points + begin - LOW) / (HIGH - LOW)).T
+    along = 2 * y - 1
+    begin[:, 0] += x * 0.8 * (1 - along**2) - (1 - x) * taper * along
+    assert sides_of(compared((data, mesh), {"base": begin})).off == 0.0
+
+
 def test_solutions_are_read_where_the_first_picture_has_the_body(flattened):
     """Material at a place of the picture came from higher up, and moves as it does there."""
     data, mesh = flattened
@@ -130,8 +146,8 @@ FORM = 1200.0 - 12 * np.log(1000)
         ([refit(1000.0, off=0.3)], ("outline",)),
         ([refit(2000.0)], ("outline",)),
         ([refit(1000.0)], ("preload",)),
-        ([refit(1190.0)], ("outline", "preload")),
-        ([refit(1000.0, off=0.1, away=190.0)], ("outline", "preload")),
+        ([refit(1190.0)], ("preload", "outline")),
+        ([refit(1000.0, off=0.1, away=190.0)], ("preload", "outline")),
         ([refit(1230.0)], ("outline",)),
         ([refit(1000.0, off=0.3), refit(1010.0)], ("preload",)),
     ],
@@ -144,7 +160,7 @@ def test_another_form_or_a_state(states, named):
     assert found.effects == named
     assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
     assert "0.6 mm" in found.sentence
-    assert found.family == ("state" if named == ("preload",) else "geometry")
+    assert found.family == ("state" if named[0] == "preload" else "geometry")
 
 
 @pytest.mark.parametrize(

@@ -516,6 +516,17 @@ def test_where_pictures_surely_differ_nothing_is_a_trace():
 
 
 @pytest.mark.parametrize(
+    ("left", "kind"), [(None, "missing"), ((1.0, 1.02), "adequate"), ((1.0, 1.08), "missing"), ((1.6, 1.0), "missing")]
+)
+def test_what_only_makes_up_for_the_mesh_is_a_trace(left, kind):
+    """The pictures of a model are 2.9 and 1.2 times their noise; the mesh leaves so much of that."""
+    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
+    base = Refit(100.0, 100, 2.9, 1.2, {"mu_top": 0.1}, but_mesh=left)
+    named, refits = Verdict("missing", ("tilt",), "", 12.0), {"tilt": Refit(60.0, 99, 1.0, 1.0, {"mu_top": 0.1})}
+    assert traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20).kind == kind
+
+
+@pytest.mark.parametrize(
     ("common", "tests", "kind"), [(50.0, 100, "adequate"), (50.0, 1, "unexplained"), (70.0, 100, "unexplained")]
 )
 def test_where_no_effect_explains_it_what_is_left_must_be_as_sure_as_an_effect(common, tests, kind):
