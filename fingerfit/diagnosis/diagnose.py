@@ -265,7 +265,8 @@ def _refits(
     that was less likely: it would only say that there is something of no known form. But where the best one leaves more
     than the noise, a probe of another family may come nearer, and counts as a member does. A series of many numbers may
     imitate what has few: beside it others are tried that were half as likely. A probe comes after the members of
-    its family, and not at all where one of them explains the data, every pixel included.
+    its family, and not at all where one of them explains the data, every pixel included. Nor do then those that only
+    slopes speak for; they come after what explained the data in the first pass.
     """
     explained, by_series, named = -np.inf, False, set[str]()
     nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
@@ -279,6 +280,8 @@ def _refits(
         if effect.probe and effect.family in named:
             return False
         elsewhere = effect.family not in nearest_by and least > 1.0 + MATTERS
+        if seen and not ranked.refitted and least <= 1.0 + MATTERS:
+            return False
         share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
         return not ranked.refitted or ranked.odds(spread) >= share * explained
 
@@ -291,8 +294,14 @@ def _refits(
         return made, problem.asked - known
 
     left = to_refit(found.score_test, found.ranking, found.tests, known)
+    seen = any(one.refitted and one.refitted.share >= ENOUGH for one in left)
     members = {one.candidate.effect.family for one in left if not one.candidate.effect.probe}
-    left.sort(key=lambda one: one.candidate.effect.probe and one.candidate.effect.family in members)
+    left.sort(
+        key=lambda one: (
+            one.candidate.effect.probe and one.candidate.effect.family in members,
+            seen and one.refitted is None,
+        )
+    )
     left = [one for one in left if worth_it(one)]
     while left:
         now, left = left[:beside], left[beside:]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.errors import errors, fitted_pictures, of_tests, root_mean_square
+from fingerfit.diagnosis.errors import errors, fitted_pictures, of_tests
 from fingerfit.diagnosis.joint import joined
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
@@ -29,7 +29,8 @@ MOST = 2.0
 def errors_but_mesh(comparison: Comparison) -> tuple[float, float | None]:
     """Errors of fitted and of held-out pictures as from `errors`, without what the mesh is expected to make of each.
 
-    No less than the noise. Without pictures, and where no finer mesh tells, the errors as they are.
+    No less than the noise in all of them together. Without pictures or a finer mesh that tells, the errors as they
+    are.
     """
     if len(comparison.every) > 1:
         return of_tests([errors_but_mesh(test) for test in comparison.every])
@@ -37,9 +38,13 @@ def errors_but_mesh(comparison: Comparison) -> tuple[float, float | None]:
     if by_mesh is None:
         return errors(comparison)
     error = comparison.residual.error / comparison.floor
-    left = np.sqrt(np.maximum(error**2 - by_mesh**2, np.minimum(error, 1.0) ** 2))
     fitted = fitted_pictures(comparison.problem, comparison.data)
-    return root_mean_square(left[fitted]), root_mean_square(left[~fitted]) if not fitted.all() else None
+
+    def left(chosen: np.ndarray) -> float:
+        square = np.maximum(error**2 - by_mesh**2, 0.0)[chosen].mean()
+        return float(np.sqrt(max(square, min((error[chosen] ** 2).mean(), 1.0))))
+
+    return left(fitted), left(~fitted) if not fitted.all() else None
 
 
 def _in_pictures(comparison: Comparison) -> np.ndarray | None:

@@ -37,7 +37,8 @@ def to_refit(
     """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's.
 
     Where some are `known` and did not explain it, the next best: far from the truth predictions from slopes rank
-    roughly. None where the model explains the data and the first pass is sure of no other one.
+    roughly. Those that only slopes speak for take no place of those that the first pass has refitted. None where the
+    model explains the data and the first pass is sure of no other one.
     """
     if explains(score_test) and not _sure(score_test, ranking, tests):
         return []
@@ -49,8 +50,11 @@ def to_refit(
         and one.finding.visible > _seen(score_test)
     ]
     if known:
-        return [one for one in found if one.candidate.effect.name not in known][:TRIED]
-    return [one for one in found if one.finding.fall > 0.3 * found[0].finding.fall][:TRIED]
+        left = [one for one in found if one.candidate.effect.name not in known]
+    else:
+        left = [one for one in found if one.finding.fall > 0.3 * found[0].finding.fall]
+    chosen = [[one for one in left if bool(one.refitted) == refitted][:TRIED] for refitted in (True, False)]
+    return [one for one in left if any(one is other for part in chosen for other in part)]
 
 
 def _sure(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> bool:

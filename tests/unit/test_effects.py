@@ -410,9 +410,9 @@ def test_springs_stand_for_their_areas(name, edge, tmp_path, plain):
     text = deck({f"{name}.share": 0.2})
     springs = cards(text, f"SPRING, ELSET={name.upper()}_\\d+")
     assert len(springs) == len(MESH.node_sets[edge])
-    # 0.2 of what a layer lets go that is as high as wide: four times its stiffness
+    # 0.2 of what a layer lets go that is a tenth as high as the body is wide: four times its stiffness
     mu = MU["mu_bottom" if name == "base_slip" else "mu_top"]
-    assert sum(block[1][0] for block in springs) == pytest.approx(12.0 * 70.0 * 4.0 * mu / 12.0)
+    assert sum(block[1][0] for block in springs) == pytest.approx(12.0 * 70.0 * 4.0 * mu / 1.2)
     assert all(block[0] == [1.0] for block in springs)
     # nothing else holds that edge sideways, and nothing moves there without the effect
     outcome = solve(text, tmp_path)
@@ -469,11 +469,13 @@ def test_from_held_to_free_by_the_limit_of_the_shear(name, edge, tmp_path, plain
     side = MESH.node_sets[edge]
     assert moved("friction", 1e-4) == pytest.approx(plain.displacement[-1, :, 0], abs=1e-3)
     slips = [np.abs(moved("friction", share)[side]).max() for share in (0.05, 0.3, 0.6, 0.9)]
-    free = np.abs(moved("slip", 0.99)[side]).max()
+    free = np.abs(moved("slip", 0.999)[side]).max()
     assert slips == sorted(slips)
     # of a free edge in 40 N: a small part sticks, nearly all slips
     assert slips[0] < 0.03 * free and slips[-1] > 0.9 * free
-    assert moved("friction", 0.99) == pytest.approx(moved("slip", 0.99), abs=0.02 * free)
+    # at a share of a half neither near the one nor near the other, so that a search finds its way
+    assert 0.25 * free < np.abs(moved("slip", 0.5)[side]).max() < 0.75 * free
+    assert moved("friction", 0.99) == pytest.approx(moved("slip", 0.999), abs=0.02 * free)
 
 
 def test_a_base_that_is_loose_everywhere_slips_and_one_that_is_loose_on_the_left_is_held_on_the_right(tmp_path):
@@ -511,7 +513,7 @@ def test_the_pressure_under_a_curved_indenter_adds_up_to_nearly_the_force(curve,
 
 
 @pytest.mark.parametrize(
-    "values", [{"indenter_slip.share": 0.002}, {"indenter_friction.share": 0.3}], ids=lambda v: min(v)
+    "values", [{"indenter_slip.share": 0.02}, {"indenter_friction.share": 0.3}], ids=lambda v: min(v)
 )
 def test_the_last_node_of_a_slipping_indenter_does_not_run_ahead(tmp_path, values):
     """Alone it moved inwards, against all others, ten times as far as on the finest meshes."""

@@ -97,7 +97,7 @@ def test_a_soft_bed_gives_way_as_far_as_it_says(tmp_path):
     """Equilibrium: the force is that of all springs, so that their mean way weighed by area is known."""
     nodes, area = side("BOTTOM")
     down = -solve({"soft_bed.share": 0.2, "soft_bed.side": 0.0}, tmp_path)[nodes, 2]
-    assert down @ area / area.sum() == pytest.approx(FORCE / WIDTH**2 / MU * WIDTH * 0.2 / 0.8, rel=1e-6)
+    assert down @ area / area.sum() == pytest.approx(FORCE / WIDTH**2 / MU * 0.1 * WIDTH * 0.2 / 0.8, rel=1e-6)
 
 
 def test_the_probe_of_the_base_can_be_its_members(tmp_path):

@@ -29,8 +29,8 @@ CASES = {
     "tilt": ({"tilt.slope": 0.01, "tilt.power": 0.5}, "tilt.slope", 0.08),
     "tilt that comes early": ({"tilt.slope": 0.01, "tilt.early": 0.02, "tilt.power": 0.5}, "tilt.early", 0.4),
     "sideways": ({"sideways.moved": 0.1, "sideways.power": 0.5}, "sideways.moved", 1.2),
-    "base slip": ({"base_slip.share": 0.016}, "base_slip.share", 0.016),
-    "indenter slip": ({"indenter_slip.share": 0.005}, "indenter_slip.share", 0.005),
+    "base slip": ({"base_slip.share": 0.14}, "base_slip.share", 0.14),
+    "indenter slip": ({"indenter_slip.share": 0.048}, "indenter_slip.share", 0.048),
     "base friction": ({"base_friction.share": 0.5}, "base_friction.share", 0.05),
     "indenter friction": ({"indenter_friction.share": 0.5}, "indenter_friction.share", 0.05),
     "swelling": ({"swelling.volume": 0.05}, "swelling.volume", 0.3),
@@ -140,7 +140,7 @@ def test_an_answer_that_depends_on_its_way_is_none(tmp_path, values):
 def test_other_unknowns_need_a_simulation(tmp_path):
     """Held at the base or not, and one step more; what is beside them is answered all the same."""
     here = written(tmp_path, {}, "force", "CPE8H")
-    others = [{"base_slip.share": 0.0016}, {"state_probe.load": 0.1}, {"mu_top": 1.01 * MU["mu_top"]}]
+    others = [{"base_slip.share": 0.016}, {"state_probe.load": 0.1}, {"mu_top": 1.01 * MU["mu_top"]}]
     found = answers(
         tmp_path, here, solved(tmp_path, here), [written(tmp_path, own, "force", "CPE8H") for own in others]
     )

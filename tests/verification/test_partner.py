@@ -14,7 +14,7 @@ from fingerfit.diagnosis.second_pass import ended_of
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
 
-HIDDEN = {"base_slip": {"share": 0.3}, "tilt": {"slope": 0.02}}
+HIDDEN = {"base_slip": {"share": 0.81}, "tilt": {"slope": 0.02}}
 TRIED = {*HIDDEN, "compressibility", "gradient", "sideways", "misregistration"}
 
 

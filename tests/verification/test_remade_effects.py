@@ -125,7 +125,7 @@ def test_its_decks_are_ours_byte_for_byte(name, remade, finger):
 def slipping(tmp_path_factory):
     """A small body whose base slips, fitted with a model that holds it."""
     folder = tmp_path_factory.mktemp("slips")
-    study = written(folder, effects={"base_slip": {"share": 0.2}})
+    study = written(folder, effects={"base_slip": {"share": 0.71}})
     remake(study)
     problem, last, _, everything = fitted(study, folder / "model", SMALL)
     return problem, last, everything
@@ -188,14 +188,14 @@ def test_the_whole_diagnosis_is_the_same(slipping):
 def test_two_that_replace_the_same_are_not_put_together(slipping):
     problem, last, _ = slipping
     data = problem.settings.model_dump(mode="json")
-    data["model"]["effects"] = {"own_base_slip": {"share": 0.03}}
+    data["model"]["effects"] = {"own_base_slip": {"share": 0.24}}
     both = InverseProblem(load_settings(data), problem.data, problem.mesh_files, problem.sims)
     both.__dict__["effects"] = {name: problem.effects[name] for name in ("base_slip", "own_base_slip", "tilt")}
-    values = {**finest(problem, last).values, "own_base_slip.share": 0.03}
+    values = {**finest(problem, last).values, "own_base_slip.share": 0.24}
     assert {c.effect.name for c in candidates(both, values)[0]} == {"tilt"}
     lacking = untestable(both)[both.effects["base_slip"].title]
     assert "a model without own_base_slip" in str(lacking)
-    data["model"]["effects"]["base_slip"] = {"share": 0.03}
+    data["model"]["effects"]["base_slip"] = {"share": 0.24}
     with pytest.raises(FingerfitError, match="base_slip, which replaces base of the deck, as own_base_slip does"):
         check_effects(load_settings(data), problem.study, problem.meshes[SEARCH])
 
