@@ -505,11 +505,28 @@ def test_brightness_may_be_a_polynomial_of_second_degree():
     assert seen.intensity(one, 2, np.array([[0.0, 6.0, 12.0]]), up) == pytest.approx(np.array([[1.15, 1.1, 1.15]]))
 
 
-@pytest.mark.parametrize("curve", [0.01, -0.01])
-def test_the_pressure_under_a_curved_indenter_adds_up_to_nearly_the_force(curve, tmp_path):
-    """Nodes that go further or less far would else do another work than the force: 18 and 12 % off."""
+@pytest.mark.parametrize("curve", [0.02, -0.02])
+def test_the_pressure_under_a_curved_indenter_adds_up_to_the_force(curve, tmp_path):
     outcome = solve(deck({"indenter_probe.curve": curve}), tmp_path)
-    assert -outcome.reaction[:, 1] == pytest.approx(FORCES, rel=0.08)
+    assert -outcome.reaction[:, 1] == pytest.approx(FORCES, rel=1e-6)
+    side, x = MESH.node_sets["TOP"], MESH.points[MESH.node_sets["TOP"], 0] - 6.0
+    deep = -outcome.displacement[-1, side, 1]
+    assert deep == pytest.approx(deep[np.abs(x).argmin()] + curve * x**2, abs=1e-6)
+
+
+def test_a_tilted_indenter_does_nearly_the_work_of_the_force(tmp_path):
+    """Its nodes go further or less far in proportion to the indentation."""
+    outcome = solve(deck({"indenter_probe.slope": 0.02}), tmp_path)
+    assert -outcome.reaction[:, 1] == pytest.approx(FORCES, rel=0.02)
+
+
+def test_an_indenter_that_is_deeper_as_a_whole_is_read_less_deep(tmp_path, plain):
+    """The body is as it was under a given force: what is read differs, by as much as is prescribed where that is given."""
+    lowered = {"indenter_probe.lowered": 0.3}
+    outcome = solve(deck(lowered), tmp_path)
+    assert outcome.displacement == pytest.approx(plain.displacement, abs=1e-6)
+    seen = observation(indenter_probe__lowered=0.3)
+    assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx([0.925, 1.85])
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ SIZES = {
     **LENGTHS,
     "preload.force": FORCE, "force_offset.offset": FORCE, "guide_friction.most": FORCE,
     "loading_probe.load": FORCE, "loading_probe.midway": FORCE,
-    "indenter_probe.slope": 1 / LARGER, "indenter_probe.curve": 1 / LARGER**2,
+    "indenter_probe.slope": 1 / LARGER, "indenter_probe.curve": 1 / LARGER, "indenter_probe.lowered": LARGER,
 }  # fmt: skip
 """Factors on numbers of effects; those that are not here have none."""
 PLACES = {
