@@ -169,7 +169,8 @@ def diagnose(
             verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
-    verdict = largest_part(verdict, score_test, ranking, generalising(score_test, ended, held_out), fitted, refits)
+    general, beside = generalising(score_test, ended, held_out), bool(problem.settings.model.effects)
+    verdict = largest_part(verdict, score_test, ranking, general, fitted, refits, held_out, beside)
     estimate = minimum(problem, last).values
     constants = problem.settings.model.parameters
     own = {p.name: estimate[p.name] for p in problem.settings.parameters() if p.name.partition(AT)[0] in constants}

@@ -79,8 +79,13 @@ def largest_part(
     refits: Mapping[str, Refit],
     error: float,
     tried: Mapping[str, Refit] | None = None,
+    held_out: float | None = None,
+    beside: bool = False,
 ) -> Verdict:
     """The verdict, but where nothing explains it all, what surely is the largest part of it: more is missing.
+
+    Beside effects that are known to be some of it already, also what is no more than a part, as long as much is left:
+    an error of more than `LOUD`. It must lower the errors on fitted and on held-out steps by more than `MATTERS`.
 
     Parameters
     ----------
@@ -94,6 +99,10 @@ def largest_part(
         Of the model, in units of the noise floor, on the fitted steps.
     tried : mapping, optional
         All refits, which other families are judged by.
+    held_out : float, optional
+        Error of the model on held-out steps, where there are some.
+    beside : bool
+        Whether the model has effects.
     """
     best = best_of(ranking, refits)
     if verdict.kind != "unexplained" or best is None or error <= 1.0:
@@ -107,10 +116,15 @@ def largest_part(
         name: np.inf if refit.at_least > own.fitted + MATTERS else (refit.level - own.level) / 2 / spread
         for name, refit in (tried or {}).items()
     }
-    if not (beyond and share > LARGEST and leads(score_test, ranking, one, behind)):
+    falls = [error - own.fitted]
+    if held_out is not None and own.held_out is not None:
+        falls.append(held_out - own.held_out)
+    part = beside and error > LOUD and min(falls) > MATTERS
+    if not (beyond and (share > LARGEST or part) and leads(score_test, ranking, one, behind)):
         return verdict
+    what = "the largest part" if share > LARGEST else "a part"
     fell = f"the error falls from {error:.2g} to {own.fitted:.2g} times the noise level"
-    text = f"missing: {one.candidate.effect.title}; it is the largest part ({fell}), more is missing"
+    text = f"missing: {one.candidate.effect.title}; it is {what} ({fell}), more is missing"
     return Verdict("missing", (one.candidate.effect.name,), text, verdict.threshold)
 
 

@@ -185,6 +185,16 @@ def test_the_largest_part_is_named_where_its_family_leads(error, rival, kind):
     tried = refits | {"tilt": Refit(0.5 * refits["base_slip"].misfit, score_test.freedom, error + 2 * MATTERS, 1.0, {})}
     again = largest_part(nearest, score_test, ranking, refits, 5.0, tried)
     assert again.kind == ("missing" if error < 4.0 else "unexplained")
+    # beside effects that are some of it already a part is enough, where it lowers the error on held-out steps as well
+    for held_out, beside, named in (
+        (1.0 + 2 * MATTERS, True, True),
+        (1.0 + MATTERS / 2, True, False),
+        (2.0, False, False),
+    ):
+        part = largest_part(nearest, score_test, ranking, refits, 5.0, None, held_out, beside)
+        assert part.kind == ("missing" if kind == "missing" or (named and rival < 0.5) else "unexplained")
+        if part.effects:
+            assert ("it is a part (the error falls from 5 to 4.5" in part.sentence) == (error > 4.0)
     # nobody knows what else a family has that no probe stands for
     known = [one for one in ranking if not one.candidate.effect.probe]
     assert largest_part(nearest, score_test, known, refits, 5.0) is nearest
