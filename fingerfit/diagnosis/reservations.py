@@ -235,18 +235,18 @@ def traced(
 
 
 def form_of(comparison: Comparison, named: Sequence[Effect] = ()) -> float:
-    """Misfit that the form of a model's own effects may leave: a share of their signal, as for `signal_of`.
+    """Misfit that the form of a model's own effects may leave: a share of what they explain.
 
     A probe has no form of its own; what it stands for may differ from it by as much as an answer need not explain.
     """
-    members, probes = (signal_of(comparison, named, probes) for probes in (False, True))
+    members, probes = (_signal_of(comparison, named, probes) for probes in (False, True))
     return FORM**2 * members + (1.0 - ENOUGH) * probes
 
 
-def signal_of(comparison: Comparison, named: Sequence[Effect] = (), probes: bool | None = None) -> float:
-    """Misfit that a model would have without the numbers of its effects, by slopes, the constants following.
+def _signal_of(comparison: Comparison, named: Sequence[Effect], probes: bool) -> float:
+    """Misfit that a model would have without the numbers of its probes, or of its members, the constants following.
 
-    With `probes` of its probes only, or of none of them.
+    By slopes.
 
     A shift or a brightness that has another form leaves shifts and brightness: where all that is `named` acts on the
     body, effects on the observation do not count.
@@ -258,7 +258,7 @@ def signal_of(comparison: Comparison, named: Sequence[Effect] = (), probes: bool
         effect.key(number.name): number.null
         for effect in map(problem.effects.get, problem.settings.model.effects)
         if effect is not None and not (bodily and effect.acts == OBSERVATION)
-        if probes is None or effect.probe == probes
+        if effect.probe == probes
         for number in effect.parameters
     }
     names = [p.name.partition(AT)[0] for p in parameters]

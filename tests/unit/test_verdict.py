@@ -12,7 +12,7 @@ from seeds import generator
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
-from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, signal_of, too_coarse, traced
+from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, too_coarse, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import Verdict, decide, ended_well, half_explained
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
@@ -643,10 +643,10 @@ def test_a_shift_is_no_excuse_for_what_acts_on_the_body():
         base=SimpleNamespace(values=values),
     )
     tilt, shift = (0.6 / parameters[1].scale) ** 2, (0.8 / parameters[2].scale) ** 2
-    assert signal_of(comparison, [EFFECTS["gradient"]]) == pytest.approx(tilt)
-    assert signal_of(comparison, [EFFECTS["gradient"], EFFECTS["turned_pictures"]]) == pytest.approx(tilt + shift)
-    assert signal_of(comparison) == pytest.approx(tilt + shift)
-    assert form_of(comparison) == pytest.approx(0.01 * (tilt + shift))
+    both = [EFFECTS["gradient"], EFFECTS["turned_pictures"]]
+    assert form_of(comparison, both[:1]) == pytest.approx(0.01 * tilt)
+    for named in (both, ()):
+        assert form_of(comparison, named) == pytest.approx(0.01 * (tilt + shift))
     # a probe has no form: a quarter
     comparison.problem.effects["tilt"] = replace(EFFECTS["tilt"], probe=True)
     assert form_of(comparison) == pytest.approx(0.25 * tilt + 0.01 * shift)
