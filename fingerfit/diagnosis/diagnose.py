@@ -191,7 +191,7 @@ def diagnose(
     verdict = by_settings(of_family(verdict, score_test, ranking, ended), score_test, ranking, tests)
     mesh = next((effect for effect in problem.effects.values() if effect.signal == MESH_ERROR), None)
     if coarse and mesh:
-        verdict = too_coarse(verdict, score_test, by_mesh, seen, mesh)
+        verdict = too_coarse(verdict, score_test, by_mesh, seen, mesh, fitted)
     if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
         verdict, states, more = form_or_state(verdict, problem, last, everything, found, refits, threads)
         begins = {one.candidate.effect.name: one for one, _ in states}

@@ -12,7 +12,7 @@ from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.verdict import MATTERS, Verdict, best_of
+from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, after, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
@@ -147,8 +147,13 @@ def _cured(effect: Effect, what: str, share: float, of: str) -> str:
     return f"{wrong}: {what} explains {100 * min(share, 1.0):.0f} % of {of}{CURE}{cure}"
 
 
-def too_coarse(verdict: Verdict, score_test: ScoreTest, fall: float, best: float, effect: Effect) -> Verdict:
+def too_coarse(
+    verdict: Verdict, score_test: ScoreTest, fall: float, best: float, effect: Effect, error: float
+) -> Verdict:
     """The verdict of a model whose mesh leaves most of what there is beyond the noise, or of what an effect would say.
+
+    Where that is no more than the noise in all values and in every pixel, the model is adequate all the same: its
+    intervals know the mesh.
 
     Parameters
     ----------
@@ -160,11 +165,16 @@ def too_coarse(verdict: Verdict, score_test: ScoreTest, fall: float, best: float
         The same by the best effect of the first pass, where the model leaves no more than the noise; else 0.
     effect : Effect
         The one that stands for it.
+    error : float
+        Of the fitted measurements in units of the noise floor.
     """
     beyond = max(excess(score_test), 1.0)
     of = BEYOND if beyond >= best else "what the best effect would explain"
-    text = _cured(effect, "half the element size", fall / max(beyond, best), of)
-    return Verdict("unexplained", (), text, verdict.threshold, NUMERICS)
+    share = fall / max(beyond, best)
+    if explains(score_test) and error <= 1.0 + MATTERS:
+        text = f"half the element size explains {100 * min(share, 1.0):.0f} % of {of}"
+        return Verdict("adequate", (), f"{WITHIN}; {text}", verdict.threshold)
+    return Verdict("unexplained", (), _cured(effect, "half the element size", share, of), verdict.threshold, NUMERICS)
 
 
 def traced(
@@ -221,7 +231,7 @@ def traced(
         return verdict
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     odds = after(max(one.odds(spread, refits[one.candidate.effect.name].fall) for one in named), tests)
-    text = "the model explains the measurements to within their noise; "
+    text = f"{WITHIN}; "
     if not any(_matters(refits[name], base, tolerance, intervals or {}) for name in verdict.effects):
         far = "out of its interval" if intervals else f"by more than {100 * tolerance:g} %"
         text += f"beyond chance, but a trace that moves no constant {far}: {names}"

@@ -20,6 +20,8 @@ WORSE, WORSE_OF_FEW = 0.02, 0.2
 values."""
 MATTERS = 0.05
 """Fall of the error, in noise floors, by which an effect matters that moves no constant."""
+WITHIN = "the model explains the measurements to within their noise"
+"""Of an adequate model, in words."""
 
 
 @dataclass(frozen=True)
