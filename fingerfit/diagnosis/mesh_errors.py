@@ -34,11 +34,10 @@ def errors_but_mesh(comparison: Comparison) -> tuple[float, float | None]:
     """
     if len(comparison.every) > 1:
         return of_tests([errors_but_mesh(test) for test in comparison.every])
-    by_mesh = _in_pictures(comparison)
-    if by_mesh is None:
+    by_mesh, fitted = _in_pictures(comparison), fitted_pictures(comparison.problem, comparison.data)
+    if by_mesh is None or not fitted.any():
         return errors(comparison)
     error = comparison.residual.error / comparison.floor
-    fitted = fitted_pictures(comparison.problem, comparison.data)
 
     def left(chosen: np.ndarray) -> float:
         square = np.maximum(error**2 - by_mesh**2, 0.0)[chosen].mean()
