@@ -23,6 +23,8 @@ from fingerfit.model.effect import OUTLINE, STATE
 
 SURELY = 3.0
 """Standard deviations of chance."""
+ANOTHER = "sides of the body elsewhere"
+"""Another form of the body, in words."""
 ROUGHLY = 2.0
 """How many times as far off as a state may leave a side to count slopes may leave it: they are rough. A choice."""
 
@@ -143,7 +145,7 @@ def elsewhere(
         Of the model as it is: a state that explains no more than that, sides included, is none.
     """
     shown = _shown(sides, "one")
-    text = f"missing: sides of the body elsewhere; {shown}"
+    text = f"missing: {ANOTHER}; {shown}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
     near = near_enough(sides, form)
 
@@ -176,7 +178,7 @@ def elsewhere(
     named = [*(each.candidate.effect for each, its in able if nearer(its, refit)), effect]
     names, titles = [each.name for each in named], [each.title for each in named]
     if gain < tell:  # twelve numbers that happen to be those of a state would be a coincidence: the states come first
-        names, titles = [*names, OUTLINE], [*titles, "sides of the body elsewhere"]
+        names, titles = [*names, OUTLINE], [*titles, ANOTHER]
     if len(names) > 1:
         text = f"missing: {' or '.join(titles)}; these data cannot tell them apart; {_shown(sides)}"
         return Verdict("indistinguishable", tuple(names), text, verdict.threshold, effect.family)

@@ -144,7 +144,11 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
 
 def _cured(effect: Effect, what: str, share: float, of: str) -> str:
     wrong, cure = cure_of(effect)
-    return f"{wrong}: {what} explains {100 * min(share, 1.0):.0f} % of {of}{CURE}{cure}"
+    return f"{wrong}: {_explained(what, share, of)}{CURE}{cure}"
+
+
+def _explained(what: str, share: float, of: str) -> str:
+    return f"{what} explains {100 * min(share, 1.0):.0f} % of {of}"
 
 
 def too_coarse(
@@ -170,11 +174,10 @@ def too_coarse(
     """
     beyond = max(excess(score_test), 1.0)
     of = BEYOND if beyond >= best else "what the best effect would explain"
-    share = fall / max(beyond, best)
+    what, share = "half the element size", fall / max(beyond, best)
     if explains(score_test) and error <= 1.0 + MATTERS:
-        text = f"half the element size explains {100 * min(share, 1.0):.0f} % of {of}"
-        return Verdict("adequate", (), f"{WITHIN}; {text}", verdict.threshold)
-    return Verdict("unexplained", (), _cured(effect, "half the element size", share, of), verdict.threshold, NUMERICS)
+        return Verdict("adequate", (), f"{WITHIN}; {_explained(what, share, of)}", verdict.threshold)
+    return Verdict("unexplained", (), _cured(effect, what, share, of), verdict.threshold, NUMERICS)
 
 
 def traced(

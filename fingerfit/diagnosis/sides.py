@@ -15,7 +15,7 @@ from fingerfit.fit.rounds import Asked
 from fingerfit.imaging.outline import CORNER, SIDES, Outline
 
 _PLACES = 41
-"""Along a side."""
+"""Along a side: many more than a parabola has numbers. A choice."""
 
 
 @dataclass(frozen=True)
