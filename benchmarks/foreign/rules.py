@@ -68,7 +68,7 @@ RULES = (
     Rule("fibres", ("material",), "fibres", ("square", "exponential"), 0.5, 30.0),
     Rule("oblique fibres", ("material",), "fibres", ("one family", "two families"), 0.5, 60.0, {"angle": (20.0, 40.0)},
          BOTH),
-    Rule("one layer stiffens", ("material", "structure"), None, ("exponential", "quadratic"), 1.0, 60.0,
+    Rule("one layer stiffens", ("material", "structure"), "layer_stiffening", ("exponential", "quadratic"), 1.0, 60.0,
          {"layer": (0.0, 1.0)}, setting=LAYERED),
     # structure
     Rule("inclusion", ("structure",), "inclusion", ("ellipse", "box", "triangle", "ring", "smooth"), 0.6, 3.0,

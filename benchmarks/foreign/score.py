@@ -109,13 +109,15 @@ ALIKE = {
     "stiffening": {"exponential", "yeoh"}, "inclusion": {"ellipse"},
     "base_slip": {"debonding", "base_friction"}, "indenter_slip": {"indenter_debonding", "indenter_friction"},
     "bias_field": {"uneven_brightness"}, "force_offset": {"guide_friction"},
-    "ageing": {"layer_ageing"}, "wandering_pictures": {"jumping_pictures"},
+    "ageing": {"layer_ageing"}, "layer_stiffening": {"exponential", "yeoh"}, "wandering_pictures": {"jumping_pictures"},
     "intensity_drift": {"jumping_brightness", "contrast_drift"},
 }  # fmt: skip
 """Members that are as right: other laws of the same stiffening, an inclusion of any shape, a side that is loose from an
 edge on or slips beyond a limit, brightness that is uneven in another form, an offset that the guide's
 friction is, pictures that change from step to step by amounts of their own or by a power of their
-brightness, one layer that ages (a form of its kind)."""
+brightness, one layer that ages (a form of its kind) or stiffens (all of these laws may be in one layer)."""
+SINCE = {"one layer stiffens": "layer_stiffening"}
+"""Kinds that the catalogue has had a member for since the truths of older halves were sealed, without one."""
 CLOSE = 0.05
 """Share of a constant within which it is right."""
 TRACE = 0.5
@@ -144,7 +146,7 @@ def families(rung: dict[str, Any]) -> list[str]:
 
 def members(hidden: dict[str, Any]) -> set[str]:
     """Names in the catalogue of what is hidden."""
-    own = hidden["member"]
+    own = hidden["member"] or SINCE.get(hidden["kind"])
     return {own, IN_SPACE.get(own, own), *ALIKE.get(own, ())} if own else set()
 
 
@@ -229,10 +231,10 @@ def summary(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[tuple[st
     hidden = [(row, truth) for row, truth in told if truth["hidden"]]
     seen = [(row, truth) for row, truth in hidden if size(truth) >= TRACE]
     traces = [(row, truth) for row, truth in hidden if size(truth) < TRACE]
-    known = [(row, truth) for row, truth in seen if all(one["member"] for one in truth["hidden"])]
+    known = [(row, truth) for row, truth in seen if all(members(one) for one in truth["hidden"])]
     covered = [inside for row, truth in empty for _, inside in constants(first(row), truth).values()]
     clear = [(row, truth) for row, truth in hidden if size(truth) >= CLEAR and truth["family"] != "numerics"]
-    listed = [(row, truth) for row, truth in clear if all(one["member"] for one in truth["hidden"])]
+    listed = [(row, truth) for row, truth in clear if all(members(one) for one in truth["hidden"])]
     climbed = [(row, truth) for row, truth in clear if family_right(row, truth) and row["goal"] == "discover"]
     seconds = [row["seconds"] for row, _ in pairs]
     return [

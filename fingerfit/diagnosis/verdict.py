@@ -20,6 +20,9 @@ WORSE, WORSE_OF_FEW = 0.02, 0.2
 values."""
 MATTERS = 0.05
 """Fall of the error, in noise floors, by which an effect matters that moves no constant."""
+BUT_FORM = 0.9
+"""Share of what the best member of a family explains from which another one that no pixel tells from it may be as
+right: their forms are idealised. A choice (decision 19)."""
 WITHIN = "the model explains the measurements to within their noise"
 """Of an adequate model, in words."""
 
@@ -143,7 +146,11 @@ def decide(
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
         return Verdict("missing", (best,), f"{text} the misfit beyond the noise, alone {percent(best)} of it", limit)
     plainer = [name for name in tried if _plainer(refits[name], refits[best], _worse(score_test))]
-    rivals = [name for name in tried if _rival(refits[name], refits[best]) and name not in plainer]
+    family = by_name[best].candidate.effect.family
+    kin = [name for name in tried if by_name[name].candidate.effect.family == family]
+    alike = [name for name in kin if _but_form(refits[name], refits[best], score_test.misfit)]
+    rivals = [name for name in tried if name in alike or _rival(refits[name], refits[best])]
+    rivals = [name for name in rivals if name not in plainer]
     rivals = [*sorted(plainer, key=lambda name: refits[name].level), best, *(name for name in rivals if name != best)]
     rivals = _without_series(rivals, by_name, refits)
     if len(rivals) > 1:
@@ -198,6 +205,20 @@ def _rival(one: Refit, best: Refit) -> bool:
     if behind < RIVAL * max(1.0, best.misfit / max(best.freedom, 1)):
         return True
     return explains(one) and explains(best) and behind < max(NEAR * one.freedom, best.misfit - best.freedom)
+
+
+def _but_form(one: Refit, best: Refit, before: float) -> bool:
+    """Whether two refits of one family are the same but for the forms of their effects, as far as pictures can tell.
+
+    A border may be sharp or blurred, a slip by springs or by a limit: thousands of patches tell such forms apart at
+    odds that say nothing of what is in the body. Values that all of a step have in common, as the response, know no
+    such forms. `before` is the misfit without an effect.
+    """
+    pixels = [one.fitted - best.fitted]
+    if one.held_out is not None and best.held_out is not None:
+        pixels.append(one.held_out - best.held_out)
+    same = max(pixels) <= MATTERS and one.common_misfit - best.common_misfit < RIVAL
+    return same and explains(one) and explains(best) and one.gain(before) >= BUT_FORM * best.gain(before)
 
 
 def _plainer(one: Refit, best: Refit, clearly: float) -> bool:

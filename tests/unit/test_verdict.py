@@ -14,7 +14,7 @@ from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, too_coarse, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
-from fingerfit.diagnosis.verdict import Verdict, decide, ended_well, half_explained
+from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, ended_well, half_explained
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.parameters import Parameter
@@ -147,20 +147,42 @@ def test_what_an_error_of_the_mesh_may_decide_does_not_tell_two_adequate_refits_
 @pytest.mark.parametrize(
     ("numbers", "fitted", "held_out", "names"),
     [
-        (2, 1.05, 1.06, ("skin", "inclusion")),
-        (6, 1.05, 1.06, ("inclusion",)),  # with as many numbers the misfit decides
-        (2, 1.05, 1.10, ("inclusion",)),  # nearer on the fitted steps alone
-        (2, 1.09, 1.09, ("inclusion",)),  # by less than chance may make of it
+        (2, 1.05, 1.06, ("skin", "tilt")),
+        (6, 1.05, 1.06, ("tilt",)),  # with as many numbers the misfit decides
+        (2, 1.05, 1.10, ("tilt",)),  # nearer on the fitted steps alone
+        (2, 1.09, 1.09, ("tilt",)),  # by less than chance may make of it
     ],
 )
 def test_fewer_numbers_that_are_nearer_in_the_pictures_are_named_first(world, numbers, fitted, held_out, names):
     score_test = world.score_test(40 * (world.signal(0) + world.signal(1)))
-    ranking = world.ranking(score_test, inclusion=world.signal(0), skin=world.signal(1))
+    ranking = world.ranking(score_test, tilt=world.signal(0), skin=world.signal(1))
     many = Refit(1.0 * VALUES, VALUES, 1.1, 1.1, {}, numbers=6)
     few = replace(many, misfit=1.2 * VALUES, fitted=fitted, held_out=held_out, numbers=numbers)
-    verdict = decide(score_test, ranking, {"inclusion": many, "skin": few}, TESTS)
+    verdict = decide(score_test, ranking, {"tilt": many, "skin": few}, TESTS)
     assert verdict.effects == names
     assert verdict.kind == ("missing" if len(names) == 1 else "indistinguishable")
+
+
+@pytest.mark.parametrize(
+    ("other", "changed", "names"),
+    [
+        ("skin", {}, ("inclusion", "skin")),
+        ("tilt", {}, ("inclusion",)),  # of another family
+        ("skin", {"fitted": 1.06}, ("inclusion",)),  # a pixel can tell
+        ("skin", {"held_out": 1.06}, ("inclusion",)),
+        ("skin", {"misfit": 1.23 * VALUES}, ("inclusion",)),  # explains less than nine tenths
+        ("skin", {"common_misfit": 13.0, "common_freedom": 9}, ("inclusion",)),  # the forces can tell
+        ("skin", {"common_misfit": 11.0, "common_freedom": 9}, ("inclusion", "skin")),
+    ],
+)
+def test_forms_of_one_family_that_no_pixel_tells_apart_are_named_together(world, other, changed, names):
+    score_test = world.score_test(25 * world.signal(0))
+    ranking = world.ranking(score_test, **{"inclusion": world.signal(0), other: world.signal(1)})
+    best = Refit(1.0 * VALUES, VALUES, 1.0, 1.0, {}, numbers=1)
+    assert 0.1 * VALUES > RIVAL  # so far behind that their odds would tell them apart
+    second = replace(best, **{"misfit": 1.1 * VALUES, "fitted": 1.04, "held_out": 1.04, **changed})
+    verdict = decide(score_test, ranking, {"inclusion": best, other: second}, TESTS)
+    assert verdict.effects == names
 
 
 def test_nothing_known_explains_it(world):
@@ -550,10 +572,10 @@ def test_the_excess_is_that_of_all_values_or_of_what_a_step_has_in_common():
 def test_what_the_best_leaves_beyond_its_noise_is_an_error_as_large_as_a_difference(left, behind, rivals):
     world = World(size=1003)
     score_test = world.score_test(60.0 * world.signal(0))
-    ranking = world.ranking(score_test, skin=world.signal(0), split_layer=world.signal(0))
+    ranking = world.ranking(score_test, tilt=world.signal(0), split_layer=world.signal(0))
     refits = {
         "split_layer": Refit(left, 1000, 1.0, 1.0, {}, numbers=2),
-        "skin": Refit(left + behind, 1000, 1.0, 1.0, {}, numbers=2),
+        "tilt": Refit(left + behind, 1000, 1.0, 1.0, {}, numbers=2),
     }
     assert len(decide(score_test, ranking, refits, TESTS).effects) == rivals
 
