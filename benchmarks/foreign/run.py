@@ -70,6 +70,7 @@ def rungs(results: Path) -> list[dict[str, Any]]:
         rung = json.loads(path.read_text(encoding="utf-8"))
         file = path.with_name("diagnosis.json")
         diagnosis = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+        reach = rung["not_excluded"]["ranges"]
         found.append(
             {
                 "model": rung["model"],
@@ -81,7 +82,12 @@ def rungs(results: Path) -> list[dict[str, Any]]:
                 "error": rung["error"],
                 "misfit": [rung["misfit"], rung["freedom"]],
                 "parameters": {
-                    name: {"value": one["value"], "interval": one["interval95"], "at_bound": one.get("at_bound")}
+                    name: {
+                        "value": one["value"],
+                        "interval": one["interval95"],
+                        "at_bound": one.get("at_bound"),
+                        "reach": reach.get(name, one["interval95"]),
+                    }
                     for name, one in rung["parameters"].items()
                 },
                 "simulations": rung["simulations"],

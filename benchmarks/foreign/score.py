@@ -190,8 +190,10 @@ def stopped(row: dict[str, Any], truth: dict[str, Any]) -> bool:
     return row["rungs"][-1]["verdict"] == "adequate" and len(row["rungs"]) - 1 <= len(truth["hidden"])
 
 
-def constants(rung: dict[str, Any], truth: dict[str, Any]) -> dict[str, tuple[float, bool]]:
+def constants(rung: dict[str, Any], truth: dict[str, Any], where: str = "interval") -> dict[str, tuple[float, bool]]:
     """Relative error of each constant, and whether its interval holds the truth.
+
+    With "reach" as `where`, an interval reaches as far as effects that are not excluded would move the constant.
 
     That of a body that relaxes is the modulus of a fast load; fingerfit's, with relaxation, is that of a slow one.
     """
@@ -201,7 +203,7 @@ def constants(rung: dict[str, Any], truth: dict[str, Any]) -> dict[str, tuple[fl
         true = slow * fast
         one = rung["parameters"].get(name)
         if one:
-            low, high = one["interval"]
+            low, high = one.get(where, one["interval"])
             found[name] = (one["value"] / true - 1, low <= true <= high)
     return found
 
@@ -236,6 +238,7 @@ def summary(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[tuple[st
     clear = [(row, truth) for row, truth in hidden if size(truth) >= CLEAR and truth["family"] != "numerics"]
     listed = [(row, truth) for row, truth in clear if all(members(one) for one in truth["hidden"])]
     climbed = [(row, truth) for row, truth in clear if family_right(row, truth) and row["goal"] == "discover"]
+    ended = [(row, truth) for row, truth in told if row["rungs"][-1]["verdict"] == "adequate"]
     seconds = [row["seconds"] for row, _ in pairs]
     return [
         ("cases that were run; of them without any answer", f"{len(pairs)}; {len(pairs) - len(told)}"),
@@ -265,6 +268,10 @@ def summary(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[tuple[st
         ("hidden: all constants within 5 % or inside, base model",
          share(constants_right(first(row), truth) for row, truth in hidden)),
         ("hidden: the same, last model", share(constants_right(row["rungs"][-1], truth) for row, truth in hidden)),
+        ("adequate last models: constants inside their intervals",
+         share(inside for row, truth in ended for _, inside in constants(row["rungs"][-1], truth).values())),
+        ("the same, intervals reaching as far as with effects that are not excluded",
+         share(held for row, truth in ended for _, held in constants(row["rungs"][-1], truth, "reach").values())),
         ("seconds of a climb: median; longest",
          f"{statistics.median(seconds):.0f}; {max(seconds):.0f}" if seconds else "-"),
     ]  # fmt: skip

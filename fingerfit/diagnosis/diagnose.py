@@ -21,6 +21,7 @@ from fingerfit.diagnosis.form_or_state import form_or_state
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.mesh_errors import by_halved_mesh, errors_but_mesh
+from fingerfit.diagnosis.ranges import not_excluded
 from fingerfit.diagnosis.ranking import Ranked, best_places, spread_of
 from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.reservations import (
@@ -31,6 +32,7 @@ from fingerfit.diagnosis.reservations import (
     largest_part,
     not_needed,
     of_family,
+    perhaps,
     too_coarse,
     traced,
     untried,
@@ -95,6 +97,8 @@ class Diagnosis:
         Titles of the effects that were not tried, as ``diagnosis`` in config.yaml says.
     spare : list of Effect
         Effects of an adequate model that it may not need: as from `spare`.
+    not_excluded : list of Ranked
+        Effects that an adequate model may lack: as from `not_excluded`.
     """
 
     comparison: Comparison
@@ -110,6 +114,7 @@ class Diagnosis:
     untestable: dict[str, InputError]
     left_out: list[str]
     spare: list[Effect]
+    not_excluded: list[Ranked]
 
 
 def diagnose(
@@ -200,11 +205,14 @@ def diagnose(
         run += more
     needless = spare(problem, score_test, found.comparison.base.values) if verdict.kind == "adequate" else []
     verdict = not_needed(far_off(verdict, found.comparison), needless)
+    maybe = not_excluded(ranking, score_test, refits, tests) if verdict.kind == "adequate" else []
+    verdict = perhaps(verdict, [one.candidate.effect.title for one in maybe])
     untold = found.lacking, untestable(problem), left_out(problem)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking), len(untold[-1]))
     return Diagnosis(
-        found.comparison, score_test, ranking, refits, verdict, run, measurements, further, stiffness, *untold, needless
-    )
+        found.comparison, score_test, ranking, refits, verdict, run, measurements, further, stiffness, *untold,
+        needless, maybe,
+    )  # fmt: skip
 
 
 def _test_all(

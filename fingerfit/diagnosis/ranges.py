@@ -7,17 +7,23 @@ Annals of Statistics 17, 1989). What the constants take up without a trace neith
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import LEVEL, Refit
+from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.worth import after
 from fingerfit.fit.slopes import coordinates, moved
+from fingerfit.model.parameters import Parameter
 
 COMPARABLE = 0.5
 """Share of the best refit's fall of the misfit from which a refit says what the constants may be. A choice."""
+EXCLUDED = 0.05
+"""Odds below which an effect is excluded, as surely as a 95 % interval excludes what is outside of it."""
 PARTS = 4
 """Parts of the forces, each of steps that follow each other: as many as the body has in the plane. A choice."""
 UNSEEN = 1e-8
@@ -42,20 +48,83 @@ def ranges(
     excess = excess_of(comparison)
     if not excess:
         return {}
-    parameters = comparison.problem.settings.parameters()
+    best = max((refit.fall for refit in refits), default=0.0)
+    elsewhere = [refit.values for refit in refits if refit.fall > 0 and refit.fall >= COMPARABLE * best]
+    spread, count = left_out(comparison)
+    further = np.sqrt(excess) * stdtrit(count - 1, 0.975) * spread
+    return _reaching(comparison.problem.settings.parameters(), elsewhere, estimate, further)
+
+
+def not_excluded(
+    ranking: Sequence[Ranked], score_test: ScoreTest, refits: Mapping[str, Refit], tests: int
+) -> list[Ranked]:
+    """Effects that an adequate model may lack: their odds, after so many tests, are above `EXCLUDED`.
+
+    Parameters
+    ----------
+    ranking : sequence of Ranked
+        Tested effects; those that the first pass has refitted to a minimum count.
+    score_test : ScoreTest
+        Of the model.
+    refits : mapping
+        Of the second pass, by name of the effect.
+    tests : int
+    """
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
+
+    def likely(one: Ranked) -> bool:
+        refit = refits.get(one.candidate.effect.name)
+        return after(one.odds(spread, refit.fall if refit else None), tests) > np.log(EXCLUDED)
+
+    return [one for one in ranking if one.refitted and one.refitted.converged and likely(one)]
+
+
+def with_effects(
+    parameters: tuple[Parameter, ...],
+    effects: Sequence[Ranked],
+    refits: Mapping[str, Refit],
+    estimate: Mapping[str, Mapping[str, Any]],
+) -> dict[str, tuple[float, float]]:
+    """Ends of the constants' intervals if one of these effects may be there, or none; nothing without effects.
+
+    Parameters
+    ----------
+    parameters : tuple of Parameter
+        Of the model without them.
+    effects : sequence of Ranked
+        As from `not_excluded`.
+    refits : mapping
+        Of the second pass, by name of the effect; the first pass speaks for the others.
+    estimate : mapping
+        As for `ranges`.
+    """
+    models = [
+        refits[name].values if (name := one.candidate.effect.name) in refits else one.refitted.values
+        for one in effects
+        if one.refitted
+    ]
+    return _reaching(parameters, models, estimate) if models else {}
+
+
+def _reaching(
+    parameters: tuple[Parameter, ...],
+    models: Sequence[Mapping[str, float]],
+    estimate: Mapping[str, Mapping[str, Any]],
+    further: np.ndarray | float = 0.0,
+) -> dict[str, tuple[float, float]]:
+    """From the lowest to the highest constant of models, and beyond both ends the interval joined with what is further.
+
+    `further`, shape (parameters,), is in search coordinates.
+    """
     values = {p.name: estimate[p.name]["value"] for p in parameters}
     at = coordinates(parameters, values)
-    best = max((refit.fall for refit in refits), default=0.0)
-    elsewhere = [refit for refit in refits if refit.fall > 0 and refit.fall >= COMPARABLE * best]
-    models = np.stack([at, *(coordinates(parameters, {**values, **refit.values}) for refit in elsewhere)]) - at
+    apart = np.stack([at, *(coordinates(parameters, {**values, **model}) for model in models)]) - at
     ends = [
         coordinates(parameters, {p.name: estimate[p.name]["interval95"][side] for p in parameters}) - at
         for side in (0, 1)
     ]
-    spread, count = left_out(comparison)
-    further = np.sqrt(excess) * stdtrit(count - 1, 0.975) * spread
-    low = models.min(axis=0) - np.hypot(ends[0], further)
-    high = models.max(axis=0) + np.hypot(ends[1], further)
+    low = apart.min(axis=0) - np.hypot(ends[0], further)
+    high = apart.max(axis=0) + np.hypot(ends[1], further)
     lowest, highest = moved(parameters, values, low), moved(parameters, values, high)
     return {p.name: (lowest[p.name], highest[p.name]) for p in parameters}
 

@@ -21,6 +21,8 @@ from fingerfit.study.several import AT
 
 BEYOND = "the misfit beyond the noise"
 """What shares of an explanation are of, in words."""
+NAMED = 3
+"""Effects that a sentence names at most."""
 FORM = 0.1
 """Share of an effect's signal by which its form may be off from what is there. A choice (decision 19)."""
 
@@ -338,6 +340,13 @@ def not_needed(verdict: Verdict, spare: Sequence[Effect]) -> Verdict:
     """The verdict, and which effects an adequate model may not need beside its others."""
     titles = ", ".join(effect.title for effect in spare)
     return replace(verdict, sentence=f"{verdict.sentence}; perhaps not needed: {titles}") if spare else verdict
+
+
+def perhaps(verdict: Verdict, titles: Sequence[str]) -> Verdict:
+    """The verdict, and which effects it does not exclude, three of them by name."""
+    new = [title for title in titles if title not in verdict.sentence]
+    named = ", ".join(new[:NAMED]) + (f" and {len(new) - NAMED} more" if len(new) > NAMED else "")
+    return replace(verdict, sentence=f"{verdict.sentence}; not excluded: {named}") if new else verdict
 
 
 def untried(verdict: Verdict, solver: str, titles: Sequence[str], left_out: int) -> Verdict:

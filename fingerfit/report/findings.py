@@ -15,7 +15,7 @@ from fingerfit.diagnosis.diagnose import Diagnosis
 from fingerfit.diagnosis.errors import are_fitted, errors, fitted_steps
 from fingerfit.diagnosis.families import families
 from fingerfit.diagnosis.field import field_of
-from fingerfit.diagnosis.ranges import ranges
+from fingerfit.diagnosis.ranges import ranges, with_effects
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.refit import explains
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
@@ -305,12 +305,14 @@ def rung_of(found: Diagnosis, estimate: dict[str, Any], simulations: dict[str, i
     settings, score_test = found.comparison.problem.settings, found.score_test
     count, entries = len(settings.parameters()), estimate["parameters"]
     doubtful = found.verdict.kind != "adequate" or not explains(score_test)
+    maybe = with_effects(settings.parameters(), found.not_excluded, found.refits, entries)
     return {
         "model": settings.model.full_name,
         "made_with": made_with(settings.model_dump(mode="json")),
         "effects": list(settings.model.effects),
         "parameters": entries,
         "ranges": ranges(found.comparison, found.refits.values(), entries) if doubtful else {},
+        "not_excluded": {"effects": [one.candidate.effect.title for one in found.not_excluded], "ranges": maybe},
         "further": {
             name: [{"title": one.title, "interval95": one.interval, "identified": one.identified} for one in listed]
             for name, listed in found.further.items()

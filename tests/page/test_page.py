@@ -105,6 +105,21 @@ def test_an_adequate_model_with_ranges_is_said_to_be_in_doubt(tmp_path):
     assert "as well as their noise allows" not in text
 
 
+def test_an_adequate_model_says_what_is_not_excluded_and_how_far_its_intervals_reach_then(tmp_path):
+    sample.write(tmp_path / "study")
+    ladder = read_json(tmp_path / "study/ladder.json")
+    last = ladder["rungs"][-1]
+    reach = {name: [0.5 * entry["value"], 2.0 * entry["value"]] for name, entry in last["parameters"].items()}
+    last["not_excluded"] = {"effects": ["stiffness that changes", "tilt <b>"], "ranges": reach}
+    keep_json(tmp_path / "study/ladder.json", ladder)
+    write_page(tmp_path / "study", tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    table = re.search(r'<table class="found">(.*?)</table>', text, re.S)[1]
+    assert "<th>With effects that are not excluded</th>" in table
+    assert "<td>0.0106 to 0.0424</td>" in table
+    assert "Not excluded: stiffness that changes, tilt &lt;b&gt;." in text
+
+
 def test_it_begins_with_the_constants_and_their_intervals(whole, tmp_path):
     def top(text):
         return re.search(r'<table class="found">(.*?)</table>', text, re.S)[1]

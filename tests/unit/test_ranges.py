@@ -1,12 +1,17 @@
-"""How far constants may be off by leaving out one part of the data after the other."""
+"""How far constants may be off by leaving out one part of the data after the other, and by effects not excluded."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from seeds import generator
+from test_verdict import VALUES, World
 
-from fingerfit.diagnosis.ranges import left_out, parts_of_data
+from fingerfit.diagnosis.ranges import EXCLUDED, left_out, not_excluded, parts_of_data, with_effects
+from fingerfit.diagnosis.ranking import Refitted
+from fingerfit.diagnosis.refit import Refit
+from fingerfit.model.parameters import Parameter
 
 PATCHES, STEPS, FORCES = 16, 3, 8
 
@@ -55,3 +60,44 @@ def test_noise_alone_gives_the_standard_error():
     sizes = np.repeat([36, 2], 4)
     moves = sizes / (count - sizes) / count  # variance of what leaving out a part moves, about its mean over parts
     assert np.mean(found) == pytest.approx(7 / 8 * moves.sum(), rel=0.3)
+
+
+TESTS = 400
+LIKELY = 2 * np.log(EXCLUDED * TESTS)
+"""Fall of the misfit from which an effect is not excluded, where its numbers are as sure before as after."""
+
+
+def falls_by(fall, converged=True, found=None):
+    """An effect that lowers the misfit by as much, refitted; what the second pass found of it."""
+    world = World()
+    score_test = world.score_test(0.0 * world.signal(0))
+    (one,) = world.ranking(score_test, tilt=np.sqrt(fall) * world.signal(0))
+    one = replace(one, finding=replace(one.finding, fall=fall))
+    refitted = Refitted({"mu": 1.5}, float(VALUES), converged, (), 0, VALUES, np.zeros((1, 1)), 0.0)
+    ranking = [replace(one, refitted=refitted)]
+    refits = {} if found is None else {"tilt": Refit(200.0, VALUES, 1.0, 1.0, {"mu": 1.2}, fall=found)}
+    return ranking, refits, not_excluded(ranking, score_test, refits, TESTS)
+
+
+@pytest.mark.parametrize(
+    ("fall", "converged", "found", "count"),
+    [
+        (1.1 * LIKELY, True, None, 1),
+        (0.9 * LIKELY, True, None, 0),
+        (1.1 * LIKELY, False, None, 0),
+        (1.1 * LIKELY, True, 0.9 * LIKELY, 0),  # the second pass explains less than the first one promised
+        (1.1 * LIKELY, True, 2.0 * LIKELY, 1),
+    ],
+)
+def test_an_effect_is_excluded_as_surely_as_a_constant_outside_of_its_interval(fall, converged, found, count):
+    assert len(falls_by(fall, converged, found)[2]) == count
+
+
+@pytest.mark.parametrize(("found", "highest"), [(None, 1.5 * 1.1), (2 * LIKELY, 1.2 * 1.1)])
+def test_intervals_reach_to_constants_with_an_effect_that_is_not_excluded(found, highest):
+    ranking, refits, maybe = falls_by(1.1 * LIKELY, found=found)
+    assert maybe == ranking
+    estimate = {"mu": {"value": 1.0, "interval95": [0.9, 1.1]}}
+    parameters = (Parameter("mu", "MPa", 0.01, 10.0, 1.0, True),)
+    assert with_effects(parameters, maybe, refits, estimate)["mu"] == pytest.approx((0.9, highest))
+    assert with_effects(parameters, [], refits, estimate) == {}

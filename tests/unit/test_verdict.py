@@ -12,7 +12,7 @@ from seeds import generator
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
-from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, too_coarse, traced
+from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, perhaps, too_coarse, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, ended_well, half_explained
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
@@ -183,6 +183,19 @@ def test_forms_of_one_family_that_no_pixel_tells_apart_are_named_together(world,
     second = replace(best, **{"misfit": 1.1 * VALUES, "fitted": 1.04, "held_out": 1.04, **changed})
     verdict = decide(score_test, ranking, {"inclusion": best, other: second}, TESTS)
     assert verdict.effects == names
+
+
+@pytest.mark.parametrize(
+    ("titles", "said"),
+    [
+        ([], "so it is; a trace: skin"),
+        (["skin"], "so it is; a trace: skin"),
+        (["skin", "tilt"], "so it is; a trace: skin; not excluded: tilt"),
+        (["tilt", "skin", "wall", "bed", "lens"], "so it is; a trace: skin; not excluded: tilt, wall, bed and 1 more"),
+    ],
+)
+def test_a_verdict_names_what_it_does_not_exclude(titles, said):
+    assert perhaps(Verdict("adequate", (), "so it is; a trace: skin", 0.0), titles).sentence == said
 
 
 def test_nothing_known_explains_it(world):

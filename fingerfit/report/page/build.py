@@ -310,6 +310,7 @@ def _rungs(inputs: Inputs) -> list[dict[str, Any]]:
                 "reused": simulations.get("reused"),
                 "parameters": rung.get("parameters") or {},
                 "ranges": rung.get("ranges") or {},
+                "not_excluded": rung.get("not_excluded") or {"effects": [], "ranges": {}},
                 "further": rung.get("further") or {},
             }
         )
