@@ -345,7 +345,7 @@ def not_needed(verdict: Verdict, spare: Sequence[Effect]) -> Verdict:
 def perhaps(verdict: Verdict, titles: Sequence[str]) -> Verdict:
     """The verdict, and which effects it does not exclude, three of them by name."""
     new = [title for title in titles if title not in verdict.sentence]
-    named = ", ".join(new[:NAMED]) + (f" and {len(new) - NAMED} more" if len(new) > NAMED else "")
+    named = " or ".join(new[:NAMED]) + (f" or {len(new) - NAMED} more" if len(new) > NAMED else "")
     return replace(verdict, sentence=f"{verdict.sentence}; not excluded: {named}") if new else verdict
 
 

@@ -117,7 +117,7 @@ def test_an_adequate_model_says_what_is_not_excluded_and_how_far_its_intervals_r
     table = re.search(r'<table class="found">(.*?)</table>', text, re.S)[1]
     assert "<th>With effects that are not excluded</th>" in table
     assert "<td>0.0106 to 0.0424</td>" in table
-    assert "Not excluded: stiffness that changes, tilt &lt;b&gt;." in text
+    assert "Not excluded: stiffness that changes; tilt &lt;b&gt;." in text
 
 
 def test_it_begins_with_the_constants_and_their_intervals(whole, tmp_path):

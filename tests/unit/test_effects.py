@@ -521,12 +521,15 @@ def test_a_tilted_indenter_does_nearly_the_work_of_the_force(tmp_path):
 
 
 def test_an_indenter_that_is_deeper_as_a_whole_is_read_less_deep(tmp_path, plain):
-    """The body is as it was under a given force: what is read differs, by as much as is prescribed where that is given."""
+    """The body is as it was under a given force: what is read differs. Where a displacement is given it goes deeper."""
     lowered = {"indenter_probe.lowered": 0.3}
     outcome = solve(deck(lowered), tmp_path)
     assert outcome.displacement == pytest.approx(plain.displacement, abs=1e-6)
     seen = observation(indenter_probe__lowered=0.3)
     assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx([0.925, 1.85])
+    deeper = solve(deck(lowered, of=study("displacement", [0.2, 0.4])), tmp_path)
+    top = deeper.displacement[:, MESH.node_sets["TOP"], 1]
+    assert top == pytest.approx(np.broadcast_to([[-0.35], [-0.7]], top.shape), abs=1e-9)
 
 
 @pytest.mark.parametrize(
