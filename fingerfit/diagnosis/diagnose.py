@@ -38,7 +38,7 @@ from fingerfit.diagnosis.reservations import (
     untried,
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_of
+from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_anywhere
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.sides import sides_of
 from fingerfit.diagnosis.tested import Tested
@@ -294,10 +294,10 @@ def _refits(
         share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
         return not ranked.refitted or ranked.odds(spread) >= share * explained
 
-    def refitted(ranked: Ranked) -> tuple[tuple[Refit, int] | None, set[str]]:
+    def refitted(ranked: Ranked) -> tuple[tuple[Refit, int, int] | None, set[str]]:
         known = set(problem.asked)
         try:
-            made = refit_of(problem, last, ranked, everything, found.weighed, each)
+            made = refit_anywhere(problem, last, ranked, everything, found.weighed, each)
         except StateError:
             made = None  # bodies without a solution explain nothing
         return made, problem.asked - known
@@ -321,7 +321,9 @@ def _refits(
             problem.asked.update(asked)
             if made is None:
                 continue
-            (refit, run), effect = made, ranked.candidate.effect
+            (refit, run, place), effect = made, ranked.candidate.effect
+            if place:
+                ranked = found.moved(ranked, place)
             if explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH:
                 field = bool(effect.series) and effect.probe
                 explained, by_series = max((explained, by_series), (ranked.odds(spread), field))

@@ -11,6 +11,7 @@ import numpy as np
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.evidence import log_odds
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
+from fingerfit.model.effect import Effect
 
 STARTS = 4
 """Places from which an effect is refitted in the first pass, at most. A choice."""
@@ -54,12 +55,16 @@ class Refitted:
 
 @dataclass(frozen=True)
 class Ranked:
-    """A tested candidate: what it would explain, its columns, and its refit of the first pass where there is one."""
+    """A tested candidate: what it would explain, its columns, and its refit of the first pass where there is one.
+
+    `also` are its refits in other layers, or at other borders or sides, that the first pass cannot tell from it.
+    """
 
     candidate: Candidate
     finding: Finding
     columns: np.ndarray
     refitted: Refitted | None = None
+    also: tuple[Ranked, ...] = ()
 
     def odds(self, spread: float, fall: float | None = None) -> float:
         """Logarithm of the odds for the model with the effect against the one without it: `log_odds`.
@@ -123,17 +128,25 @@ def other_places(score_test: ScoreTest, everywhere: Sequence[Ranked], best: Rank
     soft one elsewhere the effect is absent, and between two directions of fibres the misfit has a ridge.
     """
     effect = best.candidate.effect
-    fixed = [effect.key(name) for name in effect.scan if name not in effect.refine and name != effect.series]
+    fixed = _fixed(effect)
     others = [one for one in everywhere if one.candidate.effect is effect and one.candidate is not best.candidate]
     others.sort(key=lambda one: -one.finding.fall)
     if fixed:
-        place = best.candidate.place
-        return [one for one in others if any(one.candidate.place[key] != place[key] for key in fixed)][:1]
+        return [one for one in others if elsewhere(one, best)][:1]
     chosen = [best]
     for one in others if effect.refine else ():
         if len(chosen) < STARTS and one.finding.fall > 0.0 and all(_apart(score_test, one, known) for known in chosen):
             chosen.append(one)
     return chosen[1:]
+
+
+def elsewhere(one: Ranked, other: Ranked) -> bool:
+    """Whether an effect is in another layer, or at another border or side, to which no fit can move it."""
+    return any(one.candidate.place[key] != other.candidate.place[key] for key in _fixed(one.candidate.effect))
+
+
+def _fixed(effect: Effect) -> list[str]:
+    return [effect.key(name) for name in effect.scan if name not in effect.refine and name != effect.series]
 
 
 def _apart(score_test: ScoreTest, a: Ranked, b: Ranked) -> bool:

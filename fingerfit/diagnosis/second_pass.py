@@ -11,6 +11,7 @@ from pathlib import Path
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis.comparison import Comparison, anchor_of
 from fingerfit.diagnosis.errors import errors
+from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed, misfits
@@ -73,6 +74,40 @@ def refit_of(
         sides=sides_of(ended.comparison), but_mesh=errors_but_mesh(ended.comparison),
     )  # fmt: skip
     return refit, run
+
+
+def refit_anywhere(
+    problem: InverseProblem,
+    last: Round,
+    one: Ranked,
+    everything: Everything,
+    weighed: Weighed,
+    threads: int,
+) -> tuple[Refit, int, int]:
+    """As `refit_of`; and where it explains much less than the first pass did, of the effect's other places as well.
+
+    Returns
+    -------
+    Refit
+        That with the largest fall.
+    int
+        Simulations that were not known.
+    int
+        Whose refit it is: 0 for the effect where it was, n for the n-th of ``also``.
+    """
+    tried, run = dict[int, Refit](), 0
+    for number, there in enumerate((one, *one.also)):
+        try:
+            tried[number], more = refit_of(problem, last, there, everything, weighed, threads)
+        except StateError:
+            continue
+        run += more
+        if tried[number].fall >= ENOUGH * one.finding.fall:
+            break
+    if not tried:
+        raise StateError(f"{one.candidate.effect.name}: no solution at any of its places")
+    best = max(tried, key=lambda number: tried[number].fall)
+    return tried[best], run, best
 
 
 @dataclass(frozen=True)

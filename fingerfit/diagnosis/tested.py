@@ -26,6 +26,12 @@ class Tested:
     lacking: dict[str, InputError]
     outline: Sides
 
+    def moved(self, one: Ranked, place: int) -> Ranked:
+        """An effect in another of its places, the n-th of ``also``; it takes its place in the ranking, too."""
+        there = one.also[place - 1]
+        self.ranking[:] = [there if other is one else other for other in self.ranking]
+        return there
+
     @cached_property
     def weighed(self) -> Weighed:
         """What the model leaves, for comparisons with all its refits."""

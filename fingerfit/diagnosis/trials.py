@@ -14,8 +14,9 @@ from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.families import SURE
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
-from fingerfit.diagnosis.ranking import Ranked, Refitted, other_places, spread_of
+from fingerfit.diagnosis.ranking import Ranked, Refitted, elsewhere, other_places, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.worth import SEEN, threshold
 from fingerfit.fit.jobs import solve_missing
@@ -90,8 +91,13 @@ def refit_all(
         if tried.ranked:
             # what another process has found is a copy: it is known by its place
             places = (one, *other_places(comparison.score_test, everywhere, one))
-            there = next(place for place in places if place.candidate.place == tried.ranked.candidate.place)
-            found.append(replace(tried.ranked, columns=there.columns))
+            begun, *also = (
+                replace(copy, columns=there.columns)
+                for copy in (tried.ranked, *tried.also)
+                for there in places
+                if there.candidate.place == copy.candidate.place
+            )
+            found.append(replace(begun, also=tuple(also)))
             shares[one.candidate.effect.name] = tried.share
     found = by_odds()
     best = [(n, one.refitted) for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
@@ -99,7 +105,8 @@ def refit_all(
     going_on = [(found[n], shares[found[n].candidate.effect.name]) for n in left]
     for n, tried in zip(left, side_by_side(trial.gone_on, going_on, threads), strict=True):
         problem.asked.update(tried.asked)
-        found[n] = replace(tried.ranked, columns=found[n].columns) if tried.ranked else found[n]
+        begun = found[n]
+        found[n] = replace(tried.ranked, columns=begun.columns, also=begun.also) if tried.ranked else begun
     # two processes may ask for the same one at the same time: solutions are counted, not who asked for them
     return by_odds(), run + len((_solved(problem) - before) & problem.asked)
 
@@ -115,6 +122,7 @@ class _Tried:
     ranked: Ranked | None
     asked: frozenset[str]
     share: float
+    also: tuple[Ranked, ...] = ()
 
 
 def _misfit(tried: _Tried) -> float:
@@ -135,7 +143,13 @@ class _Trial:
         tried = [self._begun(place) for place in (one, *other_places(score_test, self.everywhere, one))]
         best = min(tried, key=_misfit)
         asked = frozenset().union(*(there.asked for there in tried))
-        return replace(best, asked=asked)
+        also = tuple(
+            there.ranked
+            for there in tried
+            if best.ranked and there.ranked and elsewhere(there.ranked, best.ranked)
+            if _misfit(there) < _misfit(best) + 2.0 * SURE
+        )
+        return replace(best, asked=asked, also=also)
 
     def _begun(self, one: Ranked) -> _Tried:
         """The first moves, from the nearest start that has a solution."""
@@ -169,7 +183,7 @@ class _Trial:
         tell(f"tried {effect.name}: explains {min(100, 100 * fall / excess):.0f} %; {there.simulations} simulations")
         size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
         finding, there = replace(one.finding, fall=fall, size=size), replace(there, share=fall / excess)
-        found = replace(one, finding=finding, refitted=there, columns=np.zeros((0, 0)))
+        found = replace(one, finding=finding, refitted=there, columns=np.zeros((0, 0)), also=())
         return _Tried(found, frozenset(wider.asked), share)
 
 

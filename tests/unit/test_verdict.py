@@ -191,7 +191,10 @@ def test_forms_of_one_family_that_no_pixel_tells_apart_are_named_together(world,
         ([], "so it is; a trace: skin"),
         (["skin"], "so it is; a trace: skin"),
         (["skin", "tilt"], "so it is; a trace: skin; not excluded: tilt"),
-        (["tilt", "skin", "wall", "bed", "lens"], "so it is; a trace: skin; not excluded: tilt or wall or bed or 1 more"),
+        (
+            ["tilt", "skin", "wall", "bed", "lens"],
+            "so it is; a trace: skin; not excluded: tilt or wall or bed or 1 more",
+        ),
     ],
 )
 def test_a_verdict_names_what_it_does_not_exclude(titles, said):

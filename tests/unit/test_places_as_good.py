@@ -1,0 +1,89 @@
+"""Layers and borders that the first pass cannot tell apart are refitted as well, where the best one falls short."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_verdict import VALUES, World
+
+from fingerfit.core.errors import StateError
+from fingerfit.diagnosis import second_pass, tested
+from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.families import ENOUGH, SURE
+from fingerfit.diagnosis.ranking import Ranked, Refitted
+from fingerfit.diagnosis.refit import Refit
+from fingerfit.diagnosis.second_pass import refit_anywhere
+from fingerfit.diagnosis.trials import _Trial, _Tried
+from fingerfit.model.catalogue import catalogue
+
+EFFECT = catalogue()["interface"]
+PROMISED = 100.0
+
+
+def at_border(border, fall=PROMISED):
+    score_test = World().score_test(np.zeros(VALUES))
+    columns = World().basis[:, 3:7]
+    wide = np.full(4, np.inf)
+    finding = replace(score_test.test(columns, -wide, wide), fall=fall)
+    refitted = Refitted({}, 1000.0 - fall, True, (), 1, VALUES, np.zeros((4, 4)), 0.0)
+    return Ranked(Candidate(EFFECT, {"interface.border": float(border)}), finding, columns, refitted)
+
+
+def refitted(monkeypatch, falls):
+    """Borders 2, 1 and 3 with the falls of their refits; None has no solution."""
+    asked = []
+
+    def refit_of(problem, last, one, *_):
+        border = one.candidate.place["interface.border"]
+        asked.append(border)
+        if falls[border] is None:
+            raise StateError("no solution")
+        return Refit(0.0, VALUES, 1.0, 1.0, {}, fall=falls[border]), 5
+
+    monkeypatch.setattr(second_pass, "refit_of", refit_of)
+    one = replace(at_border(2), also=(at_border(1), at_border(3)))
+    refit, run, place = refit_anywhere(None, None, one, None, None, 1)
+    return refit.fall, run, place, asked
+
+
+def test_a_refit_that_does_what_was_promised_needs_no_other_place(monkeypatch):
+    found = refitted(monkeypatch, {2: ENOUGH * PROMISED, 1: 300.0, 3: 300.0})
+    assert found == (ENOUGH * PROMISED, 5, 0, [2.0])
+
+
+@pytest.mark.parametrize(
+    ("falls", "expected"),
+    [
+        ({2: 55.0, 1: 120.0, 3: 300.0}, (120.0, 10, 1, [2.0, 1.0])),
+        ({2: 55.0, 1: 20.0, 3: 60.0}, (60.0, 15, 2, [2.0, 1.0, 3.0])),
+        ({2: None, 1: None, 3: 20.0}, (20.0, 5, 2, [2.0, 1.0, 3.0])),
+    ],
+)
+def test_one_that_falls_short_is_tried_at_the_others_and_the_best_one_stays(monkeypatch, falls, expected):
+    assert refitted(monkeypatch, falls) == expected
+
+
+def test_no_solution_at_any_place_is_said(monkeypatch):
+    with pytest.raises(StateError, match="interface: no solution at any of its places"):
+        refitted(monkeypatch, {2: None, 1: None, 3: None})
+
+
+def test_the_effect_moves_in_the_ranking():
+    one, other = replace(at_border(2), also=(at_border(1), at_border(3))), at_border(4)
+    found = tested.Tested(None, None, [], [other, one], 1, 0, {}, None)
+    there = found.moved(one, 2)
+    assert there is one.also[1]
+    assert found.ranking == [other, there]
+
+
+@pytest.mark.parametrize(("behind", "count"), [(2.0 * SURE - 0.1, 1), (2.0 * SURE + 0.1, 0)])
+def test_places_are_as_good_where_their_odds_do_not_tell(monkeypatch, behind, count):
+    """The other one at the same border, from another start, is none."""
+    best, other = at_border(2), at_border(1, PROMISED - behind)
+    monkeypatch.setattr(_Trial, "_begun", lambda _, one: _Tried(one, frozenset(), 1.0))
+    monkeypatch.setattr("fingerfit.diagnosis.trials.other_places", lambda *_: [other, at_border(2, PROMISED - 1.0)])
+    trial = _Trial(SimpleNamespace(comparison=SimpleNamespace(score_test=None)), best.refitted)
+    begun = trial.begun(best)
+    assert begun.ranked is best
+    assert [one is other for one in begun.also] == [True] * count
