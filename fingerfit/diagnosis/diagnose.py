@@ -30,6 +30,7 @@ from fingerfit.diagnosis.reservations import (
     far_off,
     form_of,
     largest_part,
+    loud_by_mesh,
     not_needed,
     of_family,
     perhaps,
@@ -195,8 +196,10 @@ def diagnose(
     stiffness = stiffness_map(found.comparison, found.everywhere)
     verdict = by_settings(of_family(verdict, score_test, ranking, ended), score_test, ranking, tests)
     mesh = next((effect for effect in problem.effects.values() if effect.signal == MESH_ERROR), None)
-    if coarse and mesh:
-        verdict = too_coarse(verdict, score_test, by_mesh, seen, mesh, fitted)
+    if mesh:
+        if coarse:
+            verdict = too_coarse(verdict, score_test, by_mesh, seen, mesh, fitted)
+        verdict = loud_by_mesh(verdict, fitted, at_least, mesh)
     if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
         verdict, states, more = form_or_state(verdict, problem, last, everything, found, refits, threads)
         begins = {one.candidate.effect.name: one for one, _ in states}

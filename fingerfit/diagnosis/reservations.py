@@ -316,6 +316,23 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
     return Verdict("unexplained", (), text, verdict.threshold)
 
 
+def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect) -> Verdict:
+    """The verdict, and a finer mesh where what is expected of this one is why the pictures still differ by much.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    error, at_least : float
+        Of the fitted measurements in units of the noise floor, and the same without what the mesh is expected to make.
+    effect : Effect
+        The one that stands for the mesh.
+    """
+    if verdict.kind != "adequate" or not error > LOUD >= at_least:
+        return verdict
+    made = f"the pictures differ by {error:.2g} times the noise, by {at_least:.2g} without what the mesh makes of them"
+    return replace(verdict, sentence=f"{verdict.sentence}; {made}{CURE}{cure_of(effect)[1]}")
+
+
 def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:
     """The verdict, and which force (or displacement) is far off where no effect explains it.
 

@@ -12,7 +12,7 @@ from seeds import generator
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
-from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, perhaps, too_coarse, traced
+from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, loud_by_mesh, perhaps, too_coarse, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, ended_well, half_explained
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
@@ -199,6 +199,19 @@ def test_forms_of_one_family_that_no_pixel_tells_apart_are_named_together(world,
 )
 def test_a_verdict_names_what_it_does_not_exclude(titles, said):
     assert perhaps(Verdict("adequate", (), "so it is; a trace: skin", 0.0), titles).sentence == said
+
+
+@pytest.mark.parametrize(("error", "at_least", "told"), [(1.6, 1.2, True), (1.4, 1.2, False), (1.6, 1.55, False)])
+def test_a_mesh_that_makes_the_pictures_differ_is_to_be_finer(error, at_least, told):
+    verdict = Verdict("adequate", (), "so it is", 0.0)
+    found = loud_by_mesh(verdict, error, at_least, EFFECTS["coarse_mesh"])
+    made = (
+        "; the pictures differ by 1.6 times the noise, by 1.2 without what the mesh makes of them; take a finer model."
+    )
+    assert found.sentence.startswith("so it is" + made * told)
+    assert (found is verdict) is not told
+    missing = replace(verdict, kind="missing")
+    assert loud_by_mesh(missing, error, at_least, EFFECTS["coarse_mesh"]) is missing
 
 
 def test_nothing_known_explains_it(world):
