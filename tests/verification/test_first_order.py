@@ -34,6 +34,7 @@ CASES = {
     "base friction": ({"base_friction.share": 0.5}, "base_friction.share", 0.05),
     "indenter friction": ({"indenter_friction.share": 0.5}, "indenter_friction.share", 0.05),
     "swelling": ({"swelling.volume": 0.05}, "swelling.volume", 0.3),
+    "swelling that settles": ({"swelling.volume": 0.05, "swelling.settling": 2.0}, "swelling.settling", 3.0),
     "stress at the beginning": ({"prestretch.stretch": 0.05}, "prestretch.stretch", 0.2),
     "load at the beginning": ({"state_probe.load": 0.1}, "state_probe.load", 0.45),
     "place of an inclusion": (
