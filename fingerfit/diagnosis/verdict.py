@@ -174,13 +174,21 @@ def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float
 
 
 def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:
-    """Refits whose error on the steps that all have fitted is no more than `MATTERS` above the least of them.
+    """Refits that no other one is nearer than, by `MATTERS` of what it leaves: fitted steps tell, others can veto.
 
     The misfit knows patches that could be registered, the error every pixel. What the mesh of a refit makes of it does
-    not count against it: patches have that in their covariance.
+    not count against it: patches have that in their covariance. One with a number for each step comes near on those
+    that were fitted, and says nothing of the others.
     """
-    least = min((refit.fitted for refit in refits.values()), default=0.0)
-    return {name: refit for name, refit in refits.items() if not refit.at_least > least + MATTERS}
+
+    def is_nearer(one: Refit, other: Refit) -> bool:
+        matters = MATTERS * max(1.0, one.fitted)
+        away = 0.0
+        if one.held_at_least is not None and other.held_out is not None:
+            away = one.held_at_least - other.held_out
+        return other.at_least > one.fitted + matters and not away > matters
+
+    return {name: refit for name, refit in refits.items() if not any(is_nearer(one, refit) for one in refits.values())}
 
 
 def generalising(score_test: ScoreTest, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:
@@ -217,8 +225,10 @@ def _but_form(one: Refit, best: Refit, before: float) -> bool:
     pixels = [one.fitted - best.fitted]
     if one.held_out is not None and best.held_out is not None:
         pixels.append(one.held_out - best.held_out)
-    same = max(pixels) <= MATTERS and one.common_misfit - best.common_misfit < RIVAL
-    return same and explains(one) and explains(best) and one.gain(before) >= BUT_FORM * best.gain(before)
+    spread = max(1.0, best.misfit / max(best.freedom, 1))
+    same = max(pixels) <= MATTERS * max(1.0, best.fitted) and one.common_misfit - best.common_misfit < RIVAL * spread
+    alike = same and one.gain(before) >= BUT_FORM * best.gain(before)
+    return alike and (explains(one) or not explains(best))
 
 
 def _plainer(one: Refit, best: Refit, clearly: float) -> bool:

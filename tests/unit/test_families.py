@@ -149,6 +149,13 @@ def test_a_refit_whose_pictures_are_worse_is_no_answer():
     refits = {"tilt": refit(0.96), "onset": refit(0.96 + 0.9 * MATTERS), "relaxation": refit(0.97 + MATTERS)}
     assert set(nearest(refits)) == {"tilt", "onset"}
     assert nearest({}) == {}
+    # a number for each step: nearer where it was fitted, farther where it was not
+    steps, few = Refit(1.0, 1, 0.94, 1.08, {}), Refit(2.0, 1, 1.0, 1.0, {})
+    assert set(nearest({"steps": steps, "few": few})) == {"steps", "few"}
+    assert set(nearest({"steps": replace(steps, held_out=1.04), "few": few})) == {"steps"}
+    # a twentieth of what is left, where that is more than the noise
+    apart = {"near": replace(few, fitted=2.0), "as near": replace(few, fitted=2.09), "far": replace(few, fitted=2.11)}
+    assert set(nearest(apart)) == {"near", "as near"}
     # what its mesh makes does not count against it, and makes nothing better than the noise
     left = (("yeoh", 1.16), ("skin", 0.97), ("bed", 1.0))
     coarse = {name: replace(refit(1.2), but_mesh=(error, None)) for name, error in left}

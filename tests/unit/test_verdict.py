@@ -186,6 +186,24 @@ def test_forms_of_one_family_that_no_pixel_tells_apart_are_named_together(world,
 
 
 @pytest.mark.parametrize(
+    ("left", "fitted", "names"),
+    [
+        (3.0, 2.09, ("inclusion", "skin")),
+        (3.0, 2.11, ("inclusion",)),  # by more than a twentieth of what the best one leaves
+        (1.2, 2.09, ("inclusion",)),  # what explains the data is not mistaken for what does not
+    ],
+)
+def test_forms_of_one_family_are_not_told_apart_by_a_part_of_what_both_leave(world, left, fitted, names):
+    score_test = world.score_test(60 * world.signal(0))
+    ranking = world.ranking(score_test, inclusion=world.signal(0), skin=world.signal(1))
+    best = Refit(left * VALUES, VALUES, 2.0, 2.0, {}, numbers=1)
+    second = replace(best, misfit=best.misfit + 0.5 * VALUES, fitted=fitted)
+    assert best.gain(score_test.misfit) * 0.9 < second.gain(score_test.misfit)
+    verdict = decide(score_test, ranking, {"inclusion": best, "skin": second}, TESTS)
+    assert verdict.effects == names
+
+
+@pytest.mark.parametrize(
     ("titles", "said"),
     [
         ([], "so it is; a trace: skin"),
