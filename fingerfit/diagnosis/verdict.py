@@ -183,9 +183,8 @@ def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:
 
     def is_nearer(one: Refit, other: Refit) -> bool:
         matters = MATTERS * max(1.0, one.fitted)
-        away = 0.0
-        if one.held_at_least is not None and other.held_out is not None:
-            away = one.held_at_least - other.held_out
+        held_out = one.held_out, other.held_out
+        away = 0.0 if held_out[0] is None or held_out[1] is None else held_out[0] - held_out[1]
         return other.at_least > one.fitted + matters and not away > matters
 
     return {name: refit for name, refit in refits.items() if not any(is_nearer(one, refit) for one in refits.values())}
