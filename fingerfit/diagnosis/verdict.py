@@ -224,8 +224,10 @@ def _but_form(one: Refit, best: Refit, before: float) -> bool:
     pixels = [one.fitted - best.fitted]
     if one.held_out is not None and best.held_out is not None:
         pixels.append(one.held_out - best.held_out)
-    spread = max(1.0, best.misfit / max(best.freedom, 1))
-    same = max(pixels) <= MATTERS * max(1.0, best.fitted) and one.common_misfit - best.common_misfit < RIVAL * spread
+    # where something else is missing as well, what the best one leaves of these values is no measure of its form
+    left = 0.0 if explains(best) else best.common_misfit - best.common_freedom
+    common = one.common_misfit - best.common_misfit < max(RIVAL, (1.0 - BUT_FORM) * left)
+    same = max(pixels) <= MATTERS * max(1.0, best.fitted) and common
     alike = same and one.gain(before) >= BUT_FORM * best.gain(before)
     return alike and (explains(one) or not explains(best))
 
