@@ -12,7 +12,18 @@ sys.path.insert(0, str(ROOT / "benchmarks/foreign"))
 from cases import HALVES, cases
 from rules import FAMILIES, PAIRS, RULES, SIZES, SPACE, VARIATIONS
 from run import rungs
-from score import FAMILY, constants_right, family_right, member_right, share, size, summary, wrong_family, wrong_member
+from score import (
+    FAMILY,
+    constants,
+    constants_right,
+    family_right,
+    member_right,
+    share,
+    size,
+    summary,
+    wrong_family,
+    wrong_member,
+)
 
 FOLDER = ROOT / "benchmarks/foreign"
 
@@ -171,6 +182,15 @@ def test_constants_are_right_by_either():
     assert not constants_right({**rung(), "parameters": {}}, truth())
 
 
+def test_intervals_reach_as_far_as_what_is_not_excluded():
+    one = rung(value=0.0211, low=0.0205, high=0.0217)
+    assert (
+        constants(one, truth(), "reach")["mu_top"] == constants(one, truth())["mu_top"] == (pytest.approx(0.055), False)
+    )
+    one["parameters"]["mu_top"]["reach"] = [0.019, 0.0217]
+    assert constants(one, truth(), "reach")["mu_top"][1] and not constants(one, truth())["mu_top"][1]
+
+
 def test_counts():
     assert size(truth(TILT, size=0.3)) == 0.3 and size(truth(("m", ("numerics",), None))) == float("inf")
     pairs = [
@@ -186,7 +206,8 @@ def test_counts():
         "6; 1", "1 of 6 (17 %)", "1 of 2 (50 %)", "1 of 2 (50 %)",
         "1 of 2 (50 %)", "1 of 2 (50 %)", "0 of 0", "2 of 5 (40 %)", "1 of 1 (100 %)", "1 of 1 (100 %)",
         "1 of 3 (33 %)", "1 of 3 (33 %)", "1 of 1 (100 %)",
-        "1 of 2 (50 %)", "1 of 2 (50 %)", "2 of 2 (100 %)", "2 of 2 (100 %)", "3 of 3 (100 %)", "3 of 3 (100 %)", "25; 90",
+        "1 of 2 (50 %)", "1 of 2 (50 %)", "2 of 2 (100 %)", "2 of 2 (100 %)", "3 of 3 (100 %)", "3 of 3 (100 %)",
+        "3 of 3 (100 %)", "3 of 3 (100 %)", "25; 90",
     ]  # fmt: skip
     assert share([]) == "0 of 0"
 
@@ -198,10 +219,12 @@ def test_what_was_said_is_read_model_by_model(tmp_path):
         one = {"value": 0.02, "interval95": [0.01, 0.03], "at_bound": None}
         told = {"model": model, "effects": model.split("+")[1:], "verdict": "old", "sentence": "-", "error": {}}
         told |= {"misfit": 9.0, "freedom": 8, "parameters": {"mu_top": one}, "simulations": {"run": 3, "reused": 0}}
+        told["not_excluded"] = {"effects": [], "ranges": {"mu_top": [0.005, 0.04]} if verdict == "adequate" else {}}
         (folder / "rung.json").write_text(json.dumps(told), encoding="utf-8")
         said = {"verdict": verdict, "sentence": "-", "effects": ["tilt"] if verdict == "missing" else []}
         (folder / "diagnosis.json").write_text(json.dumps(said), encoding="utf-8")
     first, last = rungs(tmp_path / "results")
     assert (first["model"], first["verdict"], first["named"]) == ("base", "missing", ["tilt"])
     assert (last["effects"], last["verdict"], last["named"]) == (["tilt"], "adequate", [])
-    assert last["parameters"]["mu_top"]["interval"] == [0.01, 0.03]
+    assert last["parameters"]["mu_top"]["interval"] == first["parameters"]["mu_top"]["reach"] == [0.01, 0.03]
+    assert last["parameters"]["mu_top"]["reach"] == [0.005, 0.04]
