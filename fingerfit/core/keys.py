@@ -130,13 +130,15 @@ SHOWN = 20
 """Names that an error lists; a line with all effects would be too long to read."""
 
 
-def listed(names: Sequence[str], most: int) -> str:
+def listed(names: Sequence[str], most: int, between: str = ", ", last: str = " and ") -> str:
     """Names for a sentence: of many the first ones, and how many more there are.
 
     >>> listed(["tilt", "onset"], 2), listed(["tilt", "onset", "wall"], 2)
     ('tilt, onset', 'tilt, onset and 1 more')
+    >>> listed(["tilt", "onset", "wall"], 2, " or ", " or ")
+    'tilt or onset or 1 more'
     """
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+    return between.join(names[:most]) + (f"{last}{len(names) - most} more" if len(names) > most else "")
 
 
 def unknown_key(where: Path | str, prefix: str, key: str, known: Sequence[str]) -> InputError:

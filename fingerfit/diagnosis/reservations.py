@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked, spread_of
@@ -362,7 +363,8 @@ def not_needed(verdict: Verdict, spare: Sequence[Effect]) -> Verdict:
 def perhaps(verdict: Verdict, titles: Sequence[str]) -> Verdict:
     """The verdict, and which effects it does not exclude, three of them by name."""
     new = [title for title in titles if title not in verdict.sentence]
-    named = " or ".join(new[:NAMED]) + (f" or {len(new) - NAMED} more" if len(new) > NAMED else "")
+    # titles have commas of their own
+    named = listed(new, NAMED, " or ", " or ")
     return replace(verdict, sentence=f"{verdict.sentence}; not excluded: {named}") if new else verdict
 
 

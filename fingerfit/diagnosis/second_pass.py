@@ -94,6 +94,11 @@ def refit_anywhere(
         Simulations that were not known.
     int
         Whose refit it is: 0 for the effect where it was, n for the n-th of ``also``.
+
+    Raises
+    ------
+    StateError
+        When there is no solution at any of these places.
     """
     tried, run = dict[int, Refit](), 0
     for number, there in enumerate((one, *one.also)):

@@ -143,6 +143,7 @@ class _Trial:
         tried = [self._begun(place) for place in (one, *other_places(score_test, self.everywhere, one))]
         best = min(tried, key=_misfit)
         asked = frozenset().union(*(there.asked for there in tried))
+        # the odds of two places are half of the difference of their misfits, where one explains the data
         also = tuple(
             there.ranked
             for there in tried

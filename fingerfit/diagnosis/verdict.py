@@ -147,10 +147,12 @@ def decide(
         return Verdict("missing", (best,), f"{text} the misfit beyond the noise, alone {percent(best)} of it", limit)
     plainer = [name for name in tried if _plainer(refits[name], refits[best], _worse(score_test))]
     family = by_name[best].candidate.effect.family
-    kin = [name for name in tried if by_name[name].candidate.effect.family == family]
-    alike = [name for name in kin if _but_form(refits[name], refits[best], score_test.misfit)]
-    rivals = [name for name in tried if name in alike or _rival(refits[name], refits[best])]
-    rivals = [name for name in rivals if name not in plainer]
+
+    def tied(name: str) -> bool:
+        kin = by_name[name].candidate.effect.family == family
+        return _rival(refits[name], refits[best]) or (kin and _but_form(refits[name], refits[best], score_test.misfit))
+
+    rivals = [name for name in tried if tied(name) and name not in plainer]
     rivals = [*sorted(plainer, key=lambda name: refits[name].level), best, *(name for name in rivals if name != best)]
     rivals = _without_series(rivals, by_name, refits)
     if len(rivals) > 1:
@@ -183,9 +185,7 @@ def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:
 
     def is_nearer(one: Refit, other: Refit) -> bool:
         matters = MATTERS * max(1.0, one.fitted)
-        held_out = one.held_out, other.held_out
-        away = 0.0 if held_out[0] is None or held_out[1] is None else held_out[0] - held_out[1]
-        return other.at_least > one.fitted + matters and not away > matters
+        return other.at_least > one.fitted + matters and not max(_behind(one, other)) > matters
 
     return {name: refit for name, refit in refits.items() if not any(is_nearer(one, refit) for one in refits.values())}
 
@@ -221,13 +221,10 @@ def _but_form(one: Refit, best: Refit, before: float) -> bool:
     odds that say nothing of what is in the body. Values that all of a step have in common, as the response, know no
     such forms. `before` is the misfit without an effect.
     """
-    pixels = [one.fitted - best.fitted]
-    if one.held_out is not None and best.held_out is not None:
-        pixels.append(one.held_out - best.held_out)
     # where something else is missing as well, what the best one leaves of these values is no measure of its form
     left = 0.0 if explains(best) else best.common_misfit - best.common_freedom
     common = one.common_misfit - best.common_misfit < max(RIVAL, (1.0 - BUT_FORM) * left)
-    same = max(pixels) <= MATTERS * max(1.0, best.fitted) and common
+    same = max(_behind(one, best)) <= MATTERS * max(1.0, best.fitted) and common
     alike = same and one.gain(before) >= BUT_FORM * best.gain(before)
     return alike and (explains(one) or not explains(best))
 
@@ -243,10 +240,15 @@ def _plainer(one: Refit, best: Refit, clearly: float) -> bool:
 
 def nearer(one: Refit, other: Refit, clearly: float = WORSE) -> bool:
     """Whether a refit is clearly nearer in the pictures than another one, in fitted and in held-out steps."""
-    errors = [(one.fitted, other.fitted)]
+    return all(behind < -clearly for behind in _behind(one, other))
+
+
+def _behind(one: Refit, other: Refit) -> list[float]:
+    """How far the error of a refit is above another one's: on fitted steps, and on others where both have some."""
+    found = [one.fitted - other.fitted]
     if one.held_out is not None and other.held_out is not None:
-        errors.append((one.held_out, other.held_out))
-    return all(own < its - clearly for own, its in errors)
+        found.append(one.held_out - other.held_out)
+    return found
 
 
 def _without_series(rivals: Sequence[str], ranking: Mapping[str, Ranked], refits: Mapping[str, Refit]) -> list[str]:
