@@ -44,7 +44,7 @@ WAYS = (("calculix", MESHES[0]), ("builtin", MESHES[0]), ("builtin", MESHES[1]))
 """How data are solved; the next way where one lacks what an effect needs or finds no equilibrium."""
 STEPS = 7
 CLEAR: dict[str, dict[str, Any]] = {
-    "tilt": {"tilt": {"slope": 0.01}},
+    "tilt": {"tilt": {"slope": 0.035}},
     "compressibility": {"compressibility": {"loss": 0.006}},
     "inclusion": {"inclusion": {"contrast": 1.0, "across": 0.35, "along": 0.55}},
     "stiffening": {"stiffening": {"shift": 2.0}},
@@ -85,7 +85,7 @@ KNOWN = {"force_gain": "mu_bottom"}
 SEED = 100
 """Added to the number of each noise: the method was improved while other noise was looked at."""
 TWO: dict[str, dict[str, Any]] = {
-    "tilt and compressibility": {"tilt": {"slope": 0.008}, "compressibility": {"loss": 0.006}},
+    "tilt and compressibility": {"tilt": {"slope": 0.028}, "compressibility": {"loss": 0.006}},
     "stiffening and base slip": {"stiffening": {"shift": 1.0}, "base_slip": {"share": 0.45}},
     "inclusion and onset": {**CLEAR["inclusion"], "onset": {"offset": 0.06}},
 }

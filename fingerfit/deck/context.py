@@ -75,7 +75,7 @@ def deck_context(
     -------
     dict
         ``title, law, mesh, dim, quadratic, thickness, control, boundary, steps, way, rail, warms, swells,
-        increment, top, indenter, layers, effects, parts, follows, work, from_rest, beside``, ``values`` for templates
+        increment, top, indenter, layers, effects, parts, from_rest, beside``, ``values`` for templates
         with parameters of their own, and what templates may call: ``fills(block)`` and ``replaced(block)`` for what
         effects do to a block, ``areas(set)``, ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``,
         ``side(way)``, ``nodes(set)``, ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y,
@@ -93,7 +93,7 @@ def deck_context(
         _layer(number, len(study.layer_names), name, values, material, present, law)
         for number, name in enumerate(study.layer_names, 1)
     ]
-    increment, follows = changed_by("increment", 1.0, {}, present, values), _follows(mesh, present, values)
+    increment = changed_by("increment", 1.0, {}, present, values)
     steps, way = loading_steps(study, mesh, present, values, ages=bool(ages.any())), direction(study, mesh.dim)
     pieces = pieces_of(layers, mesh, present, values, _regions(study, mesh, layers, values, material, present, law))
     numbers = itertools.count(TWINS)  # of one part after the other
@@ -120,8 +120,6 @@ def deck_context(
         "parts": [effect.part for effect in present if effect.part],
         "fills": lambda block: [effect.fills[block] for effect in present if block in effect.fills],
         "replaced": lambda block: any(block in effect.replaces for effect in present),
-        "follows": follows,
-        "work": _work(mesh, follows),
         "from_rest": from_rest(study, present),
         "beside": {axis: float(changed_by(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
         "areas": lambda name: areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
@@ -179,28 +177,6 @@ def check_layers(present: Iterable[Effect], values: Mapping[str, float], count: 
         if effect in swelling and len(swelling) > 1 and layer:
             other = next(one.name for one in swelling if one is not effect)
             raise InputError(f"effect {effect.name}", LAYER, f"{layer:g}", f"0, all layers, beside effect {other}")
-
-
-def _follows(mesh: Mesh, present: list[Effect], values: Mapping[str, float]) -> dict[int, float]:
-    """Share of the indenter's way that each node under it goes, nodes counted from 1; empty where all go with it."""
-    if not any("follow" in effect.changes for effect in present):
-        return {}
-    top = mesh.node_sets["TOP"]
-    share = changed_by("follow", np.ones(len(top)), under_indenter(mesh, top), present, values)
-    share = np.broadcast_to(share, len(top))
-    return {int(node) + 1: float(one) for node, one in zip(top, share, strict=True)}
-
-
-def _work(mesh: Mesh, follows: Mapping[int, float]) -> float:
-    """Factor on the force at the indenter's node, which holds the others that go a share of its way.
-
-    It does the work of all their forces, which add up to the force that is prescribed: the mean share, exact where the
-    pressure is even.
-    """
-    if not follows:
-        return 1.0
-    weights = dict(areas(mesh, mesh.node_sets["TOP"], 1.0))
-    return float(np.average([follows[node] for node in weights], weights=list(weights.values())))
 
 
 def _layer(

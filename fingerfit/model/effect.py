@@ -107,9 +107,8 @@ class Effect:
         mu at a place), ``force``, ``displacement`` (prescribed), ``displacement_x``, in space ``displacement_y`` (of
         the indenter sideways, mm),
         ``before`` (prescribed before the first picture), ``increment`` (of the solver, as a share of a step),
-        ``follow`` (share of the indenter's way that a node under it goes), ``deeper`` (mm that the indenter goes
-        deeper there than at its own node, at a step), ``beside_x``, ``beside_y`` (where the
-        indenter comes down, mm from where it was said to),
+        ``deeper`` (mm that the indenter goes deeper at a node under it than at its own, at a step), ``beside_x``,
+        ``beside_y`` (where the indenter comes down, mm from where it was said to),
         ``swelling`` (change of volume at a place and step, as a share), ``expansion`` (1 in layers that swell so, 0 in
         others), ``ageing`` (logarithm of a factor on the stiffness of a layer at a step).
     observes : mapping

@@ -39,7 +39,6 @@ CHANGES = (
     *ASIDE,
     "before",
     "increment",
-    "follow",
     "deeper",
     "beside_x",
     "beside_y",

@@ -107,7 +107,7 @@ def by_step(course: Sequence[Mapping[str, float]]) -> dict[str, Any]:
 
 def unloaded(course: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """What formulas know of the first picture."""
-    return {"k": 0.0, "n": float(len(course)), "now": 0.0, "loaded": 0.0}
+    return {"k": 0.0, "n": float(len(course)), "now": 0.0, "loaded": 0.0, "indented": 0.0}
 
 
 def places(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:

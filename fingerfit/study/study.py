@@ -240,15 +240,18 @@ class Study:
         """What formulas know of each step.
 
         ``k`` of ``n``; ``now``, the share of the test that is over: of its time, of its steps where times are not
-        known; ``loaded``, the share of the largest force, of the largest displacement where forces are not known.
+        known; ``loaded``, the share of the largest force, of the largest displacement where forces are not known;
+        ``indented``, the share of the largest displacement, of the largest force where displacements are not known.
         """
         count = len(self.steps)
         times, forces, moved = ([getattr(s, name) for s in self.steps] for name in ("time", "force", "displacement"))
         even = [k / count for k in range(1, count + 1)]
         now = _shares(times, times[-1] if times else None) or even
-        loaded = _shares(forces, largest_of(forces)) or _shares(moved, largest_of(moved)) or even
-        rows = enumerate(zip(now, loaded, strict=True), 1)
-        return tuple({"k": float(k), "n": float(count), "now": part, "loaded": load} for k, (part, load) in rows)
+        pushed, gone = (_shares(values, largest_of(values)) for values in (forces, moved))
+        return tuple(
+            {"k": float(k), "n": float(count), "now": part, "loaded": load, "indented": way}
+            for k, (part, load, way) in enumerate(zip(now, pushed or gone or even, gone or pushed or even, strict=True), 1)
+        )
 
     @property
     def region_names(self) -> list[str]:

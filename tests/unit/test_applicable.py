@@ -122,7 +122,7 @@ def test_a_side_that_slides_has_nothing_that_gives_way():
 
 @pytest.mark.parametrize(
     ("effect", "number", "value", "bounds"),
-    [("tilt", "slope", 3, "-0.158333 to 0.158333"), ("skin", "thickness", 9, "0.133333 to 1.66667"), ("fibres", "stiffness", -1, "0 to 30")],
+    [("tilt", "slope", 3, "-0.4 to 0.4"), ("skin", "thickness", 9, "0.133333 to 1.66667"), ("fibres", "stiffness", -1, "0 to 30")],
 )  # fmt: skip
 def test_a_number_out_of_bounds_is_refused(folder, effect, number, value, bounds):
     config = configure(folder, **{effect: {number: value}})

@@ -285,7 +285,7 @@ def test_effects_are_listed_with_their_numbers(capsys):
     assert main(["effects"]) == 0
     blocks = {text.split(":")[0]: text.splitlines() for text in capsys.readouterr().out.split("\n\n")}
     assert blocks["tilt"][0] == "tilt: tilt of the indenter"
-    assert "    slope: -1.9 to 1.9 of 1 / width, absent at 0" in blocks["tilt"]
+    assert "    slope: -0.6 to 0.6 of height / width, absent at 0" in blocks["tilt"]
     assert "    confirm: A photograph of the indenter's edge, or a spirit level on it." in blocks["tilt"]
     assert "    needs: pictures or measured points, a block of layers, a body in the plane" in blocks["tilt"]
     assert blocks["inclusion_in_space"][0] == "inclusion_in_space: inclusion in space"
@@ -295,7 +295,7 @@ def test_effects_are_listed_with_their_numbers(capsys):
     # in a study what is a share of it has its unit
     assert main(["effects", str(ROOT / "studies/phantom")]) == 0
     blocks = {text.split(":")[0]: text.splitlines() for text in capsys.readouterr().out.split("\n\n")}
-    assert "    slope: -0.158333 to 0.158333 1/mm, absent at 0" in blocks["tilt"]
+    assert "    slope: -0.6 to 0.6, absent at 0" in blocks["tilt"]
     assert "    thickness: tried at 0.5, 1; fitted from 0.2 to 2.5" in blocks["skin"]
 
 
