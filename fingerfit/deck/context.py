@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.changed import changed_by
-from fingerfit.deck.loading import ageing, course_of, direction, from_rest, loading_steps, rail, under_indenter
+from fingerfit.deck.loading import ageing, course_of, direction, from_rest, loading_steps, rail
 from fingerfit.deck.patch import ball, half_tube
 from fingerfit.deck.pieces import Own, comes_down, compressibility, pieces_of
 from fingerfit.deck.questions import (

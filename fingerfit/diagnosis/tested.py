@@ -1,4 +1,4 @@
-"""What came of the tests of all candidates against what a model leaves."""
+"""All candidates tested against what a model leaves."""
 
 from __future__ import annotations
 
@@ -6,11 +6,23 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from fingerfit.core.errors import InputError
-from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.core.progress import tell
+from fingerfit.diagnosis.candidates import candidates, makes_sense, may_be
+from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates
+from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed
-from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.ranking import Ranked, best_places
+from fingerfit.diagnosis.refit import explains
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.sides import Sides
+from fingerfit.diagnosis.second_pass import Everything
+from fingerfit.diagnosis.series import cut
+from fingerfit.diagnosis.sides import Sides, sides_of
+from fingerfit.diagnosis.trials import rank_again, refit_all
+from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.minimum import finest
+from fingerfit.fit.problem import SEARCH, InverseProblem
+from fingerfit.fit.rounds import Round
+from fingerfit.model.effect import OUTLINE, STATE
 
 
 @dataclass(frozen=True)
@@ -36,3 +48,59 @@ class Tested:
     def weighed(self) -> Weighed:
         """What the model leaves, for comparisons with all its refits."""
         return Weighed.of(self.comparison)
+
+
+def test_all(
+    problem: InverseProblem,
+    last: Round,
+    everything: Everything,
+    threads: int,
+    known: Tested | None = None,
+    family: str = "",
+) -> Tested:
+    """Test all candidates, or the members of one family.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+    last : Round
+        Its last round, all simulations solved.
+    everything : Data or sequence of Data
+        As of `fingerfit.diagnosis.diagnose.diagnose`.
+    threads : int
+        Simulations beside each other.
+    known : Tested, optional
+        Of a model with an effect less, whose slopes are taken.
+    family : str
+        Whose members alone are tested, its probes left out.
+    """
+    if known is None:
+        found, lacking = candidates(problem, finest(problem, last).values)
+        tell(f"slopes of {len({candidate.effect.name for candidate in found})} effects")
+    else:
+        tested, lacking = [one.candidate for one in known.everywhere], known.lacking
+        possible = [one for one in tested if makes_sense(one.effect, problem)]
+        found = [one for one in possible if may_be(one.effect, one.place, problem)]
+    if family:
+        found = [one for one in found if one.effect.family == family and not one.effect.probe]
+    asked = [a for one in found for a in one.asked if not (known and problem.is_solved(a))]
+    without = known.comparison.anchor if known else None
+    run = solve_missing(problem, [anchor_of(problem, last)], threads)
+    comparison = comparison_of(problem, last, everything)
+    run += solve_missing(problem, comparison.read_beside(asked, threads, without), threads)
+    score_test, outline = comparison.score_test, sides_of(comparison)
+    everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
+    ranking = best_places(everywhere)
+    if in_space(problem):
+        ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
+    else:
+        # a body of another shape is fitted before anything else, but for the state it may be in
+        another = outline.off and not explains(score_test) and problem.settings.tries(OUTLINE)
+        first = STATE if another else ""
+        ranking, more = refit_all(comparison, ranking, threads, explains(score_test), everywhere, first)
+    run += more
+    return Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking, outline)
+
+
+def in_space(problem: InverseProblem) -> bool:
+    return any(test.meshes[SEARCH].dim == 3 for test in problem.every)

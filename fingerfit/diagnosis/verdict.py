@@ -95,8 +95,8 @@ def decide(
     tests : int
         Number of tests that were made.
     partner : (Ranked, Refit), optional
-        Where the best effect does not explain enough: the one that explains most of what it leaves, and the refit of
-        both.
+        Where the best effect does not explain enough, or less than a probe does: the one that explains most of what it
+        leaves, and the refit of both.
     held_out : float, optional
         Error of the model on held-out steps, where there are some.
     missed : collection of str
@@ -139,12 +139,12 @@ def decide(
         share = refits[name].explained(score_test.misfit) if fell else 1.0
         return f"{100 * min(share, 1.0):.0f} %"
 
-    if half_explained(score_test, ranking, refits, tests) is not None:
-        if partner is None or not explains(partner[1]) or not _generalises(score_test, partner[1], held_out):
-            nearest = f"{_title(by_name[best])} comes nearest but explains only {percent(best)} of the misfit"
-            return Verdict("unexplained", (), f"unexplained: {nearest} beyond the noise", limit)
+    if partner is not None and explains(partner[1]) and _generalises(score_test, partner[1], held_out):
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
         return Verdict("missing", (best,), f"{text} the misfit beyond the noise, alone {percent(best)} of it", limit)
+    if half_explained(score_test, ranking, refits, tests) is not None:
+        nearest = f"{_title(by_name[best])} comes nearest but explains only {percent(best)} of the misfit"
+        return Verdict("unexplained", (), f"unexplained: {nearest} beyond the noise", limit)
     plainer = [name for name in tried if _plainer(refits[name], refits[best], _worse(score_test))]
     family = by_name[best].candidate.effect.family
 

@@ -248,10 +248,9 @@ class Study:
         even = [k / count for k in range(1, count + 1)]
         now = _shares(times, times[-1] if times else None) or even
         pushed, gone = (_shares(values, largest_of(values)) for values in (forces, moved))
-        return tuple(
-            {"k": float(k), "n": float(count), "now": part, "loaded": load, "indented": way}
-            for k, (part, load, way) in enumerate(zip(now, pushed or gone or even, gone or pushed or even, strict=True), 1)
-        )
+        rows = enumerate(zip(now, pushed or gone or even, gone or pushed or even, strict=True), 1)
+        names = ("now", "loaded", "indented")
+        return tuple({"k": float(k), "n": float(count), **dict(zip(names, row, strict=True))} for k, row in rows)
 
     @property
     def region_names(self) -> list[str]:

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from test_verdict import TESTS, VALUES, World
 
+from fingerfit.diagnosis import tested
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, nominated
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.reservations import largest_part, of_family
+from fingerfit.diagnosis.second_queue import PART, imitated
 from fingerfit.diagnosis.verdict import MATTERS, Verdict, decide, nearest
 from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, to_refit, too_small
 from fingerfit.model.catalogue import catalogue
@@ -211,6 +213,23 @@ def first_pass(ranking, share, surprise=0.0):
     """The ranking with refits of the first pass that explain a share of what there is."""
     refit = Refitted({}, float(VALUES), True, (), 4, VALUES, np.zeros((1, 1)), surprise, share)
     return [replace(one, refitted=refit) for one in ranking]
+
+
+def test_a_probe_may_imitate_two_of_its_members():
+    """Where one of them explains a part of it; a member of another family is none of them."""
+    score_test, ranking = ranked(0.6)
+
+    def found(share, but=""):
+        tried = [one for one in first_pass(ranking, share) if one.candidate.effect.name != but]
+        probe, whole = next(iter(first_pass([ranking[0]], 1.0))), tested.Tested(None, score_test, [], tried, TESTS, 0, {}, None)
+        assert probe.candidate.effect.name == "base_probe"
+        whole.ranking[:] = [replace(one, refitted=probe.refitted) if one.candidate.effect.probe else one for one in tried]
+        return imitated(whole)
+
+    assert found(PART).candidate.effect.name == "base_slip"
+    assert found(PART - 0.01) is None
+    assert found(PART, "base_slip") is None
+    assert found(PART, "base_probe") is None
 
 
 def test_where_nothing_explains_nearly_enough_nothing_is_refitted():

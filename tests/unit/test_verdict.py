@@ -288,6 +288,18 @@ def test_a_pair_that_does_not_explain_it_when_fitted_names_nothing(world):
         )
 
 
+def test_with_a_partner_what_a_probe_imitates_is_named(world):
+    """Alone it explains enough to need none; it is asked for one where a probe is likelier."""
+    score_test = world.score_test(30 * world.signal(0) + 14 * world.signal(1))
+    ranking = world.ranking(score_test, inclusion=world.signal(0), ellipse=world.signal(1))
+    alone = {"inclusion": world.refits(score_test, ranking)["inclusion"]}
+    assert not explains(alone["inclusion"]) and half_explained(score_test, ranking, alone, TESTS) is None
+    both = Refit(score_test.freedom, score_test.freedom - 2, 1.0, 1.0, {})
+    found = decide(score_test, ranking, alone, TESTS, (ranking[1], both))
+    assert (found.kind, found.effects) == ("missing", ("inclusion",))
+    assert "with inclusion of any size and shape it explains the misfit beyond the noise, alone" in found.sentence
+
+
 def test_what_explains_enough_alone_needs_no_partner(world):
     score_test = world.score_test(30 * world.signal(0) + 8 * world.signal(1))
     ranking = world.ranking(score_test, tilt=world.signal(0), inclusion=world.signal(1))

@@ -99,8 +99,8 @@ def test_what_is_missing_beside_another_effect_is_looked_for(tmp_path, monkeypat
         calls.append(partner(*given))
         return calls[-1]
 
-    partner = diagnosis._partner
-    monkeypatch.setattr(diagnosis, "_partner", looked_for)
+    partner = diagnosis.partner_of
+    monkeypatch.setattr(diagnosis, "partner_of", looked_for)
     # two exponents: the coefficients of Yeoh's law explain part of it
     diagnosed(tmp_path, lambda moved: uniaxial(moved, 2.0) + 0.3 * uniaxial(moved, 12.0))
     ((found, _),) = calls

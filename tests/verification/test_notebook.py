@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 def names(tmp_path_factory):
     """What the documented lines leave behind."""
     folder = tmp_path_factory.mktemp("notebook")
-    study = written(folder, effects={"tilt": {"slope": 0.02}})
+    study = written(folder, effects={"tilt": {"slope": 0.04}})
     config = {**config_of(study, SMALL), "diagnosis": {"only": [*FEW, "indenter_probe"]}}
     (folder / "tilt.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
     (lines,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL)
@@ -40,7 +40,7 @@ def test_what_is_hidden_is_found_and_added(names):
     assert tilt.explained > 0.75
     assert names["better"].run == 0
     slope = names["better"].constants.loc["tilt.slope"]
-    assert abs(slope.value - 0.02) < 4 * slope.standard_error + 2 * slope.mesh_error
+    assert abs(slope.value - 0.04) < 4 * slope.standard_error + 2 * slope.mesh_error
 
 
 def test_tables_are_those_of_the_estimate(names):

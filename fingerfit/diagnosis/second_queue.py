@@ -1,0 +1,177 @@
+"""Which effects are refitted with pictures, in which order, and a partner for one that explains half of the misfit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from fingerfit.core.errors import StateError
+from fingerfit.core.processes import side_by_side
+from fingerfit.core.progress import tell
+from fingerfit.diagnosis.families import ENOUGH
+from fingerfit.diagnosis.likelihood import Weighed, misfits
+from fingerfit.diagnosis.ranking import Ranked, spread_of
+from fingerfit.diagnosis.refit import GOOD, Refit, explains
+from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_anywhere
+from fingerfit.diagnosis.tested import Tested, in_space, test_all
+from fingerfit.diagnosis.verdict import MATTERS, best_of
+from fingerfit.diagnosis.worth import to_refit
+from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.rounds import Round
+
+HALF = 0.5
+"""Share of a series' log odds from which what has fewer numbers is refitted beside it. A choice (decision 19)."""
+PART = 1 / 3
+"""Share of the misfit from which a member may be one of two that the probe of its family imitates: the larger of two
+explains half of what both do, and less where its fit lies between them. A choice (decision 7)."""
+
+
+def refit_best(
+    problem: InverseProblem, last: Round, everything: Everything, found: Tested, refits: dict[str, Refit], threads: int
+) -> int:
+    """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
+    run = 0
+    for ranked, refit, more in refits_of(problem, last, everything, found, threads, refits):
+        refits[ranked.candidate.effect.name] = refit
+        run += more
+    return run
+
+
+def refits_of(
+    problem: InverseProblem,
+    last: Round,
+    everything: Everything,
+    found: Tested,
+    threads: int,
+    known: Mapping[str, Refit] | None = None,
+) -> Iterator[tuple[Ranked, Refit, int]]:
+    """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
+
+    Where one explains most of the misfit, not those whose odds in the first pass were far below its own, and no probe
+    that was less likely: it would only say that there is something of no known form. But where the best one leaves more
+    than the noise, a probe of another family may come nearer, and counts as a member does. A series of many numbers may
+    imitate what has few: beside it others are tried that were half as likely. A probe comes after the members of
+    its family, and not at all where one of them explains the data, every pixel included. Nor do then those that only
+    slopes speak for; they come after what explained the data in the first pass.
+    """
+    explained, by_series, named = -np.inf, False, set[str]()
+    nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
+    spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
+    # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
+    flat = not in_space(problem)
+    beside, each = 1, threads
+
+    def worth_it(ranked: Ranked) -> bool:
+        effect = ranked.candidate.effect
+        if effect.probe and effect.family in named:
+            return False
+        elsewhere = effect.family not in nearest_by and least > 1.0 + MATTERS
+        if seen and not ranked.refitted and least <= 1.0 + MATTERS:
+            return False
+        share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
+        return not ranked.refitted or ranked.odds(spread) >= share * explained
+
+    def refitted(ranked: Ranked) -> tuple[tuple[Refit, int, int] | None, set[str]]:
+        known = set(problem.asked)
+        try:
+            made = refit_anywhere(problem, last, ranked, everything, found.weighed, each)
+        except StateError:
+            made = None  # bodies without a solution explain nothing
+        return made, problem.asked - known
+
+    left = to_refit(found.score_test, found.ranking, found.tests, known)
+    seen = any(one.refitted and one.refitted.share >= ENOUGH for one in left)
+    members = {one.candidate.effect.family for one in left if not one.candidate.effect.probe}
+    left.sort(
+        key=lambda one: (
+            one.candidate.effect.probe and one.candidate.effect.family in members,
+            seen and one.refitted is None,
+        )
+    )
+    left = [one for one in left if worth_it(one)]
+    while left:
+        now, left = left[:beside], left[beside:]
+        # what an earlier one of them has made needless is thrown away, so that one process finds the same
+        for ranked, (made, asked) in zip(now, side_by_side(refitted, now, beside), strict=True):
+            if not worth_it(ranked):
+                continue
+            problem.asked.update(asked)
+            if made is None:
+                continue
+            (refit, run, place), effect = made, ranked.candidate.effect
+            if place:
+                ranked = found.moved(ranked, place)
+            if explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH:
+                field = bool(effect.series) and effect.probe
+                explained, by_series = max((explained, by_series), (ranked.odds(spread), field))
+                nearest_by.add(effect.family)
+                least = min(least, refit.fitted)
+            share = min(1.0, max(0.0, refit.explained(found.score_test.misfit)))
+            if not effect.probe and explains(refit) and refit.fitted <= GOOD:
+                named.add(effect.family)
+            left = [one for one in left if worth_it(one)]
+            tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
+            yield ranked, refit, run
+        # the first one often makes all others needless, which would hold it up
+        beside, each = (threads, 1) if flat else (1, threads)
+
+
+def imitated(known: Tested) -> Ranked | None:
+    """A member that may be one of two that the probe of its family imitates; None where none may be.
+
+    In the first pass the probe is likelier than all others, and its likeliest member explains a part of the misfit.
+    """
+    spread = spread_of(known.score_test.misfit, known.ranking, known.score_test.freedom)
+    tried = sorted((one for one in known.ranking if one.refitted), key=lambda one: -one.odds(spread))
+    if not tried or not tried[0].candidate.effect.probe:
+        return None
+    family = tried[0].candidate.effect.family
+    kin = (one for one in tried if one.candidate.effect.family == family and not one.candidate.effect.probe)
+    best = next(kin, None)
+    return best if best and best.refitted and best.refitted.share >= PART else None
+
+
+def partner_of(
+    problem: InverseProblem,
+    last: Round,
+    half: Ranked,
+    everything: Everything,
+    known: Tested,
+    threads: int,
+    family: str = "",
+) -> tuple[tuple[Ranked, Refit] | None, int]:
+    """The effect, of a `family` where one is given, that explains most of what another one leaves; the refit of both.
+
+    It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are. In
+    space, where these take hours, by the slopes of the model without it.
+    """
+    ended, run = ended_of(problem, last, half, everything, known.weighed, threads)
+    slopes = known if in_space(problem) else None
+    found, tried = test_all(ended.problem, ended.last, everything, threads, slopes, family), dict[str, Refit]()
+    run += found.run
+    for ranked, refit, more in refits_of(ended.problem, ended.last, everything, found, threads):
+        tried[ranked.candidate.effect.name], run = refit, run + more
+        if explains(refit):
+            break
+    problem.asked.update(ended.problem.asked)
+    tried = by_one_likelihood(tried, found.weighed)
+    return best_of(found.ranking, tried), run
+
+
+def by_one_likelihood(refits: Mapping[str, Refit], without: Weighed) -> dict[str, Refit]:
+    """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest, but for
+    what its mesh makes of them.
+
+    `without` is what the model leaves that has none of the effects.
+    """
+    models = {name: refit.weighed for name, refit in refits.items() if refit.weighed is not None}
+    if not models:
+        return dict(refits)
+    best = min(models, key=lambda name: np.nan_to_num(refits[name].at_least, nan=np.inf))
+    found = misfits({**models, "": without}, best)
+    return {
+        name: replace(refit, compared=found[name], before=found[""]) if name in found else refit
+        for name, refit in refits.items()
+    }
