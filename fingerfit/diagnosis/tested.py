@@ -72,17 +72,17 @@ def test_all(
     known : Tested, optional
         Of a model with an effect less, whose slopes are taken.
     family : str
-        Whose members alone are tested, its probes left out.
+        Whose members alone are tested, its probe left out, where no slopes are known.
     """
     if known is None:
         found, lacking = candidates(problem, finest(problem, last).values)
+        if family:
+            found = [one for one in found if one.effect.family == family and not one.effect.probe]
         tell(f"slopes of {len({candidate.effect.name for candidate in found})} effects")
     else:
         tested, lacking = [one.candidate for one in known.everywhere], known.lacking
         possible = [one for one in tested if makes_sense(one.effect, problem)]
         found = [one for one in possible if may_be(one.effect, one.place, problem)]
-    if family:
-        found = [one for one in found if one.effect.family == family and not one.effect.probe]
     asked = [a for one in found for a in one.asked if not (known and problem.is_solved(a))]
     without = known.comparison.anchor if known else None
     run = solve_missing(problem, [anchor_of(problem, last)], threads)
