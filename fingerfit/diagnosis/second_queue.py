@@ -151,6 +151,8 @@ def partner_of(
     slopes = known if in_space(problem) else None
     found, tried = test_all(ended.problem, ended.last, everything, threads, slopes, family), dict[str, Refit]()
     run += found.run
+    if family:  # else the probe of that family is refitted: only what may explain the rest is worth it before
+        found = replace(found, ranking=[one for one in found.ranking if one.refitted and one.refitted.share >= ENOUGH])
     for ranked, refit, more in refits_of(ended.problem, ended.last, everything, found, threads):
         tried[ranked.candidate.effect.name], run = refit, run + more
         if explains(refit):
