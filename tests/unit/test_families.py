@@ -221,9 +221,14 @@ def test_a_probe_may_imitate_two_of_its_members():
 
     def found(share, but=""):
         tried = [one for one in first_pass(ranking, share) if one.candidate.effect.name != but]
-        probe, whole = next(iter(first_pass([ranking[0]], 1.0))), tested.Tested(None, score_test, [], tried, TESTS, 0, {}, None)
+        probe, whole = (
+            next(iter(first_pass([ranking[0]], 1.0))),
+            tested.Tested(None, score_test, [], tried, TESTS, 0, {}, None),
+        )
         assert probe.candidate.effect.name == "base_probe"
-        whole.ranking[:] = [replace(one, refitted=probe.refitted) if one.candidate.effect.probe else one for one in tried]
+        whole.ranking[:] = [
+            replace(one, refitted=probe.refitted) if one.candidate.effect.probe else one for one in tried
+        ]
         return imitated(whole)
 
     assert found(PART).candidate.effect.name == "base_slip"
