@@ -121,16 +121,18 @@ def refits_of(
 def imitated(known: Tested) -> Ranked | None:
     """A member that may be one of two that the probe of its family imitates; None where none may be.
 
-    In the first pass the probe is likelier than all others, and its likeliest member explains a part of the misfit.
+    In the first pass the probe is likelier than all others and explains enough, and its likeliest member a part of it:
+    what the probe does not explain, two of its members will not either.
     """
     spread = spread_of(known.score_test.misfit, known.ranking, known.score_test.freedom)
+    shares = {id(one): one.refitted.share for one in known.ranking if one.refitted}
     tried = sorted((one for one in known.ranking if one.refitted), key=lambda one: -one.odds(spread))
-    if not tried or not tried[0].candidate.effect.probe:
+    probe = next(iter(tried), None)
+    if probe is None or not probe.candidate.effect.probe or shares[id(probe)] < ENOUGH:
         return None
-    family = tried[0].candidate.effect.family
-    kin = (one for one in tried if one.candidate.effect.family == family and not one.candidate.effect.probe)
-    best = next(kin, None)
-    return best if best and best.refitted and best.refitted.share >= PART else None
+    family = probe.candidate.effect.family
+    best = next((one for one in tried if one is not probe and one.candidate.effect.family == family), None)
+    return best if best is not None and shares[id(best)] >= PART else None
 
 
 def partner_of(

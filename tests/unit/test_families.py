@@ -219,20 +219,16 @@ def test_a_probe_may_imitate_two_of_its_members():
     """Where one of them explains a part of it; a member of another family is none of them."""
     score_test, ranking = ranked(0.6)
 
-    def found(share, but=""):
-        tried = [one for one in first_pass(ranking, share) if one.candidate.effect.name != but]
-        probe, whole = (
-            next(iter(first_pass([ranking[0]], 1.0))),
-            tested.Tested(None, score_test, [], tried, TESTS, 0, {}, None),
-        )
+    def found(share, but="", explained=ENOUGH):
+        probe, *others = ranking
         assert probe.candidate.effect.name == "base_probe"
-        whole.ranking[:] = [
-            replace(one, refitted=probe.refitted) if one.candidate.effect.probe else one for one in tried
-        ]
-        return imitated(whole)
+        tried = [*first_pass([probe], explained), *first_pass(others, share)]
+        left = [one for one in tried if one.candidate.effect.name != but]
+        return imitated(tested.Tested(None, score_test, [], left, TESTS, 0, {}, None))
 
     assert found(PART).candidate.effect.name == "base_slip"
     assert found(PART - 0.01) is None
+    assert found(PART, explained=ENOUGH - 0.01) is None
     assert found(PART, "base_slip") is None
     assert found(PART, "base_probe") is None
 
