@@ -125,14 +125,16 @@ def imitated(known: Tested) -> Ranked | None:
     what the probe does not explain, two of its members will not either.
     """
     spread = spread_of(known.score_test.misfit, known.ranking, known.score_test.freedom)
-    shares = {id(one): one.refitted.share for one in known.ranking if one.refitted}
-    tried = sorted((one for one in known.ranking if one.refitted), key=lambda one: -one.odds(spread))
-    probe = next(iter(tried), None)
-    if probe is None or not probe.candidate.effect.probe or shares[id(probe)] < ENOUGH:
+    refitted = ((one, one.refitted) for one in known.ranking if one.refitted)
+    tried = sorted(refitted, key=lambda pair: -pair[0].odds(spread))
+    if not tried:
+        return None
+    (probe, first), *others = tried
+    if not probe.candidate.effect.probe or first.share < ENOUGH:
         return None
     family = probe.candidate.effect.family
-    best = next((one for one in tried if one is not probe and one.candidate.effect.family == family), None)
-    return best if best is not None and shares[id(best)] >= PART else None
+    kin = (one for one, there in others if one.candidate.effect.family == family and there.share >= PART)
+    return next(kin, None)
 
 
 def partner_of(
