@@ -11,7 +11,7 @@ from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.families import ENOUGH
-from fingerfit.diagnosis.likelihood import Weighed, misfits
+from fingerfit.diagnosis.likelihood import Weighed, likeliest, misfits
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import GOOD, Refit, explains
 from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_anywhere
@@ -167,16 +167,14 @@ def partner_of(
 
 
 def by_one_likelihood(refits: Mapping[str, Refit], without: Weighed) -> dict[str, Refit]:
-    """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest, but for
-    what its mesh makes of them.
+    """Refits with their misfits by one likelihood: that of the likeliest one.
 
     `without` is what the model leaves that has none of the effects.
     """
     models = {name: refit.weighed for name, refit in refits.items() if refit.weighed is not None}
     if not models:
         return dict(refits)
-    best = min(models, key=lambda name: np.nan_to_num(refits[name].at_least, nan=np.inf))
-    found = misfits({**models, "": without}, best)
+    found = misfits({**models, "": without}, likeliest(models))
     return {
         name: replace(refit, compared=found[name], before=found[""]) if name in found else refit
         for name, refit in refits.items()
