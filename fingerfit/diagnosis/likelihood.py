@@ -47,22 +47,6 @@ class Weighed:
         return cls(residual.kept, residual.vector, comparison.covariance, own, nuisance, comparison.known)
 
 
-def likeliest(models: Mapping[str, Weighed]) -> str:
-    """The model whose own covariance makes what it leaves likeliest, of the values that all of them know.
-
-    A covariance that forgives much makes any misfit small; its determinant is what that costs.
-    """
-    known = np.logical_and.reduce([model.kept for model in models.values()])
-
-    def unlikely(name: str) -> float:
-        model, rows = models[name], known[models[name].kept]
-        covariance, nuisance = model.covariance[np.ix_(rows, rows)], model.nuisance[rows]
-        test = ScoreTest(model.vector[rows], covariance, model.own[rows], nuisance, known=model.known)
-        return float(test.misfit + np.linalg.slogdet(covariance)[1])
-
-    return min(models, key=unlikely)
-
-
 def misfits(models: Mapping[str, Weighed], reference: str) -> dict[str, float]:
     """Misfits of models, of the values that all of them know, weighed by the covariance of one of them.
 

@@ -11,7 +11,7 @@ from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.families import ENOUGH
-from fingerfit.diagnosis.likelihood import Weighed, likeliest, misfits
+from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import GOOD, Refit, explains
 from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_anywhere
@@ -167,14 +167,18 @@ def partner_of(
 
 
 def by_one_likelihood(refits: Mapping[str, Refit], without: Weighed) -> dict[str, Refit]:
-    """Refits with their misfits by one likelihood: that of the likeliest one.
+    """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest, but for
+    what its mesh makes of them; the mean of these where several come as near.
 
     `without` is what the model leaves that has none of the effects.
     """
     models = {name: refit.weighed for name, refit in refits.items() if refit.weighed is not None}
     if not models:
         return dict(refits)
-    found = misfits({**models, "": without}, likeliest(models))
+    errors = {name: float(np.nan_to_num(refits[name].at_least, nan=np.inf)) for name in models}
+    near = [name for name, error in errors.items() if error <= min(errors.values()) + MATTERS]
+    each = [misfits({**models, "": without}, name) for name in near]
+    found = {name: float(np.mean([by[name] for by in each])) for name in each[0]}
     return {
         name: replace(refit, compared=found[name], before=found[""]) if name in found else refit
         for name, refit in refits.items()
