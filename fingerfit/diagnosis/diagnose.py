@@ -35,7 +35,7 @@ from fingerfit.diagnosis.reservations import (
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_pass import Everything
-from fingerfit.diagnosis.second_queue import by_one_likelihood, imitated, partner_of, refit_best
+from fingerfit.diagnosis.second_queue import by_one_likelihood, pair_of, partner_of, refit_best
 from fingerfit.diagnosis.tested import test_all
 from fingerfit.diagnosis.verdict import (
     Verdict,
@@ -150,18 +150,15 @@ def diagnose(
     # of a body of another shape, and of one that is not solved well, refits say nothing
     no_refits = coarse or (outline.off and unexplained) or too_small(score_test, ranking, at_least)
     # a probe is likelier than its members, but two of these may be what it imitates
-    member, pair = None if no_refits or probed else imitated(found), dict[str, Refit]()
-    if member is not None:
-        run += refit_best(problem, last, everything, replace(found, ranking=[member]), pair, threads)
-        alone = generalising(score_test, pair, held_out)
-        if alone and not any(explains(refit) for refit in alone.values()):
-            halves.add(member.candidate.effect.name)
-            family = member.candidate.effect.family
-            partner, more = partner_of(problem, last, member, everything, found, threads, family)
-            run += more
-            if partner is not None and explains(partner[1]):
-                verdict = decide(score_test, ranking, alone, tests, partner, held_out)
-                refits = ended = alone if verdict.kind == "missing" else {}
+    nothing = dict[str, Refit](), None, 0
+    pair, partner, more = (
+        nothing if no_refits or probed else pair_of(problem, last, everything, found, held_out, threads)
+    )
+    run += more
+    halves.update(pair)
+    if partner is not None and explains(partner[1]):
+        verdict = decide(score_test, ranking, pair, tests, partner, held_out)
+        refits = ended = pair if verdict.kind == "missing" else {}
     for _ in range(0 if no_refits or refits else BATCHES):
         run += refit_best(problem, last, everything, found, refits, threads)
         refits = by_one_likelihood({**pair, **refits}, found.weighed)

@@ -16,7 +16,7 @@ from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import GOOD, Refit, explains
 from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
-from fingerfit.diagnosis.verdict import MATTERS, best_of
+from fingerfit.diagnosis.verdict import MATTERS, best_of, generalising
 from fingerfit.diagnosis.worth import to_refit
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
@@ -135,6 +135,34 @@ def imitated(known: Tested) -> Ranked | None:
     family = probe.candidate.effect.family
     kin = (one for one, there in others if one.candidate.effect.family == family and there.share >= PART)
     return next(kin, None)
+
+
+def pair_of(
+    problem: InverseProblem, last: Round, everything: Everything, found: Tested, held_out: float | None, threads: int
+) -> tuple[dict[str, Refit], tuple[Ranked, Refit] | None, int]:
+    """The refit of the member that `imitated` finds; and its partner in the family, where it does not explain the data.
+
+    Returns
+    -------
+    dict
+        That refit by the name of the effect; empty without one.
+    (Ranked, Refit) or None
+        The partner, and the refit of both.
+    int
+        Simulations that were not known.
+    """
+    member, alone = imitated(found), dict[str, Refit]()
+    if member is None:
+        return alone, None, 0
+    only = replace(found, ranking=[member])
+    run = refit_best(problem, last, everything, only, alone, threads)
+    (ended,) = only.ranking  # maybe in another of its places
+    found.ranking[:] = [ended if one is member else one for one in found.ranking]
+    left = generalising(found.score_test, alone, held_out)
+    if not left or any(explains(refit) for refit in left.values()):
+        return alone, None, run
+    partner, more = partner_of(problem, last, ended, everything, found, threads, ended.candidate.effect.family)
+    return alone, partner, run + more
 
 
 def partner_of(
