@@ -74,7 +74,10 @@ def refits_of(
         return not ranked.refitted or ranked.odds(spread) >= share * explained
 
     def refitted(ranked: Ranked) -> tuple[tuple[Refit, int, int] | None, set[str]]:
-        known = set(problem.asked)
+        known, name = set(problem.asked), ranked.candidate.effect.name
+        if name in found.made:
+            refit, _, _ = found.made[name]
+            return (refit, 0, 0), set()
         try:
             made = refit_anywhere(problem, last, ranked, everything, found.weighed, each)
         except StateError:
@@ -101,6 +104,7 @@ def refits_of(
             if made is None:
                 continue
             (refit, run, place), effect = made, ranked.candidate.effect
+            found.made[effect.name] = made
             if place:
                 ranked = found.moved(ranked, place)
             if explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH:

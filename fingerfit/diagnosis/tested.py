@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from fingerfit.core.errors import InputError
@@ -12,7 +12,7 @@ from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidate
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.ranking import Ranked, best_places
-from fingerfit.diagnosis.refit import explains
+from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_pass import Everything
 from fingerfit.diagnosis.series import cut
@@ -37,6 +37,8 @@ class Tested:
     run: int
     lacking: dict[str, InputError]
     outline: Sides
+    made: dict[str, tuple[Refit, int, int]] = field(default_factory=dict)
+    """Refits that were made, by name of the effect: each as from `refit_anywhere`."""
 
     def moved(self, one: Ranked, place: int) -> Ranked:
         """An effect in another of its places, the n-th of ``also``; it takes its place in the ranking, too."""
