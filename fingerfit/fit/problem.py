@@ -287,8 +287,7 @@ class InverseProblem:
         """The same without the maps; kept."""
         key = _key(asked)
         if key not in self._predictions:
-            made = self.synthesis(asked)
-            self._predictions[key], self._folded[key] = made.prediction, made.folded
+            self._predictions[key], self._folded[key] = self.synthesis(asked).without_maps
         return self._predictions[key]
 
     def folds(self, asked: Asked) -> bool:
@@ -309,17 +308,17 @@ class InverseProblem:
         self.seen({})  # what is read here is not read again by each process
         self._read_kept(batch)
         new = list({_key(asked): asked for asked in batch if _key(asked) not in self._predictions}.values())
-        for asked, made in zip(new, side_by_side(self._synthesis, new, processes), strict=True):
-            if made is not None:
-                self._predictions[_key(asked)], self._folded[_key(asked)] = made.prediction, made.folded
+        made = side_by_side(lambda one: found.without_maps if (found := self._synthesis(one)) else None, new, processes)
+        for asked, found in zip(new, made, strict=True):
+            if found is not None:
+                self._predictions[_key(asked)], self._folded[_key(asked)] = found
 
     def _read_kept(self, batch: Sequence[Asked]) -> None:
         for asked in batch:
             key = _key(asked)
             if self.kept is None or key in self._predictions or not self._keeps(asked):
                 continue
-            found = self.kept.load(key)
-            if found is not None:
+            if (found := self.kept.load(key)) is not None:
                 self._predictions[key], self._folded[key] = found
 
     def _keeps(self, asked: Asked) -> bool:

@@ -34,6 +34,11 @@ class Synthesis:
     maps: list[BackwardMap]
 
     @property
+    def without_maps(self) -> tuple[Prediction, bool]:
+        """The prediction, and whether it folds: maps of volumes take several times as much memory as these."""
+        return self.prediction, self.folded
+
+    @property
     def inverted(self) -> int:
         """Elements turned inside out, over all pictures."""
         return sum(way.inverted for way in self.maps)

@@ -8,7 +8,7 @@ a body has many, scan lines take the place of the search (`fingerfit.imaging.tet
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -240,15 +240,17 @@ def sample(coefficients: np.ndarray, index: np.ndarray) -> np.ndarray:
         period = max(2 * (size[axis] - 1), 1)
         around = around % period
         places.append(np.minimum(around, period - around) * strides[axis])
-    flat = coefficients.ravel()
+    return _summed(coefficients.ravel(), weights, places, 0)
 
-    def along(axis: int, start: np.ndarray | int) -> np.ndarray:
-        """Sum over the neighbours along an axis and those before it."""
-        if axis < 0:
-            return np.take(flat, start)
-        return sum(w * along(axis - 1, start + p) for w, p in zip(weights[axis], places[axis], strict=True))
 
-    return along(index.shape[1] - 1, 0)
+def _summed(
+    flat: np.ndarray, weights: Sequence[np.ndarray], places: Sequence[np.ndarray], start: np.ndarray | int
+) -> np.ndarray:
+    """Sum over the neighbours along the last axis, and for each of them along those before it."""
+    if not weights:
+        return np.take(flat, start)
+    pairs = zip(weights[-1], places[-1], strict=True)
+    return sum(w * _summed(flat, weights[:-1], places[:-1], start + p) for w, p in pairs)
 
 
 def _weights(t: np.ndarray) -> np.ndarray:
