@@ -1,12 +1,15 @@
 """Models are compared by one likelihood: a covariance of its own must not make a worse model look better."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from seeds import generator
 
-from fingerfit.diagnosis.diagnose import by_one_likelihood
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.refit import Refit
+from fingerfit.diagnosis.second_queue import by_one_likelihood
+from fingerfit.diagnosis.verdict import MATTERS
 
 COUNT = 200
 
@@ -54,6 +57,26 @@ def test_the_one_that_comes_nearest_weighs_all():
     assert by_one_likelihood({}, without) == {}
     both = misfits({"good": good, "without": without}, "good")
     assert found["good"].gain(1.0) == pytest.approx(both["without"] - both["good"])
+
+
+def test_of_several_that_come_as_near_no_one_decides_alone():
+    """By the covariance of the one that forgives much both leave nearly the same."""
+    good, forgiving = model(0.0, 0.1), model(0.3, 10.0)
+    models = {"good": good, "forgiving": forgiving}
+    refits = {
+        "forgiving": Refit(1.0, COUNT - 2, 0.85, 0.84, {}, weighed=forgiving),
+        "good": Refit(198.0, COUNT - 2, 0.85 + 0.9 * MATTERS, 0.84, {}, weighed=good),
+    }
+    each = [misfits(models, name) for name in models]
+    alone = each[1]
+    assert alone["forgiving"] - alone["good"] < 1.0
+    found = by_one_likelihood(refits, model(0.6, 0.1))
+    for name in models:
+        assert found[name].level == pytest.approx(np.mean([one[name] for one in each]))
+    assert found["forgiving"].level - found["good"].level > 100.0
+    # one that is clearly nearer does
+    far = {**refits, "good": replace(refits["good"], fitted=0.85 + 1.1 * MATTERS)}
+    assert by_one_likelihood(far, model(0.6, 0.1))["good"].level == pytest.approx(alone["good"])
 
 
 def test_a_better_mesh_is_not_held_against_an_effect():
