@@ -22,7 +22,7 @@ LARGER, SLOWER = 5.0, 3.0
 """Factors on lengths and on times; stresses stay, so that forces grow with the square of lengths."""
 FORCE = LARGER**2
 LENGTHS = {
-    "onset.offset": LARGER, "soft_frame.most": LARGER, "tilt.slope": 1 / LARGER,
+    "onset.offset": LARGER, "soft_frame.most": LARGER,
     **{f"{name}.{axis}": LARGER for name in ("misregistration", "wandering_pictures") for axis in "xy"},
     **{f"jumping_pictures.{axis}{k}": LARGER for axis in "xy" for k in range(1, 13)},
     **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
@@ -36,7 +36,7 @@ SIZES = {
     **LENGTHS,
     "preload.force": FORCE, "force_offset.offset": FORCE, "guide_friction.most": FORCE,
     "loading_probe.load": FORCE, "loading_probe.midway": FORCE,
-    "indenter_probe.slope": 1 / LARGER, "indenter_probe.curve": 1 / LARGER, "indenter_probe.lowered": LARGER,
+    "indenter_probe.curve": 1 / LARGER, "indenter_probe.lowered": LARGER,
 }  # fmt: skip
 """Factors on numbers of effects; those that are not here have none."""
 PLACES = {

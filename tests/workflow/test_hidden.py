@@ -21,7 +21,7 @@ from fingerfit.virtual.experiment import run_experiment
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
-SLOPE = 0.02
+SLOPE = 0.04
 DESCRIPTION = {
     "title": "an indenter that does not stay level",
     "body": {
