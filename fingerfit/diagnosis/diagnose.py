@@ -156,7 +156,7 @@ def diagnose(
     )
     run += more
     halves.update(pair)
-    if partner is not None and explains(partner[1]):
+    if partner is not None:
         verdict = decide(score_test, ranking, pair, tests, partner, held_out)
         refits = ended = pair if verdict.kind == "missing" else {}
     for _ in range(0 if no_refits or refits else BATCHES):

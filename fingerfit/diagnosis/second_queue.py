@@ -76,8 +76,7 @@ def refits_of(
     def refitted(ranked: Ranked) -> tuple[tuple[Refit, int, int] | None, set[str]]:
         known, name = set(problem.asked), ranked.candidate.effect.name
         if name in found.made:
-            refit, _, _ = found.made[name]
-            return (refit, 0, 0), set()
+            return (found.made[name], 0, 0), set()
         try:
             made = refit_anywhere(problem, last, ranked, everything, found.weighed, each)
         except StateError:
@@ -104,7 +103,7 @@ def refits_of(
             if made is None:
                 continue
             (refit, run, place), effect = made, ranked.candidate.effect
-            found.made[effect.name] = made
+            found.made[effect.name] = refit
             if place:
                 ranked = found.moved(ranked, place)
             if explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH:
@@ -151,7 +150,7 @@ def pair_of(
     dict
         That refit by the name of the effect; empty without one.
     (Ranked, Refit) or None
-        The partner, and the refit of both.
+        The partner, and the refit of both; None where both do not explain the data, held-out steps included.
     int
         Simulations that were not known.
     """
@@ -166,7 +165,11 @@ def pair_of(
     if not left or any(explains(refit) for refit in left.values()):
         return alone, None, run
     partner, more = partner_of(problem, last, ended, everything, found, threads, ended.candidate.effect.family)
-    return alone, partner, run + more
+    run += more
+    if partner is None or not explains(partner[1]):
+        return alone, None, run
+    both = generalising(found.score_test, {"both": partner[1]}, held_out)
+    return alone, partner if both else None, run
 
 
 def partner_of(

@@ -37,8 +37,8 @@ class Tested:
     run: int
     lacking: dict[str, InputError]
     outline: Sides
-    made: dict[str, tuple[Refit, int, int]] = field(default_factory=dict)
-    """Refits that were made, by name of the effect: each as from `refit_anywhere`."""
+    made: dict[str, Refit] = field(default_factory=dict)
+    """Refits that were made, by name of the effect."""
 
     def moved(self, one: Ranked, place: int) -> Ranked:
         """An effect in another of its places, the n-th of ``also``; it takes its place in the ranking, too."""
@@ -74,17 +74,18 @@ def test_all(
     known : Tested, optional
         Of a model with an effect less, whose slopes are taken.
     family : str
-        Whose members alone are tested, its probe left out, where no slopes are known.
+        Whose members alone are tested, its probe left out.
     """
     if known is None:
         found, lacking = candidates(problem, finest(problem, last).values)
-        if family:
-            found = [one for one in found if one.effect.family == family and not one.effect.probe]
-        tell(f"slopes of {len({candidate.effect.name for candidate in found})} effects")
     else:
         tested, lacking = [one.candidate for one in known.everywhere], known.lacking
         possible = [one for one in tested if makes_sense(one.effect, problem)]
         found = [one for one in possible if may_be(one.effect, one.place, problem)]
+    if family:
+        found = [one for one in found if one.effect.family == family and not one.effect.probe]
+    if known is None:
+        tell(f"slopes of {len({candidate.effect.name for candidate in found})} effects")
     asked = [a for one in found for a in one.asked if not (known and problem.is_solved(a))]
     without = known.comparison.anchor if known else None
     run = solve_missing(problem, [anchor_of(problem, last)], threads)
@@ -105,4 +106,5 @@ def test_all(
 
 
 def in_space(problem: InverseProblem) -> bool:
+    """Whether the body of any test is a volume."""
     return any(test.meshes[SEARCH].dim == 3 for test in problem.every)
