@@ -60,8 +60,10 @@ def misfits(models: Mapping[str, Weighed], reference: str) -> dict[str, float]:
     known = np.logical_and.reduce([model.kept for model in models.values()])
     rows = {name: known[model.kept] for name, model in models.items()}
     one, its = models[reference], rows[reference]
-    covariance, nuisance = one.covariance[np.ix_(its, its)], one.nuisance[its]
+    first = ScoreTest(
+        one.vector[its], one.covariance[np.ix_(its, its)], one.own[its], one.nuisance[its], known=one.known
+    )
     return {
-        name: ScoreTest(model.vector[rows[name]], covariance, model.own[rows[name]], nuisance, known=model.known).misfit
+        name: first.of_another(model.vector[rows[name]], model.own[rows[name]], model.known).misfit
         for name, model in models.items()
     }

@@ -7,6 +7,7 @@ multiplier test: Rao 1948; modification indices of structural equation models ar
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,14 +76,31 @@ class ScoreTest:
         common: np.ndarray | None = None,
         known: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
-        before, rows = known if known is not None else (np.zeros(0), np.zeros((0, own.shape[1])))
-        self._priors = len(before)
         try:
             self._root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
         except np.linalg.LinAlgError as error:
             text = "some measurements have no noise of their own, so that nothing can be weighed against it"
             raise StateError(f"{text}: give noise in study.yaml (noise, pictures.noise)") from error
         self.spread = np.sqrt((self._root**2).sum(axis=1))
+        self._weigh(residual, own, common, known)
+
+    def of_another(
+        self, residual: np.ndarray, own: np.ndarray, known: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> ScoreTest:
+        """The same of another model's residual, slopes and priors, by this covariance, which is factored once."""
+        other = copy(self)
+        other._weigh(residual, own, None, known)
+        return other
+
+    def _weigh(
+        self,
+        residual: np.ndarray,
+        own: np.ndarray,
+        common: np.ndarray | None,
+        known: tuple[np.ndarray, np.ndarray] | None,
+    ) -> None:
+        before, rows = known if known is not None else (np.zeros(0), np.zeros((0, own.shape[1])))
+        self._priors = len(before)
         self.own, self.left = self.whiten(own), self.whiten(residual)
         values = len(residual)
         self.own[values:], self.left[values:] = rows, before
