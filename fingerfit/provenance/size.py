@@ -26,6 +26,9 @@ MAP = 36
 """Numbers for each pixel beside the pictures: where it comes from, and in which element. Measured: 40 in all with 3."""
 WARP = 2.5e-7
 """Seconds for each pixel of each picture of a guess: benchmarks/warp.md."""
+KEPT = 3
+"""Guesses whose pictures are in memory for each number that is fitted: one ahead of the best one, one behind, and the
+slope between them."""
 GUESSES = 150
 """Guesses of a long search: that of the phantom takes 77 simulations in all."""
 LONG = float(os.getenv("FINGERFIT_LONG", "60"))
@@ -48,6 +51,8 @@ class Size:
         Of one picture before it is trimmed, and their number with the one before compression.
     guesses, replicates : int
         The most that a search may ask for; replicates of the measurement.
+    numbers, tried : int
+        How many numbers are fitted, and the most that a refit of the diagnosis fits.
     solver : str
         Its name.
     """
@@ -58,6 +63,8 @@ class Size:
     pictures: int = 0
     guesses: int = 0
     replicates: int = 0
+    numbers: int = 0
+    tried: int = 0
     solver: str = BUILTIN
 
     @property
@@ -75,18 +82,20 @@ class Size:
         """Expected seconds for the pictures of one guess."""
         return WARP * self.pixels * self.pictures
 
-    def memory(self, simulations: int, pictures: bool = True) -> int:
-        """MB of a job that runs as many simulations at once, and compares pictures or does not.
+    def memory(self, simulations: int, pictures: bool = True, diagnosed: bool = False) -> int:
+        """MB of a job that runs as many simulations at once, and compares pictures or does not, or refits effects.
 
         Each of these processes then holds the pictures of its guess beside those that all share: per pixel the measured
-        and the predicted ones, and where each pixel comes from.
+        and the predicted ones, and where each pixel comes from. What a fit predicts for its slopes is kept.
         """
-        held = self.pixels * (2 * self.pictures + MAP) * max(simulations, 1) if pictures else 0
-        return round(BASE * max(simulations, 1) + PER_NODE * self.nodes * max(simulations, 1) + PER_PIXEL * held)
+        processes, numbers = max(simulations, 1), self.tried if diagnosed else self.numbers
+        held = (2 * self.pictures + MAP) * processes + KEPT * numbers * self.pictures
+        of_pictures = PER_PIXEL * self.pixels * held if pictures else 0.0
+        return round((BASE + PER_NODE * self.nodes) * processes + of_pictures)
 
-    def memory_of_study(self, processors: int) -> int:
-        """MB of a job that fits a whole study and simulates on so many processors."""
-        return WORKFLOW + self.memory(processors)
+    def memory_of_study(self, processors: int, diagnosed: bool = True) -> int:
+        """MB of a job that fits a whole study, and diagnoses it, and simulates on so many processors."""
+        return WORKFLOW + self.memory(processors, diagnosed=diagnosed)
 
     def minutes(self, stage: str) -> int:
         """Minutes after which a cluster may end the job of a stage.
@@ -110,7 +119,7 @@ class Size:
 
 def size_of(settings: Settings) -> Size:
     """The size of a model; of what cannot be read nothing: the job that reads it says what is wrong."""
-    dim, nodes, pixels, pictures = 2, 0, 0, 0
+    dim, nodes, pixels, pictures, numbers, more = 2, 0, 0, 0, 0, 0
     try:
         # a job simulates one test at a time, and holds the pictures of all of them
         for test in load_study(Path(settings.study)).every:
@@ -122,7 +131,12 @@ def size_of(settings: Settings) -> Size:
                 meshes.append(make_mesh(study, settings.model.refined, finer=True))
             nodes, dim = max(nodes, *(len(mesh.points) for mesh in meshes)), max(dim, meshes[0].dim)
             pixels = max(pixels, math.prod(shape_of(study.before)) if study.before else 0)
+        numbers = len(settings.parameters())
+        effects = (effect for name, effect in settings.known_effects().items() if settings.tries(name))
+        more = max((len(effect.parameters) + len(effect.refine) for effect in effects), default=0)
     except (FingerfitError, OSError):
         pass
     fit = settings.fit
-    return Size(nodes, dim, pixels, pictures, fit.max_evaluations, fit.replicates, settings.solver)
+    return Size(
+        nodes, dim, pixels, pictures, fit.max_evaluations, fit.replicates, numbers, numbers + more, settings.solver
+    )

@@ -115,11 +115,11 @@ def runs_of(study):
     return [run for run in RUNS if run.study == study]
 
 
-def memory(simulations=1, pictures=True):
+def memory(simulations=1, pictures=True, diagnosed=False):
     """A resource: MB of a job, more with each attempt; see `fingerfit.provenance.size.Size.memory`."""
 
     def needed(wildcards, attempt):
-        return attempt * max(run.size.memory(simulations, pictures) for run in runs_of(wildcards.study))
+        return attempt * max(run.size.memory(simulations, pictures, diagnosed) for run in runs_of(wildcards.study))
 
     return needed
 
@@ -158,8 +158,8 @@ def side_by_side(wildcards):
 
 def memory_of_study(wildcards, attempt):
     """A resource: MB of a job that fits a whole study, more with each attempt."""
-    processors = side_by_side(wildcards)
-    return attempt * max(run.size.memory_of_study(processors) for run in runs_of(wildcards.study))
+    processors, diagnosed = side_by_side(wildcards), "diagnose" in wildcards.goals.split("+")
+    return attempt * max(run.size.memory_of_study(processors, diagnosed) for run in runs_of(wildcards.study))
 
 
 def sent(study):

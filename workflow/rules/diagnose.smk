@@ -21,7 +21,7 @@ rule diagnose_model:
         "../envs/fingerfit.yaml"
     threads: 2
     resources:
-        mem_mb=memory(2),
+        mem_mb=memory(2, diagnosed=True),
         runtime=minutes("diagnose_model"),
         time_limit=time_limit,
     params:
