@@ -71,8 +71,16 @@ def read_mesh(path: Path) -> Mesh:
         found = meshio.read(path)
     except MemoryError as error:
         raise LimitError(path, "mesh", "more than the memory holds", "a mesh that fits into the memory") from error
-    except (OSError, ValueError, KeyError, IndexError, meshio.ReadError, SystemExit) as error:
-        raise InputError(path, "mesh", error or "an unreadable file", "a mesh that meshio reads") from error
+    except ImportError as error:
+        expected = f"a format that needs no {error.name}, as .msh or .vtu; or {error.name} (pip install {error.name})"
+        raise InputError(path, "mesh", f"a {path.suffix} file", expected) from error
+    except (OSError, ValueError, KeyError, IndexError, meshio.ReadError) as error:
+        raise InputError(path, "mesh", str(error) or "an unreadable file", "a mesh that meshio reads") from error
+    except SystemExit as error:  # meshio has printed what it tried; the exit code says nothing
+        raise InputError(path, "mesh", "an unreadable file", "a mesh that meshio reads") from error
+    except Exception as error:  # meshio raises whatever a damaged file leads it to
+        found = f"an unreadable file ({type(error).__name__})"
+        raise InputError(path, "mesh", found, "a mesh that meshio reads") from error
     dim = max((cells.dim for cells in found.cells), default=0)
     kinds = list(dict.fromkeys(cells.type for cells in found.cells if cells.dim == dim))
     strange = [kind for kind in kinds if kind not in _FROM_MESHIO]

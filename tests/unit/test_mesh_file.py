@@ -1,5 +1,6 @@
 """Meshes as ABAQUS keywords and from other formats."""
 
+import sys
 from dataclasses import replace
 
 import meshio
@@ -89,11 +90,35 @@ def test_a_file_without_known_elements_is_told(tmp_path):
         read_mesh(tmp_path / "m.vtk")
 
 
-@pytest.mark.parametrize("name", ["m.vtk", "m.nothing"])
+UNREADABLE = {
+    "m.nothing": "no mesh",
+    "m.vtk": "no mesh",
+    "m.vtu": "no mesh",
+    "m.msh": "no mesh",
+    "m.xdmf": "no mesh",
+    "m.xml": "<mesh",
+    "m.bdf": "no mesh",
+    "m.dat": "no mesh",
+    "m.su2": "no mesh",
+    "m.avs": "no mesh",
+}
+"""meshio answers with its own errors, with SystemExit, and with whatever its code runs into."""
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
 def test_an_unreadable_file_is_told(tmp_path, name):
-    (tmp_path / name).write_text("no mesh")
-    with pytest.raises(InputError, match="a mesh that meshio reads"):
+    (tmp_path / name).write_text(UNREADABLE[name])
+    with pytest.raises(InputError, match="a mesh that meshio reads") as found:
         read_mesh(tmp_path / name)
+    assert "\n" not in str(found.value)
+    assert "found 1;" not in str(found.value), "the exit code of meshio"
+
+
+def test_a_format_that_needs_another_package_is_told(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "netCDF4", None)
+    (tmp_path / "m.e").write_text("no mesh")
+    with pytest.raises(InputError, match=r"found a \.e file; expected .*netCDF4 \(pip install netCDF4\)"):
+        read_mesh(tmp_path / "m.e")
 
 
 GROUPS = """\
