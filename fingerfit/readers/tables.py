@@ -43,12 +43,15 @@ class Table:
         A column of numbers, NaN for empty cells, or of texts.
     lines : list of int
         Line of each row in the file, from 1.
+    mark : str
+        Decimal mark.
     """
 
     path: Path
     head: tuple[str, ...]
     cells: pd.DataFrame
     lines: list[int]
+    mark: str
 
     def column(self, place: int) -> np.ndarray:
         """Numbers of a column, NaN for empty cells.
@@ -59,12 +62,14 @@ class Table:
             For the first cell that is no number.
         """
         values = self.cells[place]
-        try:
+        if values.dtype.kind in "iuf":
             return values.to_numpy(dtype=float)
-        except ValueError:
-            bad = next(n for n, cell in enumerate(values) if isinstance(cell, str) and not _NUMBER.fullmatch(cell))
+        found = [_number(cell, self.mark) for cell in values]
+        if None in found:
+            bad = found.index(None)
             name = self.head[place] if self.head else f"column {place + 1}"
-            raise InputError(self.path, f"line {self.lines[bad]}, {name}", values[bad], "a number") from None
+            raise InputError(self.path, f"line {self.lines[bad]}, {name}", values[bad], "a number")
+        return np.array(found, dtype=float)
 
 
 def read_table(path: Path, field: str = "table") -> Table:
@@ -77,23 +82,20 @@ def read_table(path: Path, field: str = "table") -> Table:
     """
     import pandas as pd
 
-    lines, start, delimiter = _opened(path, field)
-    numbers = [n for n, line in enumerate(lines) if n >= start and line.strip()]
-    rows = [lines[n] for n in numbers]
-    wide = len(_cells(rows[0], delimiter))
-    for n, row in zip(numbers, rows, strict=True):
-        if (found := _count(row, delimiter)) != wide:
-            raise InputError(path, f"line {n + 1}", f"{found} cells", f"{wide}, as in line {start + 1}")
-    comma = delimiter != "," and not any("." in cell for cell in _cells(rows[0], delimiter))
-    quoted = delimiter == "," and any("," in cell for cell in _cells(rows[0], delimiter))
-    cells = pd.read_csv(
-        io.StringIO("\n".join(rows)),
-        sep=delimiter or r"\s+",
-        header=None,
-        decimal="," if comma or quoted else ".",
-        skipinitialspace=True,
-    )
-    return Table(path, _head(lines[:start], delimiter, wide), cells, [n + 1 for n in numbers])
+    try:
+        lines, start, delimiter = _opened(path, field)
+        numbers = [n for n, line in enumerate(lines) if n >= start and line.strip()]
+        rows = [lines[n] for n in numbers]
+        wide = len(_cells(rows[0], delimiter))
+        for n, row in zip(numbers, rows, strict=True):
+            if (found := _count(row, delimiter)) != wide:
+                raise InputError(path, f"line {n + 1}", f"{found} cells", f"{wide}, as in line {start + 1}")
+        mark = _mark(rows, delimiter)
+        text = io.StringIO("\n".join(rows))
+        cells = pd.read_csv(text, sep=delimiter or r"\s+", header=None, decimal=mark, skipinitialspace=True)
+        return Table(path, _head(lines[:start], delimiter, wide), cells, [n + 1 for n in numbers], mark)
+    except (csv.Error, pd.errors.ParserError) as error:
+        raise InputError(path, field, error, "a readable table") from error
 
 
 def read_head(path: Path, field: str = "table") -> tuple[str, ...]:
@@ -104,8 +106,11 @@ def read_head(path: Path, field: str = "table") -> tuple[str, ...]:
     InputError
         For what is no text or has no numbers.
     """
-    lines, start, delimiter = _opened(path, field)
-    return _head(lines[:start], delimiter, len(_cells(lines[start], delimiter)))
+    try:
+        lines, start, delimiter = _opened(path, field)
+        return _head(lines[:start], delimiter, len(_cells(lines[start], delimiter)))
+    except csv.Error as error:
+        raise InputError(path, field, error, "a readable table") from error
 
 
 def _opened(path: Path, field: str) -> tuple[list[str], int, str]:
@@ -151,6 +156,24 @@ def _share(cells: Sequence[str]) -> float:
     """Share of cells that are numbers, of those that are not empty."""
     filled = [cell for cell in cells if cell]
     return sum(bool(_NUMBER.fullmatch(cell)) for cell in filled) / len(filled) if filled else 0.0
+
+
+def _mark(rows: Sequence[str], delimiter: str) -> str:
+    """The decimal mark: the one that more cells have of those that are numbers."""
+    commas = '"' if delimiter == "," else ","
+    if not any(commas in row for row in rows):
+        return "."
+    if delimiter != "," and not any("." in row for row in rows):
+        return ","
+    numbers = [cell for row in rows for cell in _cells(row, delimiter) if _NUMBER.fullmatch(cell)]
+    return "," if sum("," in cell for cell in numbers) > sum("." in cell for cell in numbers) else "."
+
+
+def _number(cell: object, mark: str) -> float | None:
+    """The number in a cell that may be a text; None where there is none, or one with the other decimal mark."""
+    text = str(cell)
+    other = isinstance(cell, str) and ("." if mark == "," else ",") in text
+    return float(text.replace(mark, ".")) if _NUMBER.fullmatch(text) and not other else None
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

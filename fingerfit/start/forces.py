@@ -47,7 +47,10 @@ def read_forces(path: Path) -> Forces:
     """
     lines = [line for line in read_text(path, "table").splitlines() if line.strip()]
     mark = max(";\t,", key=(lines[0] if lines else "").count)
-    head, *rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=mark)] or [[]]
+    try:
+        head, *rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=mark)] or [[]]
+    except csv.Error as error:
+        raise InputError(path, "table", error, "a readable table") from error
     places, units = columns_of(head)
     if "force" not in places:
         raise InputError(path, "columns", ", ".join(head) or "an empty table", "a head with a column force or load")

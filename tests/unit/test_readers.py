@@ -12,6 +12,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.readers.machine import ramps, read_machine
 from fingerfit.readers.matlab import read_matlab
 from fingerfit.readers.points import common, in_mm, outliers, plane, read_points, turned
+from fingerfit.readers.tables import read_head, read_table
 
 
 def same(record, scale):
@@ -305,6 +306,50 @@ def test_positions_of_the_same_points(tmp_path):
     (tmp_path / "at_1.out").write_text("1 2\n" * 19, encoding="utf-8")
     with pytest.raises(InputError, match=r"at_1.out: rows: found 19; expected 20, as in at_0.out"):
         read_points(sorted(tmp_path.iterdir()), ["x", "y"])
+
+
+# --- form of tables
+
+
+@pytest.mark.parametrize(
+    ("content", "first", "second"),
+    [
+        ("01.02.2024;0,5;0,1\n01.02.2024;0,7;0,2\n", [0.5, 0.7], [0.1, 0.2]),
+        ('a,0,0\nb,"0,5","1,2"\n', [0, 0.5], [0, 1.2]),
+        ("a;0;0\nb;0.5;1.2\n", [0, 0.5], [0, 1.2]),
+        ("a;0;0\nb;0,5;1,2\n", [0, 0.5], [0, 1.2]),
+        ("a 0,5 1,2\nb 0,7 1\n", [0.5, 0.7], [1.2, 1]),
+        ('"a","0.5","1.2"\n"b","0.7","1"\n', [0.5, 0.7], [1.2, 1]),
+        ("v1.0;0,5;Nan\nv1.0;0,7;1,2\n", [0.5, 0.7], [np.nan, 1.2]),
+    ],
+)
+def test_the_decimal_mark_is_that_of_the_numbers(tmp_path, content, first, second):
+    (tmp_path / "t.csv").write_text(content, encoding="utf-8")
+    found = read_table(tmp_path / "t.csv")
+    assert found.column(1) == pytest.approx(first)
+    assert found.column(2) == pytest.approx(second, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("1.000;0,5;0,1\n1.001;0,7;0,2\n", "line 1, column 1: found 1.000; expected a number"),  # or a thousand?
+        ("0,5;0.1;0.2\n0,7;0.2;0.3\n", "line 1, column 1: found 0,5; expected a number"),
+        ("1,2\n2,3\n" + '"' + "x" * 140_000 + '",3\n', "table: found field larger than field limit"),
+        ('1,2\n2,3\n3,"4\n', "table: found .* EOF inside string .*; expected a readable table"),
+    ],
+)
+def test_a_table_that_cannot_be_read_is_one_line(tmp_path, content, says):
+    (tmp_path / "t.csv").write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=says) as found:
+        read_table(tmp_path / "t.csv").column(0)
+    assert "\n" not in str(found.value)
+
+
+def test_the_head_of_a_text_that_is_no_table_is_one_line(tmp_path):
+    (tmp_path / "t.csv").write_text("x" * 140_000 + "\nforce [N],travel [mm]\n1,2\n2,3\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"table: found field larger than field limit .*; expected a readable table"):
+        read_head(tmp_path / "t.csv")
 
 
 # --- records of machines

@@ -54,6 +54,7 @@ def test_tables_of_machines_are_understood(tmp_path, text, force, displacement, 
         ("force\n", "rows: found 0"),
         ("force\n" + "1\n" * (MOST + 1), f"rows: found {MOST + 1}; expected 1 to {MOST}"),
         ("force\n1\nmuch\n", "row 3, force: found much; expected a number"),
+        ("force\n" + "1" * 140_000, "table: found field larger than field limit (131072); expected a readable table"),
     ],
 )
 def test_tables_that_cannot_be_understood_are_one_line(tmp_path, text, says):
