@@ -361,7 +361,8 @@ def mesh(args: argparse.Namespace) -> None:
     from fingerfit.anatomy.description import tissues_of
     from fingerfit.segment.file import write_mesh
 
-    labels, holes = (tissues_of(text) if text else None for text in (args.labels, args.holes))
+    labels = tissues_of(args.labels) if args.labels else None
+    holes = tissues_of(args.holes, "--holes") if args.holes else None
     given = (labels, holes, args.base, args.indenter, args.element, args.grading)
     print(write_mesh(args.segmentation, args.out, args.size, *given))
 

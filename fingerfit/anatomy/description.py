@@ -84,8 +84,8 @@ def read_finger(path: Path) -> Mesh:
     return Mesh(mesh.points[:count], mesh.blocks, sets, mesh.element_sets, surfaces)
 
 
-def tissues_of(text: str) -> dict[int, str]:
-    """Labels of a segmentation and their tissues, from ``1=EPIDERMIS,2=SUBCUTANEOUS``.
+def tissues_of(text: str, option: str = "--labels") -> dict[int, str]:
+    """Labels of a segmentation and their tissues, from ``1=EPIDERMIS,2=SUBCUTANEOUS`` after an option.
 
     >>> tissues_of("1=epidermis,3=distal")
     {1: 'EPIDERMIS', 3: 'DISTAL'}
@@ -99,6 +99,6 @@ def tissues_of(text: str) -> dict[int, str]:
     for part in text.split(","):
         label, sign, name = part.partition("=")
         if not (sign and label.strip().isdigit() and name.strip()):
-            raise InputError("--labels", "label", part or "nothing", "NUMBER=TISSUE, several with commas")
+            raise InputError(option, "label", part or "nothing", "NUMBER=TISSUE, several with commas")
         found[int(label)] = name.strip().upper()
     return found

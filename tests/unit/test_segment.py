@@ -166,6 +166,7 @@ def test_what_cannot_be_meshed_is_one_line(given, says):
         (["--size", "nan"], "--size"),
         (["--size", "5", "--grading", "2"], "--grading"),
         (["--size", "5", "--labels", "FAT"], "--labels: label: found FAT"),
+        (["--size", "5", "--labels", "1=FAT", "--holes", "foo"], "--holes: label: found foo"),
         (["--size", "5", "--base", "up"], "side: found up"),
         (["--size", "5", "--out", "body.msh"], "ends in .inp"),
     ],
