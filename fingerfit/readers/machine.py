@@ -140,9 +140,11 @@ def read_machine(files: Path | Mapping[str, Path], columns: Sequence[str] | None
 def ramps(values: np.ndarray) -> list[tuple[int, int]]:
     """First and last reading of each loading: where values rise through half of their range at least.
 
-    >>> ramps(np.array([0.0, 5, 10, 5, 0, 0, 5, 10]))
-    [(0, 2), (5, 7)]
+    >>> ramps(np.array([0.0, 5, 10, 5, 0, 0, 5, 10])), ramps(np.array([1.0, 1, 1]))
+    ([(0, 2), (5, 7)], [])
     """
+    if not len(values) or values.min() == values.max():
+        return []
     swing = _SWING * float(np.ptp(values))
     turns, low, high, rising = [0], 0, 0, True
     for n, value in enumerate(values.tolist()):

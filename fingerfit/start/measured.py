@@ -171,7 +171,10 @@ def _readings(given: DataKeys, record: Record | None, machine: Machine | None, f
             columns, how = dict(machine.columns), "a reading for each frame"
         elif given.rate is not None and "time" in machine.columns:
             times = given.start + np.arange(count) / given.rate
-            last = machine.columns["time"][-1]
+            first, last = machine.columns["time"][[0, -1]]
+            if given.start > last * (1 + 1e-9):
+                found = f"{given.start:g} s"
+                raise InputError(where, "start", found, f"a time within the record, {first:g} to {last:g} s")
             at = at_times(machine, times[times <= last * (1 + 1e-9)])
             columns = {name: np.append(one, np.full(count - len(one), np.nan)) for name, one in at.items()}
             how = f"by time, {given.rate:g} frames in a second from {given.start:g} s"

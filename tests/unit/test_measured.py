@@ -132,6 +132,8 @@ DATA = {"points": {"files": "dic/*.csv"}, "machine": {"file": "machine.csv"}, "r
         ({"frames": [1, 7]}, "frames: found 7; expected frames with a reading, 0 to 2"),
         ({"frames": [2, 1]}, r"frames: found \[2, 1\]; expected rising numbers"),
         ({"frames": "all"}, "frames: found all; expected how many"),
+        ({"start": 100}, r"data.yaml: start: found 100 s; expected a time within the record, 0 to 1.9 s"),
+        ({"start": 100, "frames": [1]}, "start: found 100 s; expected a time within the record"),
         ({"rate": 0.1, "frames": [1, 2]}, "frames: found 1; expected frames with a reading, 0 to 0"),
         ({"study": {"steps": "s.csv"}}, "study.steps: found an unknown key"),
         (
@@ -147,6 +149,23 @@ def test_what_data_yaml_gets_wrong_is_one_line(place, change, says):
         draft_from(Path("mine"), [Path("data.yaml")])
     assert "\n" not in str(found.value)
     assert not Path("mine").exists()
+
+
+@pytest.mark.parametrize("rows", ["1,0\n1,1\n1,2\n", "1,1\n1,1\n"])
+def test_a_record_without_loading_is_one_line(place, rows):
+    Path("machine.csv").write_text(f"travel (mm),force (N)\n{rows}", encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"machine.csv: displacement: found no loading in it; expected values that rise"
+    ):
+        draft_from(Path("mine"), [Path("machine.csv")])
+
+
+def test_frames_without_loading_are_one_line(place):
+    Path("machine.csv").write_text("travel (mm),force (N)\n1,0\n1,1\n1,2\n", encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"--from: frames: found a displacement that does not rise; expected one loading"
+    ):
+        draft_from(Path("mine"), [Path("dic"), Path("machine.csv")])
 
 
 def test_the_keys_of_the_documents_are_read(place):
