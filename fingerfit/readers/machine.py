@@ -25,6 +25,9 @@ _WORDS = {
 _UNIT = re.compile(r"[\[(/_ ]\s*([a-zA-Zµμ]+)\s*[\])]?$")
 _SWING = 0.05
 """Share of the range by which a reading must turn back before a ramp ends: less is noise. A choice."""
+_BELOW = 0.01
+"""Share of the indenter's way at which the record of it begins at the latest. A choice: frames up to there are before
+compression for `fingerfit.start.measured`."""
 _RAMP = 0.5
 """Share of the range that a ramp runs through at least. A choice."""
 
@@ -130,11 +133,19 @@ def read_machine(files: Path | Mapping[str, Path], columns: Sequence[str] | None
     if "time" in numbers and (np.diff(numbers["time"]) < 0).any():
         row = int(np.flatnonzero(np.diff(numbers["time"]) < 0)[0]) + 2
         raise InputError(path, f"reading {row}, {head[places['time']]}", "an earlier time", "times that rise")
-    for name in ("force", "displacement"):
-        if name in numbers and numbers[name].sum() < 0:
-            numbers[name] = -numbers[name]
-            remarks.append(f"{name} was negative: its sign is changed, compression is positive")
-    return Machine(path, numbers, {name: head[places[name]] for name in read}, tuple(remarks))
+    numbers, signs = positive(numbers)
+    return Machine(path, numbers, {name: head[places[name]] for name in read}, (*remarks, *signs))
+
+
+def positive(columns: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns with compression counted as positive, and what is to be said of it.
+
+    >>> positive({"force": np.array([0.0, -1.0]), "time": np.array([0.0, 1.0])})[1]
+    ('force was negative: its sign is changed, compression is positive',)
+    """
+    turned = [name for name in ("force", "displacement") if name in columns and columns[name].sum() < 0]
+    found = {name: -values if name in turned else values for name, values in columns.items()}
+    return found, tuple(f"{name} was negative: its sign is changed, compression is positive" for name in turned)
 
 
 def ramps(values: np.ndarray) -> list[tuple[int, int]]:
@@ -192,6 +203,12 @@ def at_times(machine: Machine, times: np.ndarray) -> dict[str, np.ndarray]:
 def at_displacements(machine: Machine, wanted: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Forces at displacements of the last loading, interpolated, and what is to be said of it.
 
+    Parameters
+    ----------
+    machine : Machine
+    wanted : ndarray, shape (frames,)
+        From where the indenter is at frame 0, mm; below 0, before compression, stands the first force.
+
     Raises
     ------
     InputError
@@ -199,6 +216,9 @@ def at_displacements(machine: Machine, wanted: np.ndarray) -> tuple[np.ndarray, 
     """
     part, told = loading(machine)
     own = np.maximum.accumulate(machine.columns["displacement"][part])
+    if own[0] > _BELOW * wanted.max():
+        expected = "0 mm, as the indenter moves: subtract what the record has at frame 0"
+        raise InputError(machine.path, "displacement", f"{own[0]:.4g} mm where the last loading begins", expected)
     if wanted.max() > own[-1] * (1 + 1e-6):
         found = f"at most {own[-1]:.4g} mm"
         raise InputError(machine.path, "displacement", found, f"up to {wanted.max():.4g} mm, as the indenter moves")

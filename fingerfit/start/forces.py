@@ -7,9 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import read_text
-from fingerfit.readers.machine import columns_of
+from fingerfit.readers.machine import columns_of, positive
 
 MOST = 200
 """Rows of a table that are taken for steps: more is the record of a machine, for `fingerfit new --from`."""
@@ -74,12 +76,8 @@ def _numbers(path: Path, rows: Sequence[Sequence[str]], place: int, head: str, m
 
 def _tidy(columns: Mapping[str, list[float]]) -> tuple[dict[str, list[float]], tuple[str, ...]]:
     """Compression counted as positive, and the row before compression left out."""
-    found, remarks = dict(columns), []
-    for name in ("force", "displacement"):
-        values = found.get(name, [])
-        if values and sum(values) < 0:
-            found[name] = [-value for value in values]
-            remarks.append(f"{name} was negative: its sign is changed, compression is positive")
+    numbers, told = positive({name: np.array(values) for name, values in columns.items()})
+    found, remarks = {name: values.tolist() for name, values in numbers.items()}, list(told)
     first = found.get("displacement", found["force"])[0]
     if first == 0 and len(found["force"]) > 1:
         found = {name: values[1:] for name, values in found.items()}

@@ -151,6 +151,27 @@ def test_what_data_yaml_gets_wrong_is_one_line(place, change, says):
     assert not Path("mine").exists()
 
 
+@pytest.mark.parametrize(("first", "found"), [(0.0, None), (0.0005, None), (-0.1, None), (0.01, "0.01"), (5.0, "5")])
+def test_a_record_of_the_indenter_begins_where_it_is_at_frame_0(place, first, found):
+    """Its way is 0.2 mm, 3 N/mm; the record may begin later by 1 % of it."""
+    Path("pad.csv").write_text("0,3\n0,2.9\n0,2.8\n", encoding="utf-8")
+    rows = "".join(f"{d:.6f},{3 * d:.6f}\n" for d in np.linspace(first, first + 0.4, 50))
+    Path("machine.csv").write_text(f"travel (mm),force (N)\n{rows}", encoding="utf-8")
+    content = {"points": {"files": "dic/*.csv", "unit": "mm"}, "indenter": {"file": "pad.csv", "columns": ["x", "y"]}}
+    Path("data.yaml").write_text(yaml.safe_dump({**content, "machine": {"file": "machine.csv"}}), encoding="utf-8")
+    if found is not None:
+        says = (
+            f"machine.csv: displacement: found {found} mm where the last loading begins; expected 0 mm, as the indenter"
+        )
+        with pytest.raises(InputError, match=says):
+            draft_from(Path("mine"), [Path("data.yaml")])
+        return
+    draft_from(Path("mine"), [Path("data.yaml")])
+    assert np.loadtxt("mine/steps.csv", delimiter=",", skiprows=1, usecols=(1, 2)) == pytest.approx(
+        np.array([[0.1, 0.3], [0.2, 0.6]]), abs=1e-5
+    )
+
+
 @pytest.mark.parametrize("rows", ["1,0\n1,1\n1,2\n", "1,1\n1,1\n"])
 def test_a_record_without_loading_is_one_line(place, rows):
     Path("machine.csv").write_text(f"travel (mm),force (N)\n{rows}", encoding="utf-8")
