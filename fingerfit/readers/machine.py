@@ -43,6 +43,8 @@ class Machine:
         force, displacement and time, as far as they were found, each of shape (readings,).
     heads : dict
         What the file calls them.
+    known : ndarray of bool, shape (rows,)
+        Rows of the file that have numbers: those are the readings.
     remarks : tuple of str
         What was done to the numbers.
     """
@@ -50,7 +52,15 @@ class Machine:
     path: Path
     columns: Mapping[str, np.ndarray]
     heads: Mapping[str, str]
+    known: np.ndarray
     remarks: tuple[str, ...] = ()
+
+    def rows(self) -> dict[str, np.ndarray]:
+        """The columns with all rows of the file, NaN in those that lack a number."""
+        found = {name: np.full(len(self.known), np.nan) for name in self.columns}
+        for name, values in self.columns.items():
+            found[name][self.known] = values
+        return found
 
 
 def columns_of(head: Sequence[str]) -> tuple[dict[str, int], dict[str, str]]:
@@ -134,7 +144,7 @@ def read_machine(files: Path | Mapping[str, Path], columns: Sequence[str] | None
         row = int(np.flatnonzero(np.diff(numbers["time"]) < 0)[0]) + 2
         raise InputError(path, f"reading {row}, {head[places['time']]}", "an earlier time", "times that rise")
     numbers, signs = positive(numbers)
-    return Machine(path, numbers, {name: head[places[name]] for name in read}, (*remarks, *signs))
+    return Machine(path, numbers, {name: head[places[name]] for name in read}, known, (*remarks, *signs))
 
 
 def positive(columns: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:

@@ -156,6 +156,8 @@ def _machine(keys: MachineKeys, folder: Path) -> Machine:
 def _readings(given: DataKeys, record: Record | None, machine: Machine | None, folder: Path, where: str) -> _Readings:
     if record is None:
         assert machine is not None
+        if not isinstance(given.frames, int):  # numbers of rows
+            return _Readings(machine.rows(), "readings of the record, counted from 0", machine.remarks)
         part, told = loading(machine)
         columns: dict[str, np.ndarray] = {name: values[part] for name, values in machine.columns.items()}
         return _Readings(columns, "the last loading of the record", (*machine.remarks, *told))
@@ -163,12 +165,12 @@ def _readings(given: DataKeys, record: Record | None, machine: Machine | None, f
     how, told = "no record of a machine", ()
     moves = _indenter(given.indenter, given.points, record, folder, where) if given.indenter and given.points else None
     if machine is not None:
-        rows = len(machine.columns["force"])
+        rows = len(machine.known)
         if rows == count - 1 and record.names[0] == BEFORE:
-            columns = {name: np.append(0.0, one) for name, one in machine.columns.items() if name != "time"}
+            columns = {name: np.append(0.0, one) for name, one in machine.rows().items() if name != "time"}
             how = "a reading for each file; before the first one force and displacement are taken as 0"
         elif rows == count:
-            columns, how = dict(machine.columns), "a reading for each frame"
+            columns, how = machine.rows(), "a reading for each frame"
         elif given.rate is not None and "time" in machine.columns:
             times = given.start + np.arange(count) / given.rate
             first, last = machine.columns["time"][[0, -1]]
@@ -182,7 +184,8 @@ def _readings(given: DataKeys, record: Record | None, machine: Machine | None, f
             columns["force"], told = at_displacements(machine, moves)
             how = "by the displacement of the indenter"
         else:
-            found = f"{rows} readings for {count} frames"
+            lacking = int((~machine.known).sum())
+            found = f"{rows} readings for {count} frames" + f", {lacking} without a number" * (lacking > 0)
             raise InputError(
                 where, "machine", found, "frames in a second (--rate HZ, or rate), or a reading for each frame"
             )
@@ -190,6 +193,8 @@ def _readings(given: DataKeys, record: Record | None, machine: Machine | None, f
     if moves is not None:
         columns["displacement"] = moves
     elif "displacement" in columns:
+        if machine is not None and np.isnan(columns["displacement"][0]):
+            raise InputError(machine.path, "rows", "no number in the first", "a reading of frame 0")
         columns["displacement"] = columns["displacement"] - columns["displacement"][0]
     if not {"force", "displacement"} & columns.keys():
         raise InputError(
@@ -230,15 +235,15 @@ def _chosen(frames: int | list[int], record: Record | None, readings: _Readings,
     """Frames that become steps: those that are named, or some along the last loading."""
     name = "displacement" if "displacement" in readings.columns else "force"
     values = readings.columns[name]
-    known = np.isfinite(np.stack(list(readings.columns.values()))).all(axis=0)
+    known = np.flatnonzero(np.isfinite(np.stack(list(readings.columns.values()))).all(axis=0))
     if not isinstance(frames, int):
         for n in frames:
-            if n >= len(values) or not known[n]:
-                raise InputError(where, "frames", n, f"frames with a reading, 0 to {int(np.flatnonzero(known)[-1])}")
+            if n not in known:
+                raise InputError(where, "frames", n, f"frames with a reading, {known[0]} to {known[-1]}")
         if any(a >= b for a, b in pairwise(frames)):
             raise InputError(where, "frames", frames, "rising numbers")
         return list(frames)
-    part = values[known]  # those without are at the end
+    part = values[known]
     runs = ramps(part)
     if not runs:
         raise InputError(where, "frames", f"a {name} that does not rise", "one loading at least")
@@ -246,9 +251,10 @@ def _chosen(frames: int | list[int], record: Record | None, readings: _Readings,
     moving = [n for n in range(start, stop + 1) if part[n] - part[start] > _MOVES * (part[stop] - part[start])]
     if record is None:  # readings are close to each other: evenly spaced in what is prescribed
         wanted = np.linspace(part[start], part[stop], frames + 1)[1:]
-        return sorted({moving[int(np.abs(part[moving] - value).argmin())] for value in wanted})
+        near = {moving[int(np.abs(part[moving] - value).argmin())] for value in wanted}
+        return sorted(int(known[n]) for n in near)
     at = np.linspace(0, len(moving), min(frames, len(moving)) + 1)[1:].round().astype(int) - 1
-    return [moving[n] for n in at.tolist()]
+    return [int(known[moving[n]]) for n in at.tolist()]
 
 
 def _table(readings: _Readings, chosen: Sequence[int], machine: Machine | None) -> Forces:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from programs import INSTRON, PROGRAMS, X, Y, write
+from programs import INSTRON, PROGRAMS, X, Y, vic3d, write
 
 from fingerfit.check.check import check_study
 from fingerfit.cli import main
@@ -91,6 +91,53 @@ def test_a_first_file_that_has_displacements_is_not_before_compression(place, re
     assert Path("mine/steps.csv").read_text(encoding="utf-8") == (
         "step,displacement,force,points\n1,0.1,2,points/1.csv\n2,0.2,4,points/2.csv\n"
     )
+
+
+@pytest.mark.parametrize("before", [True, False])
+@pytest.mark.parametrize("frames", [10, [1, 3]])
+def test_a_reading_without_a_number_keeps_its_place(place, before, frames):
+    """A reading for each of four frames; the third has no force."""
+    for path in Path("dic").iterdir():
+        path.unlink()
+    for n in range(not before, 4):
+        (Path("dic") / f"f_{n}.csv").write_text(vic3d(n), encoding="utf-8")
+    Path("machine.csv").write_text("travel (mm),force (N)\n0,0\n0.1,1\n0.2,\n0.3,3\n", encoding="utf-8")
+    content = {"points": {"files": "dic/*.csv"}, "machine": {"file": "machine.csv"}, "frames": frames}
+    Path("data.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    draft_from(Path("mine"), [Path("data.yaml")])
+    assert "1 rows of machine.csv lack a number: left out" in Path("mine/study.yaml").read_text(encoding="utf-8")
+    assert Path("mine/steps.csv").read_text(encoding="utf-8") == (
+        "step,displacement,force,points\n1,0.1,1,points/1.csv\n2,0.3,3,points/2.csv\n"
+    )
+    for step, frame in ((1, 1), (2, 3)):  # 0.01 of x for each frame
+        table = np.loadtxt(f"mine/points/{step}.csv", delimiter=",", skiprows=1)
+        assert table[:, 2] == pytest.approx(0.01 * frame * table[:, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ("0,\n0.1,1\n0.2,2\n", "machine.csv: rows: found no number in the first; expected a reading of frame 0"),
+        ("0,0\n0.1,1\n0.2,2\n0.3,\n", "machine: found 4 readings for 3 frames, 1 without a number; expected"),
+    ],
+)
+def test_readings_that_cannot_be_counted_are_one_line(place, rows, says):
+    Path("machine.csv").write_text(f"travel (mm),force (N)\n{rows}", encoding="utf-8")
+    with pytest.raises(InputError, match=says):
+        draft_from(Path("mine"), [Path("dic"), Path("machine.csv")])
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_readings_that_are_named_are_those_of_the_whole_record(place, lost):
+    """A loading before; a reading without a number counts, too."""
+    rows = [f"{d},{10 * d}" for d in (0, 1, 2, 1, 0, 1, 2, 3)]
+    rows[2] = "2," if lost else rows[2]
+    Path("machine.csv").write_text("travel (mm),force (N)\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    content = {"machine": {"file": "machine.csv"}, "frames": [5, 6, 7]}
+    Path("data.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    draft_from(Path("mine"), [Path("data.yaml")])
+    assert Path("mine/steps.csv").read_text(encoding="utf-8") == "step,displacement,force\n1,1,10\n2,2,20\n3,3,30\n"
+    assert "readings of the record, counted from 0" in Path("mine/study.yaml").read_text(encoding="utf-8")
 
 
 def test_settings_that_are_there_are_kept(place):
