@@ -104,9 +104,13 @@ def layout_of(head: Sequence[str]) -> tuple[Layout, dict[str, int]] | None:
 
 
 def unit_of(cell: str) -> str:
-    """The unit of length that a head names; empty where it names none."""
+    """The unit that a head names, one that is not known as it stands there; empty where it names none.
+
+    >>> unit_of("X [Pixel]"), unit_of("X (in)"), unit_of("X")
+    ('pixel', 'in', '')
+    """
     found = _UNIT.search(cell)
-    return unit_named(found[1]) if found else ""
+    return unit_named(found[1]) or found[1] if found else ""
 
 
 def unit_named(text: str) -> str:

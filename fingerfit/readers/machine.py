@@ -23,6 +23,8 @@ _WORDS = {
     "step": r"step|frame|number",
 }
 _UNIT = re.compile(r"[\[(/_ ]\s*([a-zA-Zµμ]+)\s*[\])]?$")
+_BRACKETED = re.compile(r"[\[(]\s*([a-zA-Zµμ°%/]+)\s*[\])]$")
+_OTHER_NAMES = {"µm": "um", "μm": "um", "sec": "s"}
 _SWING = 0.05
 """Share of the range by which a reading must turn back before a ramp ends: less is noise. A choice."""
 _BELOW = 0.01
@@ -78,10 +80,31 @@ def columns_of(head: Sequence[str]) -> tuple[dict[str, int], dict[str, str]]:
         if not kind or kind in places:
             continue
         places[kind] = place
-        known = {u.lower(): u for u in UNITS.get(KINDS[kind], {})} | {"µm": "um", "μm": "um"}
-        if unit and (unit[1] in known.values() or unit[1].lower() in known):
-            units[KINDS[kind]] = unit[1] if unit[1] in known.values() else known[unit[1].lower()]
+        if unit and (known := _unit(KINDS[kind], unit[1])):
+            units[KINDS[kind]] = known
     return places, units
+
+
+def _unit(kind: str, text: str) -> str:
+    """A unit as it is named here; empty for what is none of that kind."""
+    own = UNITS.get(kind, {})
+    found = {unit.lower(): unit for unit in own} | _OTHER_NAMES
+    known = text if text in own else found.get(text.lower(), "")
+    return known if known in own else ""
+
+
+def refuse_unknown_units(path: Path, head: Sequence[str]) -> None:
+    """Refuse columns with a unit in brackets that is not known; a unit that is not in brackets may be a word.
+
+    Raises
+    ------
+    InputError
+        For the first of them.
+    """
+    for name, place in columns_of(head)[0].items():
+        unit = _BRACKETED.search(head[place])
+        if KINDS[name] and unit and not _unit(KINDS[name], unit[1]):
+            raise InputError(path, head[place], f"the unit {unit[1]}", "one of " + ", ".join(UNITS[KINDS[name]]))
 
 
 def is_machine(head: Sequence[str]) -> bool:
@@ -101,7 +124,7 @@ def read_machine(files: Path | Mapping[str, Path], columns: Sequence[str] | None
     Raises
     ------
     InputError
-        For what cannot be read, and a record without forces.
+        For what cannot be read, a record without forces, and units that are not known.
     """
     if isinstance(files, Mapping):
         tables = [read_table(file, name) for name, file in files.items()]
@@ -127,6 +150,7 @@ def read_machine(files: Path | Mapping[str, Path], columns: Sequence[str] | None
     places, units = columns_of(head)
     if "force" not in places:
         raise InputError(path, "columns", ", ".join(head), "a head with a column force or load")
+    refuse_unknown_units(path, head)
     read = {name: values[place] for name, place in places.items() if name != "step"}
     known = np.isfinite(np.stack(list(read.values()))).all(axis=0)
     if known.sum() < 2:

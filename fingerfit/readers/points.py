@@ -48,7 +48,7 @@ class Record:
         Displacements; NaN where nothing was correlated.
     program : str
     unit : str
-        Of both; empty where it is not known, ``pixel`` where it is a pixel.
+        Of both, as the files have it; empty where they do not say it, ``pixel`` where it is a pixel.
     down : bool
         Whether y points downwards.
     remarks : tuple of str
@@ -96,7 +96,7 @@ def read_points(paths: Sequence[Path], columns: Sequence[str] | None = None) -> 
         program, unit, fields = read_matlab(paths[0])
         names = tuple(f"{paths[0].name}, frame {n}" for n in range(len(fields)))
         at, by = (tuple(one[n] for one in fields) for n in range(2))
-        found = Record(names, at, by, program, unit_named(unit), True)
+        found = Record(names, at, by, program, unit_named(unit) or unit.strip(), True)
     else:
         tables = [read_table(path, "points") for path in paths]
         first = tables[0]
@@ -193,9 +193,13 @@ def in_mm(record: Record, unit: str | None, scale: float | None, where: str) -> 
     Raises
     ------
     InputError
-        Where unit or scale is missing, or there are two.
+        Where the unit is not known, the scale is missing, or there are two.
     """
     known = unit or record.unit
+    if known and known not in (PIXEL, *UNITS["length"]):
+        expected = "one of pixel, " + ", ".join(UNITS["length"])
+        expected += f"; for {known} points.unit: pixel in data.yaml, with the mm of one {known} as points.scale"
+        raise InputError(record.names[-1], "unit", known, expected)
     if known == PIXEL:
         if scale is None:
             found = f"none, and coordinates in pixels ({record.program})"
@@ -204,10 +208,8 @@ def in_mm(record: Record, unit: str | None, scale: float | None, where: str) -> 
     elif scale is not None:
         found = f"{scale:g}, and coordinates in {known or 'no unit that is told'}"
         raise InputError(where, "scale", found, "no scale; or unit: pixel, where they are in pixels")
-    elif known in UNITS["length"]:
-        size = UNITS["length"][known]
     elif known:
-        raise InputError(where, "unit", known, "one of pixel, " + ", ".join(UNITS["length"]))
+        size = UNITS["length"][known]
     else:
         size = 1.0
         record = replace(record, remarks=(*record.remarks, "the files do not say their unit of length: taken as mm"))

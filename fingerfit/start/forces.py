@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import read_text
-from fingerfit.readers.machine import columns_of, positive
+from fingerfit.readers.machine import columns_of, positive, refuse_unknown_units
 
 MOST = 200
 """Rows of a table that are taken for steps: more is the record of a machine, for `fingerfit new --from`."""
@@ -45,7 +45,8 @@ def read_forces(path: Path) -> Forces:
     Raises
     ------
     InputError
-        For a table without a head or a column of forces, for cells that are no numbers, and for too many rows.
+        For a table without a head or a column of forces, for units that are not known, for cells that are no numbers,
+        and for too many rows.
     """
     lines = [line for line in read_text(path, "table").splitlines() if line.strip()]
     mark = max(";\t,", key=(lines[0] if lines else "").count)
@@ -56,6 +57,7 @@ def read_forces(path: Path) -> Forces:
     places, units = columns_of(head)
     if "force" not in places:
         raise InputError(path, "columns", ", ".join(head) or "an empty table", "a head with a column force or load")
+    refuse_unknown_units(path, head)
     if not 1 <= len(rows) <= MOST:
         raise InputError(path, "rows", len(rows), f"1 to {MOST}: one for each step of the compression")
     columns = {name: _numbers(path, rows, place, head[place], mark) for name, place in places.items()}

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from programs import FRAMES, INSTRON, PROGRAMS, X, Y, field, write
+from programs import FRAMES, INSTRON, PROGRAMS, X, Y, field, vic3d, write
 from scipy.io import savemat
 from seeds import generator as seeded
 
@@ -278,6 +278,22 @@ def test_what_moves_otherwise_than_all_around_it_is_an_outlier():
     assert len(found) <= len(few) + 4  # of 900 with noise, half a percent
 
 
+def test_a_unit_of_points_that_is_not_known_is_refused(tmp_path):
+    """Inches: an error, unless data.yaml says what they are."""
+    for n, path in enumerate(write(tmp_path, "VIC-3D")):
+        path.write_text(vic3d(n).replace('"X","Y"', '"X [in]","Y [in]"'), encoding="utf-8")
+    record = read_points(sorted(tmp_path.iterdir()))
+    with pytest.raises(
+        InputError, match=r"frame_2.csv: unit: found in; expected one of pixel, um, mm, cm, m; for in"
+    ) as found:
+        in_mm(record, None, None, "here")
+    assert "\n" not in str(found.value)
+    assert in_mm(record, "pixel", 25.4, "here").places[0] == pytest.approx(25.4 * record.places[0])
+    savemat(tmp_path / "found.mat", ncorr(formatted=True, units="inches"))
+    with pytest.raises(InputError, match=r"found.mat, frame 1: unit: found inches; expected one of pixel"):
+        in_mm(read_points([tmp_path / "found.mat"]), None, None, "here")
+
+
 def test_scale_and_axes(tmp_path):
     paths = write(tmp_path, "DICe")
     record = read_points(paths)
@@ -361,7 +377,13 @@ ZWICK = "Prüfzeit;Weg;Standardkraft\ns;µm;kN\n" + "".join(
 
 @pytest.mark.parametrize(
     ("content", "encoding"),
-    [(INSTRON, "utf-8"), (INSTRON, "utf-16"), (ZWICK, "cp1252"), (INSTRON.replace(",", "\t"), "utf-8")],
+    [
+        (INSTRON, "utf-8"),
+        (INSTRON, "utf-16"),
+        (ZWICK, "cp1252"),
+        (INSTRON.replace(",", "\t"), "utf-8"),
+        (INSTRON.replace("(s)", "(sec)"), "utf-8"),
+    ],
 )
 def test_records_of_machines_in_one_unit(tmp_path, content, encoding):
     (tmp_path / "m.csv").write_text(content, encoding=encoding)
@@ -387,6 +409,12 @@ def test_records_of_machines_in_one_unit(tmp_path, content, encoding):
         (lambda t: t + "1,2,3,4\n", "line 25: found 4 cells; expected 3"),
         (lambda t: re.sub(r'"[\d.]+"\n', '""\n', t), "rows: found 0 with numbers in all columns"),
         (lambda t: t + "\0", "a binary file"),
+        (
+            lambda t: t.replace("(N)", "(lbf)"),
+            r"m.csv: Load \[lbf\]: found the unit lbf; expected one of mN, N, kN, gf, kgf",
+        ),
+        (lambda t: t.replace("(mm)", "[%]"), r"Extension \[%\]: found the unit %; expected one of um, mm, cm, m"),
+        (lambda t: t.replace("(N)", "(N/mm)"), r"Load \[N/mm\]: found the unit N/mm; expected one of mN, N"),
     ],
 )
 def test_a_damaged_record_is_one_line(tmp_path, change, says):

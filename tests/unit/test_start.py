@@ -54,6 +54,7 @@ def test_tables_of_machines_are_understood(tmp_path, text, force, displacement, 
         ("force\n", "rows: found 0"),
         ("force\n" + "1\n" * (MOST + 1), f"rows: found {MOST + 1}; expected 1 to {MOST}"),
         ("force\n1\nmuch\n", "row 3, force: found much; expected a number"),
+        ("force (lbf)\n1\n", "force (lbf): found the unit lbf; expected one of mN, N, kN, gf, kgf"),
         ("force\n" + "1" * 140_000, "table: found field larger than field limit (131072); expected a readable table"),
     ],
 )
