@@ -70,7 +70,7 @@ def _add_start(command: Command) -> None:
     sub = command("new", text, "fingerfit new mine --pictures scans --forces forces.csv")
     sub.add_argument("study", type=Path, help="folder of the study, which is made")
     sub.add_argument("--pictures", type=Path, metavar="FOLDER", help="one before compression and some during it")
-    sub.add_argument("--forces", type=Path, metavar="CSV", help="a row for each step; its head names the columns")
+    sub.add_argument("--forces", type=Path, metavar="CSV", help="a row for each step, at most 200, below a head")
     sub.add_argument(
         "--from",
         dest="sources",

@@ -14,7 +14,8 @@ from fingerfit.core.files import read_text
 from fingerfit.readers.machine import columns_of, positive, refuse_unknown_units
 
 MOST = 200
-"""Rows of a table that are taken for steps: more is the record of a machine, for `fingerfit new --from`."""
+"""Rows of a table that are taken for steps: more is the record of a machine, which says nothing of pictures; without
+pictures it is for `fingerfit new --from`."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ def read_forces(path: Path) -> Forces:
         raise InputError(path, "columns", ", ".join(head) or "an empty table", "a head with a column force or load")
     refuse_unknown_units(path, head)
     if not 1 <= len(rows) <= MOST:
-        raise InputError(path, "rows", len(rows), f"1 to {MOST}: one for each step of the compression")
+        expected = f"1 to {MOST}, one for each step: copy from a long record the readings at the time of each picture"
+        raise InputError(path, "rows", len(rows), expected)
     columns = {name: _numbers(path, rows, place, head[place], mark) for name, place in places.items()}
     columns, remarks = _tidy(columns)
     return Forces(columns, {name: head[place] for name, place in places.items()}, units, remarks)
