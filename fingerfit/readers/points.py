@@ -198,7 +198,7 @@ def in_mm(record: Record, unit: str | None, scale: float | None, where: str) -> 
     known = unit or record.unit
     if known and known not in (PIXEL, *UNITS["length"]):
         expected = "one of pixel, " + ", ".join(UNITS["length"])
-        expected += f"; for {known} points.unit: pixel in data.yaml, with the mm of one {known} as points.scale"
+        expected += "; another one as points.unit: pixel in data.yaml, with its size in mm as points.scale"
         raise InputError(record.names[-1], "unit", known, expected)
     if known == PIXEL:
         if scale is None:

@@ -284,7 +284,7 @@ def test_a_unit_of_points_that_is_not_known_is_refused(tmp_path):
         path.write_text(vic3d(n).replace('"X","Y"', '"X [in]","Y [in]"'), encoding="utf-8")
     record = read_points(sorted(tmp_path.iterdir()))
     with pytest.raises(
-        InputError, match=r"frame_2.csv: unit: found in; expected one of pixel, um, mm, cm, m; for in"
+        InputError, match=r"frame_2.csv: unit: found in; expected one of pixel, um, mm, cm, m; another"
     ) as found:
         in_mm(record, None, None, "here")
     assert "\n" not in str(found.value)
