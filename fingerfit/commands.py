@@ -103,13 +103,9 @@ def prepare(args: argparse.Namespace) -> None:
 
 def _checked(path: Path) -> Settings:
     """Settings with all checks: from config.yaml, or the JSON that the workflow wrote of it."""
-    from fingerfit.core.files import read_record
-    from fingerfit.settings.choices import KNOWN
-    from fingerfit.settings.config import load_settings
+    from fingerfit.settings.config import load_settings, read_written
 
-    if path.suffix != ".json":
-        return load_settings(path)
-    return load_settings({key: value for key, value in read_record(path).items() if key != KNOWN}, path)
+    return read_written(path) if path.suffix == ".json" else load_settings(path)
 
 
 def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseProblem:

@@ -8,23 +8,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fingerfit.core.errors import StateError
-from fingerfit.core.files import check_kept
 from fingerfit.diagnosis.diagnose import Diagnosis, Everything, added
 from fingerfit.diagnosis.diagnose import diagnose as diagnosis_of
 from fingerfit.diagnosis.ranking import summary
 from fingerfit.fit.estimate import estimate_of, intervals_of
-from fingerfit.fit.joint import problem_of
+from fingerfit.fit.finished import finished_fit
 from fingerfit.fit.minimum import finest
-from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import begin, measured, run_fit
 from fingerfit.report.plots import chosen_figure, figures_of
-from fingerfit.settings.choices import read_checked
 from fingerfit.settings.config import load_settings
 from fingerfit.study import reader
-from fingerfit.study.data import Data
-from fingerfit.study.several import file_ending
 from fingerfit.study.study import AXES
 
 if TYPE_CHECKING:
@@ -218,19 +213,7 @@ def load_result(folder: Path | str) -> Result:
     FingerfitError
         For a fit that is not there, not finished or damaged.
     """
-    model = Path(folder)
-    rounds = sorted(model.glob("rounds/*.json"), key=lambda path: (len(path.name), path.name))
-    if not rounds or (last := Round.load(rounds[-1])).stop is None:
-        raise StateError(f"{model}: has no finished fit; make it: fingerfit run")
-    settings = read_checked(model / "settings.json")
-    ends = [file_ending(test.test) for test in settings.read_study().every]
-    names = {SEARCH: "mesh", REFINED: "refined"}
-    files = [{key: model / f"{name}{end}.inp" for key, name in names.items()} for end in ends]
-    files = [{key: path for key, path in own.items() if key == SEARCH or path.exists()} for own in files]
-    for path in (path for own in files for path in own.values()):
-        check_kept(path)
-    data = [Data.load(model / f"prepared{end}.npz") for end in ends]
-    problem = problem_of(settings, data, files, model.parent / "sims")
+    problem, last = finished_fit(Path(folder))
     return Result(problem, last, measured(problem), 0)
 
 

@@ -10,9 +10,9 @@ from fingerfit.core.progress import Progress
 from fingerfit.diagnosis.comparison import anchor_of
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.profiles import profile
+from fingerfit.fit.finished import finished_fit
 from fingerfit.fit.jobs import solve_missing
-from fingerfit.fit.joint import problem_of
-from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import measured
 from fingerfit.provenance.results import model_folder, study_folder
@@ -21,8 +21,6 @@ from fingerfit.report.findings import made_with
 from fingerfit.report.page import profile_figure, write_page
 from fingerfit.settings.choices import KNOWN
 from fingerfit.settings.config import Settings, load_settings
-from fingerfit.study.data import Data
-from fingerfit.study.several import file_ending
 
 
 def profile_of(config: Path, name: str, threads: int = 1) -> str:
@@ -67,7 +65,7 @@ def profile_of(config: Path, name: str, threads: int = 1) -> str:
 
 
 def _fit(settings: Settings, config: Path) -> tuple[InverseProblem, Round]:
-    """A finished fit, from its folder."""
+    """The fit by these settings, from its folder."""
     folder = model_folder(settings)
     if not (folder / "estimate.json").exists():
         raise StateError(f"{folder}: no estimate; make it: fingerfit run --config {config}")
@@ -75,11 +73,4 @@ def _fit(settings: Settings, config: Path) -> tuple[InverseProblem, Round]:
     written, now = read_record(folder / "settings.json"), settings.model_dump(mode="json")
     if any(written.get(key) != now.get(key) for key in {*written, *now}.difference(beside)):
         raise StateError(f"{folder}: fitted with other settings; fit again: fingerfit run --config {config}")
-    data, files = list[Data](), list[dict[str, Path]]()
-    for test in settings.read_study().every:
-        ending = file_ending(test.test)
-        data.append(Data.load(folder / f"prepared{ending}.npz"))
-        meshes = {SEARCH: folder / f"mesh{ending}.inp", REFINED: folder / f"refined{ending}.inp"}
-        files.append({mesh: path for mesh, path in meshes.items() if mesh == SEARCH or settings.finer(test)})
-    rounds = sorted(folder.glob("rounds/*.json"), key=lambda path: int(path.stem))
-    return problem_of(settings, data, files, study_folder(settings) / "sims"), Round.load(rounds[-1])
+    return finished_fit(folder, settings)

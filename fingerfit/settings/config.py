@@ -10,12 +10,13 @@ from pydantic import Field, model_validator
 
 from fingerfit.core.described import described
 from fingerfit.core.errors import FingerfitError, InputError, Problems
+from fingerfit.core.files import read_record
 from fingerfit.core.keys import read_yaml, unknown_key
 from fingerfit.model.effect import OUTLINE
 from fingerfit.model.laws import LAWS, impossible
 from fingerfit.model.parameters import round_value
 from fingerfit.search.stages import EQUAL, GRID
-from fingerfit.settings.choices import CONFIG, Choices, Model, quantity_of
+from fingerfit.settings.choices import CONFIG, KNOWN, Choices, Model, quantity_of
 from fingerfit.settings.parts import RATIO, Keys, MeshSettings, ParameterSettings, StageSettings
 
 PLAIN = r"^[\w./+@~:,=-]+$"
@@ -184,6 +185,19 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
     if problems := [*_strange_rivals(settings, where), *_strange_candidates(settings, where)]:
         raise Problems(problems)
     return settings  # type: ignore[no-any-return]
+
+
+def read_written(path: Path) -> Settings:
+    """Settings with all checks, from the JSON that the workflow wrote of them.
+
+    Raises
+    ------
+    StateError
+        When the file is missing or damaged.
+    Problems
+        With one line for each wrong key.
+    """
+    return load_settings({key: value for key, value in read_record(path).items() if key != KNOWN}, path)
 
 
 def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
