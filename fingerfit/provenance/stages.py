@@ -24,7 +24,7 @@ from fingerfit.settings.config import CONFIG, Settings
 from fingerfit.settings.extend import extended, rivals, with_model
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.reader import load_study
-from fingerfit.study.several import file_ending
+from fingerfit.study.several import AT, file_ending
 
 COMMANDS = "fingerfit.commands"
 
@@ -140,20 +140,23 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     *before, last = effects
     parent = with_model(settings, effects={name: effects[name] for name in before})
     path = model_folder(parent) / "estimate.json"
-    effect = with_numbers(effects_of(Path(settings.study))[last], effects[last])
+    given = effects[last]
+    effect = with_numbers(effects_of(Path(settings.study))[last], given)
+    names = [key.partition(".")[2] for p in effect.parameters for key in settings.names_of(effect.key(p.name))]
     if path.exists():
         values = {name: entry["value"] for name, entry in read_record(path, "parameters")["parameters"].items()}
-        values |= _refit_constants(path.with_name("diagnosis.json"), last, effects[last])
-    elif all(parameter.name in effects[last] for parameter in effect.parameters):
-        values = warm(parent, where).starts()
+        values |= _refit_constants(path.with_name("diagnosis.json"), last, given)
+    elif all(name in given or name.partition(AT)[0] in given for name in names):
+        shared = [name for name in settings.model.per_test if name.partition(".")[0] != last]
+        values = warm(with_model(parent, per_test=shared), where).starts()
     else:
         found, wanted = (
             f"{last}, but no {path}",
             f"an estimate without it first: fingerfit drop {last}, then the same run",
         )
         raise InputError(where, f"model.effects.{last}", found, wanted)
-    place = {effect.key(name): effects[last][name] for name in effect.scan if name in effects[last]}
-    wider = extended(parent, effect, place, effects[last], values)
+    place = {effect.key(name): value for name, value in given.items() if name.partition(AT)[0] in effect.scan}
+    wider = extended(parent, effect, place, given, values)
     return with_model(wider, rivals=_rivals(settings) | settings.model.rivals)
 
 

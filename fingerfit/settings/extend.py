@@ -31,7 +31,8 @@ def extended(
         Of the model without it.
     effect : Effect
     place, size : mapping
-        Its scanned numbers, by their names in a guess, and the size that was predicted, by short names.
+        Its scanned numbers, by their names in a guess, and the size that was predicted, by short names; those that a
+        test has for itself with its name, as ``gain@wide``.
     values : mapping
         Estimate of the model without it: where the search starts.
     """
@@ -48,11 +49,12 @@ def extended(
         numbers.update({key: _within(v, ends_of[key]) for key, v in known.items()})
     ends = effect.bounds()
     places = {name.split(".")[1]: value for name, value in place.items()}
-    own = {name: _within(value, ends.get(name, EVERYWHERE)) for name, value in places.items()}
+    own = {name: _within(value, ends.get(name.partition(AT)[0], EVERYWHERE)) for name, value in places.items()}
     for p in effect.parameters:
         edge = EDGE * p.scale
         low, high = ends.get(p.name, EVERYWHERE)
-        own[p.name] = _within(size.get(p.name, p.null), (low + edge, high - edge))
+        given = {p.name: p.null} | {key: value for key, value in size.items() if key.partition(AT)[0] == p.name}
+        own |= {key: _within(value, (low + edge, high - edge)) for key, value in given.items()}
     model["effects"][effect.name] = own
     return load_settings(data, "config.yaml")
 

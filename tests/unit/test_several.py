@@ -4,9 +4,11 @@ import pytest
 import yaml
 from one_layer import MODEL, TWO_TESTS
 
-from fingerfit.core.errors import Problems
+from fingerfit.core.errors import InputError, Problems
+from fingerfit.core.files import keep_json
 from fingerfit.fit.check import check_against_study
 from fingerfit.fit.joint import problem_of
+from fingerfit.provenance.stages import warm
 from fingerfit.settings.config import load_settings
 from fingerfit.study.data import Data
 from fingerfit.study.reader import load_study
@@ -113,6 +115,36 @@ def test_each_test_has_its_own_numbers_where_that_is_said(tmp_path):
     shared = settings(study, effects={"force_gain": {"gain": 0.05}})
     assert list(shared.starts()) == ["mu", "force_gain.gain"]
     assert own.plan().stages[0].tied == ("mu@plate", "mu@greased")
+
+
+@pytest.mark.parametrize("estimated", [False, True], ids=["no estimate below", "an estimate below"])
+def test_a_fit_starts_where_the_numbers_of_each_test_say(tmp_path, monkeypatch, estimated):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "two").mkdir()
+    values = {"mu": 0.03, "compressibility.loss": 0.01} if estimated else {"mu": 0.04, "compressibility.loss": 0.02}
+    if estimated:
+        entries = {name: {"value": value} for name, value in values.items()}
+        keep_json(tmp_path / "results/two/base+compressibility/estimate.json", {"parameters": entries})
+    numbers = {"contrast@plate": 0.5, "contrast@greased": -0.2, "across@plate": 0.25, "along": 0.3}
+    effects = {"compressibility": {"loss": 0.02}, "inclusion": numbers}
+    found = warm(settings(written(tmp_path / "two"), per_test=["inclusion"], effects=effects)).starts()
+    assert found == values | {
+        "inclusion.contrast@plate": 0.5,
+        "inclusion.contrast@greased": -0.2,
+        "inclusion.across@plate": 0.25,
+        "inclusion.across@greased": 0.15,
+        "inclusion.along@plate": 0.3,
+        "inclusion.along@greased": 0.3,
+    }
+
+
+def test_a_number_that_one_test_lacks_is_no_start(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    own = settings(written(tmp_path), per_test=["force_gain"], effects={"force_gain": {"gain@plate": 0.05}})
+    with pytest.raises(
+        InputError, match=r"found force_gain, but no .*base/estimate.json; expected an estimate without"
+    ):
+        warm(own)
 
 
 def test_numbers_of_tests_that_are_not_there_are_unknown(tmp_path):
