@@ -43,36 +43,48 @@ def write_effect(config: Path, name: str, numbers: Mapping[str, float]) -> None:
     else:
         end = effects.end_mark.index - 1
         text = text[:end] + entry + text[end:]
-    _write(config, text, {**load_settings(config).model.effects, name: numbers})
+    model = load_settings(config).model
+    _write(config, text, {**model.effects, name: numbers}, model.per_test)
 
 
 def remove_effect(config: Path, name: str) -> None:
-    """Take an effect out; with the last one goes the key `effects`.
+    """Take an effect out, also of what each test has for itself; with the last one goes the key `effects`.
 
     Raises
     ------
-    InputError
-        Where that cannot be done and all else be kept; the file stays as it was.
+    FingerfitError
+        Where that cannot be done and all else be kept, or settings are wrong without it; the file stays as it was.
     """
-    text = _text(config)
-    left = {key: numbers for key, numbers in load_settings(config).model.effects.items() if key != name}
+    text, model = _text(config), load_settings(config).model
+    left = {key: numbers for key, numbers in model.effects.items() if key != name}
+    text = _without(text, config, "effects", name, not left)
+    own = [entry for entry in model.per_test if entry.partition(".")[0] == name]
+    others = [entry for entry in model.per_test if entry not in own]
+    for number, entry in enumerate(own, 1):
+        text = _without(text, config, "per_test", entry, number == len(own) and not others)
+    _write(config, text, left, others)
+
+
+def _without(text: str, config: Path, key: str, entry: str, last: bool) -> str:
+    """Text without an entry of a mapping or of a list of the model; with the last one goes its key."""
     _, inside = _model(text, config)
-    if left:
-        inside = _value(inside, "effects")
-    names = [key.value for key, _ in inside.value] if inside else []
-    gone = name if left else "effects"
+    if not last:
+        inside = _value(inside, key)
+    entries = [one if isinstance(one, tuple) else (one, one) for one in inside.value] if inside else []
+    names = [first.value for first, _ in entries]
+    gone = key if last else entry
     if gone not in names:  # merged from elsewhere
         raise _refusal(config)
     number = names.index(gone)
-    key, value = inside.value[number]
+    first, value = entries[number]
     if not inside.flow_style:
-        start = _line_end(text, text.rfind("\n", 0, key.start_mark.index))
+        start = _line_end(text, text.rfind("\n", 0, first.start_mark.index))
         end = _line_end(text, _last(value).end_mark.index)
     elif number:
-        start, end = inside.value[number - 1][1].end_mark.index, value.end_mark.index
+        start, end = entries[number - 1][1].end_mark.index, value.end_mark.index
     else:
-        start, end = key.start_mark.index, inside.value[1][0].start_mark.index
-    _write(config, text[:start] + text[end:], left)
+        start, end = first.start_mark.index, entries[1][0].start_mark.index
+    return text[:start] + text[end:]
 
 
 def _text(config: Path) -> str:
@@ -115,10 +127,11 @@ def _line_end(text: str, at: int) -> int:
     return len(text) if end < 0 else end - (text[end - 1] == "\r")
 
 
-def _write(config: Path, text: str, effects: Effects) -> None:
+def _write(config: Path, text: str, effects: Effects, per_test: list[str]) -> None:
     """Write a file of settings if they are those that it has, but for the effects."""
     wanted = load_settings(config).model_dump()
-    wanted["model"]["effects"] = effects
+    wanted["model"] |= {"effects": effects, "per_test": per_test}
+    load_settings(wanted, config)  # what is wrong with them is not the layout
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as folder:
         file = Path(folder) / "config.yaml"
         write_text(file, text)

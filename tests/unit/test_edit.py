@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import pytest
+import yaml
+from one_layer import TWO_TESTS
 
-from fingerfit.core.errors import InputError
+from fingerfit.core.errors import InputError, Problems
 from fingerfit.settings.config import load_settings
 from fingerfit.settings.edit import remove_effect, write_effect
 
@@ -128,6 +130,36 @@ def test_empty_braces_are_filled(config):
     config.write_text(layout("  effects: {}  # none yet\n"))
     write_effect(config, "tilt", {"slope": 0.01})
     assert config.read_text() == layout("  effects: {tilt: {slope: 0.01}}  # none yet\n")
+
+
+SLIP, GAIN = "  effects:\n    base_slip: {share: 0.1}\n", "    force_gain: {gain: 0.1}\n"
+PER_TEST = {
+    "in brackets": ("  per_test: [force_gain, mu_top, force_gain.gain]  # own\n", "  per_test: [mu_top]  # own\n"),
+    "nothing else": ("  per_test: [force_gain, force_gain.gain]\n", ""),
+    "one below the other": (
+        "  per_test:   # own\n    - mu_top\n    - force_gain.gain   # of the sensor\n    # in the end\n    - mu_bottom\n",
+        "  per_test:   # own\n    - mu_top\n    # in the end\n    - mu_bottom\n",
+    ),
+    "of another effect": ("  per_test: [base_slip]\n", "  per_test: [base_slip]\n"),
+}
+
+
+@pytest.mark.parametrize(("before", "after"), PER_TEST.values(), ids=PER_TEST)
+def test_what_each_test_has_for_itself_goes_with_its_effect(config, before, after):
+    Path("study").mkdir()
+    Path("study/study.yaml").write_text(yaml.safe_dump(TWO_TESTS))
+    Path("study/steps.csv").write_text("step,displacement,force\n1,0.5,3\n")
+    config.write_text(layout(before + SLIP + GAIN))
+    remove_effect(config, "force_gain")
+    assert config.read_text() == layout(after + SLIP)
+
+
+def test_what_is_wrong_without_the_effect_is_told(config):
+    rivals = "  rivals: {base+skin: {force_gain.gain: 0.1}}\n"
+    config.write_text(layout(rivals + SLIP + GAIN))
+    with pytest.raises(Problems, match=r"^config.yaml: model.rivals.base\+skin.force_gain.gain: found an unknown key"):
+        remove_effect(config, "force_gain")
+    assert config.read_text() == layout(rivals + SLIP + GAIN)
 
 
 REFUSED = {
