@@ -10,6 +10,7 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.model.effect import Effect
 from fingerfit.model.parameters import Parameter
+from fingerfit.study.several import AT
 
 LIKELY = 0.5
 """Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
@@ -55,20 +56,24 @@ def information(
     Returns
     -------
     ndarray, shape (numbers, numbers)
-        Once all else that is fitted follows; sizes and places of the effect in the order of the parameters.
+        Once all else that is fitted follows; sizes and places of the effect in the order of the parameters, in a study
+        with several tests also those that a test has for itself.
     ndarray, shape (numbers,)
         0 for places.
     """
     absent = effect.null() if effect else {}
     places = [effect.key(name) for name in effect.refine] if effect else []
-    own = [n for n, p in enumerate(parameters) if p.name in absent or p.name in places]
-    numbers = [parameters[n] for n in own]
-    likely = np.array([LIKELY if p.name in absent else (p.upper - p.lower) / p.scale / np.sqrt(12.0) for p in numbers])
+    names = [p.name.partition(AT)[0] for p in parameters]
+    own = [n for n, name in enumerate(names) if name in absent or name in places]
+    numbers = [(parameters[n], absent.get(names[n])) for n in own]
+    likely = np.array(
+        [LIKELY if null is not None else (p.upper - p.lower) / p.scale / np.sqrt(12.0) for p, null in numbers]
+    )
     others = np.delete(slopes, own, axis=1)
     basis, sizes, _ = np.linalg.svd(others, full_matrices=False)
     basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)]
     left = (slopes[:, own] - basis @ (basis.T @ slopes[:, own])) * likely
-    far = [(values[p.name] - absent[p.name]) / p.scale / LIKELY if p.name in absent else 0.0 for p in numbers]
+    far = [(values[p.name] - null) / p.scale / LIKELY if null is not None else 0.0 for p, null in numbers]
     return left.T @ left, np.array(far)
 
 

@@ -65,7 +65,7 @@ class Field:
 
 
 def field_of(comparison: Comparison) -> Field | None:
-    """The map of a fitted model; None where it has no series of modes."""
+    """The map of a fitted model, of several tests that of one of them; None where it has no series of modes."""
     problem, score_test = comparison.problem, comparison.score_test
     effect = next(
         (one for one in problem.settings.effects() if one.series and NAME in one.changes.get("field", "")), None
@@ -73,7 +73,8 @@ def field_of(comparison: Comparison) -> Field | None:
     if effect is None:
         return None
     parameters, whole = problem.settings.parameters(), problem.effects[effect.name]
-    own = np.array([p.name in effect.null() for p in parameters], dtype=bool)
+    names = [p.name.partition(AT)[::2] for p in parameters]
+    own = np.array([name in effect.null() and test in ("", problem.test) for name, test in names], dtype=bool)
     # what no model explains counts as noise
     spread = max(1.0, score_test.misfit / max(score_test.freedom, 1))
     columns, rest = score_test.own / np.sqrt(spread), score_test.left / np.sqrt(spread)
@@ -87,7 +88,7 @@ def field_of(comparison: Comparison) -> Field | None:
     size[:count] = found[own] * scale[:count]
     covariance = np.diag(np.square(before) * np.mean(np.square(size[:count] / before[:count])))
     covariance[:count, :count] = inverse[np.ix_(own, own)] * np.outer(scale[:count], scale[:count])
-    constants = {p.name.partition(AT)[0] for p in parameters}
+    constants = {name for name, _ in names}
     return Field(basis_of(whole, problem.meshes[comparison.mesh], constants), size, covariance, before)
 
 

@@ -227,7 +227,7 @@ def _bound_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list
         text = f"{p.name} ends at its {which} bound, {bound:g}{'' if p.unit == '1' else f' {p.unit}'}"
         if (own := p.name.partition(AT)[0]) in problem.settings.model.parameters:
             text += f": a {'smaller' if which == 'lower' else 'larger'} value may fit better (model.parameters.{own})"
-        elif absent.get(p.name) == bound:
+        elif absent.get(own) == bound:
             text += ", where the effect is absent"
         found.append(f"{text}; standard error and interval are those of a constant without bounds")
     return found

@@ -41,11 +41,11 @@ def test_the_table_says_what_is_at_its_bound():
     assert lines["upper"] == lines[None] + "  at its upper bound"
 
 
-def fitted(folder, monkeypatch, changes=None, steps=STEPS):
+def fitted(folder, monkeypatch, changes=None, steps=STEPS, **own):
     """Estimate of a block whose forces say a modulus of about 0.02 MPa."""
     monkeypatch.chdir(folder)
     (folder / "study").mkdir()
-    (folder / "study/study.yaml").write_text(yaml.safe_dump(STUDY))
+    (folder / "study/study.yaml").write_text(yaml.safe_dump({**STUDY, **own}))
     (folder / "study/steps.csv").write_text(steps)
     model = copy.deepcopy({**MODEL, **(changes or {})})
     problem, _ = begin(
@@ -91,6 +91,14 @@ def test_a_number_of_an_effect_that_ends_where_it_is_absent_is_told(tmp_path, mo
     assert any(
         f"{name} ends at its lower bound, 0" in r and "where the effect is absent" in r for r in found["remarks"]
     )
+
+
+def test_a_number_of_one_test_that_ends_where_the_effect_is_absent_is_told(tmp_path, monkeypatch):
+    steps = "step,displacement,force\n1,0.4,10.0\n2,0.8,30.0\n"
+    own = {"effects": {"base_slip": {}}, "per_test": ["base_slip"]}
+    found = fitted(tmp_path, monkeypatch, own, steps, tests={"one": {}, "other": {}})
+    told = [r for r in found["remarks"] if "ends at its lower bound, 0" in r and "where the effect is absent" in r]
+    assert [remark.partition(" ")[0] for remark in told] == ["base_slip.share@one", "base_slip.share@other"]
 
 
 def test_a_refitted_effect_at_its_bound_is_told():

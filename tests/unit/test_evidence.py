@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from seeds import generator
 
-from fingerfit.diagnosis.evidence import LIKELY, log_odds, spare
+from fingerfit.diagnosis.evidence import LIKELY, information, log_odds, spare
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.parameters import Parameter
@@ -31,10 +31,15 @@ def test_odds_are_an_integral_over_the_number():
     assert log_odds(fall, (best / prior) ** 2, np.array([[x @ x * prior**2]]), 1.0) == pytest.approx(exact, abs=1e-6)
 
 
-def model(effects, slopes, values):
+def model(effects, slopes, values, per_test=()):
     """A fitted model with one constant: `slopes` of all numbers in units of the noise, `values` in units of scales."""
     known = {name: EFFECTS[name] for name in effects}
-    numbers = [(effect.key(p.name), p) for effect in known.values() for p in effect.parameters]
+    numbers = [
+        (f"{effect.key(p.name)}{end}", p)
+        for effect in known.values()
+        for p in effect.parameters
+        for end in (["@wide", "@narrow"] if effect.name in per_test else [""])
+    ]
     parameters = [Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0)]
     parameters += [Parameter(key, p.unit, p.lower, p.upper, p.null, False, p.scale) for key, p in numbers]
     settings = SimpleNamespace(
@@ -55,6 +60,24 @@ def test_what_another_effect_says_as_well_is_spare(alike, expected):
     slopes = np.stack([mu, one, alike * one + np.sqrt(1 - alike**2) * other], axis=1)
     problem, score_test, at = model(["base_slip", "force_gain"], slopes, [0.2, 0.5])
     assert [effect.name for effect in spare(problem, score_test, at)] == expected
+
+
+def test_numbers_that_each_test_has_for_itself_are_those_of_the_effect():
+    rng = generator(4)
+    slopes = np.linalg.qr(rng.normal(size=(VALUES, 3)))[0] * 40.0
+    numbers = [Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0)]
+    numbers += [Parameter(f"force_gain.gain@{test}", "1", -0.5, 0.5, 0.0, False, 0.1) for test in ("wide", "narrow")]
+    at = {"mu": 0.1, "force_gain.gain@wide": 0.1, "force_gain.gain@narrow": 0.05}
+    known, far = information(numbers, at, slopes, EFFECTS["force_gain"])
+    assert known == pytest.approx(np.eye(2) * (LIKELY * 40.0) ** 2)
+    assert far == pytest.approx([1 / LIKELY, 0.5 / LIKELY])
+
+
+@pytest.mark.parametrize("small", [0.3 / 40.0, 0.5], ids=["almost absent", "there"])
+def test_an_effect_of_each_test_may_be_spare(small):
+    slopes = np.linalg.qr(generator(4).normal(size=(VALUES, 4)))[0] * 40.0
+    problem, score_test, at = model(["base_slip", "force_gain"], slopes, [small, small, 0.5], per_test=["base_slip"])
+    assert [effect.name for effect in spare(problem, score_test, at)] == (["base_slip"] if small < LIKELY else [])
 
 
 def test_a_number_that_is_almost_absent_is_spare_and_the_last_effect_is_not_asked_for():

@@ -1,5 +1,7 @@
 """Stiffness as a field: what its modes are, how many the data tell, and a hidden band that is found on its map."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from seeds import generator as seeded
@@ -20,6 +22,7 @@ from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.inside import sizes
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.modes import modes
+from fingerfit.model.parameters import Parameter
 from fingerfit.settings.config import load_settings
 
 EFFECT = catalogue()["stiffness_field"]
@@ -73,6 +76,35 @@ def test_a_layer_with_a_modulus_of_its_own_has_modes_without_a_mean():
     assert np.abs(one[1] - one[2]).max() > 0.5
     # waves over a whole block have none from the beginning, but for the points that stand for it
     assert np.abs(np.array([3.0, 4.0, 5.0]) @ means("mu")).max() < 1e-12
+
+
+@pytest.mark.parametrize("test", ["left", "right"])
+def test_a_field_that_each_test_has_for_itself_is_mapped_as_its_own(test):
+    """As the field of a study with this test alone: numbers of the other test change nothing in it."""
+    generator, mesh = seeded(1), layered_block(12.0, [("gel", 12.0)], 4, 4)
+    constant, effect = Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0), EFFECT.first(2)
+    slopes = generator.normal(size=(60, 3))
+    sizes = {"mu": 0.1, "stiffness_field.m1": 0.2, "stiffness_field.m2": -0.1}
+
+    def mapped(columns, ends):
+        names = [f"{effect.key(p.name)}{end}" for p in effect.parameters for end in ends]
+        parameters = [constant] + [Parameter(name, "log", -3.0, 3.0, 0.0, False, 0.3) for name in names]
+        values = {p.name: sizes[p.name.partition("@")[0]] for p in parameters}
+        settings = SimpleNamespace(parameters=lambda: tuple(parameters), effects=lambda: (effect,))
+        problem = SimpleNamespace(
+            settings=settings, effects={effect.name: EFFECT}, meshes={"s": mesh}, test=test * (len(ends) > 1)
+        )
+        left = SimpleNamespace(own=columns, left=np.sin(np.arange(60)), misfit=60.0, freedom=60)
+        return field_of(
+            SimpleNamespace(problem=problem, score_test=left, mesh="s", base=SimpleNamespace(values=values))
+        )
+
+    wide = np.zeros((60, 5))
+    own = [0, 1, 3] if test == "left" else [0, 2, 4]
+    wide[:, own] = slopes
+    found, alone = mapped(wide, ["@left", "@right"]), mapped(slopes, [""])
+    assert found.value == pytest.approx(alone.value)
+    assert found.spread == pytest.approx(alone.spread)
 
 
 def test_the_evidence_stops_where_only_noise_is_left():
