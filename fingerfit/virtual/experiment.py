@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -258,7 +259,7 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
         rows = ["step,displacement,force,picture" + ",time" * timed]
         for number, (d, f) in enumerate(zip(moved, force, strict=True), 1):
             name = f"pictures/step_{number}.nii.gz" if number in pictured else ""
-            rows.append(f"{number},{d:.4f},{f:.4f},{name}" + (f",{truth.time[number - 1]:g}" if timed else ""))
+            rows.append(f"{number},{d:.8g},{f:.8g},{name}" + (f",{truth.time[number - 1]:g}" if timed else ""))
         write_text(temporary / "steps.csv", "\n".join(rows) + "\n")
         write_text(temporary / "study.yaml", _study_text(truth, solved, temporary))
         sealed = {
@@ -280,40 +281,10 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
 
 def _study_text(truth: Truth, solved: Solved, folder: Path) -> str:
     """Text of study.yaml; meshes that it names are copied beside it."""
-    if truth.dim == 3:
-        return _study_in_space(truth, solved, folder)
-    layers = "".join(f"    - {{name: {lay['name']}, height: {lay['height']:g}}}\n" for lay in truth.layers)
-    sides = truth.written.get("boundary") or {}
-    base, indenter = sides.get("base", "held"), sides.get("indenter", "glued")
-    return (
-        f"title: {truth.title}\n"
-        "units: {length: mm, force: N, time: s}\n"
-        f"control: {truth.written.get('control', 'force')}\n"
-        "steps: steps.csv\n"
-        "pictures: {before: pictures/before.nii.gz, noise: estimated}\n"
-        f"noise: {{force: {_force_spread(truth, solved):.3g},"
-        f" displacement: {truth.displacement_noise:g}}}\n"
-        "body:\n"
-        f"  width: {truth.width:g}\n"
-        f"  thickness: {truth.thickness:g}\n"
-        f"  origin: [0, 0]\n"
-        f"  layers:\n{layers}"
-        f"boundary: {{base: {base}, indenter: {indenter}}}\n"
-    )
-
-
-def _study_in_space(truth: Truth, solved: Solved, folder: Path) -> str:
     import yaml
 
     given = truth.written
-    layers = [{"name": layer["name"], "height": layer.get("height")} for layer in truth.layers]
-    body = dict(given.get("body") or {"brick": list(truth.brick or ()), "layers": layers})
-    for key in ("mesh", "refined"):
-        if key in body:
-            mesh = truth.folder / str(body[key])
-            body[key] = mesh.name
-            if mesh.is_file():  # one that is morphed to the first picture comes later
-                shutil.copyfile(mesh, folder / mesh.name)
+    body, boundary = _in_plane(truth) if truth.dim == 2 else _in_space(truth, folder)
     spread = {"force": _force_spread(truth, solved), "displacement": truth.displacement_noise}
     data = {
         "title": truth.title,
@@ -323,9 +294,30 @@ def _study_in_space(truth: Truth, solved: Solved, folder: Path) -> str:
         "pictures": {"before": "pictures/before.nii.gz", "noise": "estimated", **(given.get("pictures") or {})},
         "noise": {name: float(f"{value:.3g}") for name, value in spread.items() if value > 0},
         "body": body,
-        "boundary": given.get("boundary") or dict(zip(("base", "indenter"), truth.boundary, strict=True)),
+        "boundary": boundary,
     }
     return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
+
+
+def _in_plane(truth: Truth) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Body and boundary of a block as study.yaml has them."""
+    layers = [{"name": layer["name"], "height": layer["height"]} for layer in truth.layers]
+    body = {"width": truth.width, "thickness": truth.thickness, "origin": [0, 0], "layers": layers}
+    return body, {"base": "held", "indenter": "glued", **(truth.written.get("boundary") or {})}
+
+
+def _in_space(truth: Truth, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The same of a body in space."""
+    given = truth.written
+    layers = [{"name": layer["name"], "height": layer.get("height")} for layer in truth.layers]
+    body = dict(given.get("body") or {"brick": list(truth.brick or ()), "layers": layers})
+    for key in ("mesh", "refined"):
+        if key in body:
+            mesh = truth.folder / str(body[key])
+            body[key] = mesh.name
+            if mesh.is_file():  # one that is morphed to the first picture comes later
+                shutil.copyfile(mesh, folder / mesh.name)
+    return body, given.get("boundary") or dict(zip(("base", "indenter"), truth.boundary, strict=True))
 
 
 def run_experiment(description: Path, out: Path) -> None:

@@ -105,12 +105,37 @@ def test_what_is_written_is_a_study(truth, solved, tmp_path):
     assert study.layer_names == ["top", "bottom"]
     assert [step.number for step in study.steps if step.picture] == [1, 3]
     force, moved, pictures = add_noise(truth, solved, truth.seed)
-    # four decimal places are written
-    assert [step.force for step in study.steps] == pytest.approx(force, abs=0.5001e-4)
-    assert [step.displacement for step in study.steps] == pytest.approx(moved, abs=0.5001e-4)
+    # eight digits are written
+    assert [step.force for step in study.steps] == pytest.approx(force, rel=0.5001e-7)
+    assert [step.displacement for step in study.steps] == pytest.approx(moved, rel=0.5001e-7)
     picture = read_picture(tmp_path / "s/pictures/step_3.nii.gz")
     assert np.array_equal(picture.values, pictures[3])
     assert picture.same_place(solved.frame)
+
+
+@pytest.mark.parametrize("title", ["Phantom: soft", "x # y", "'quoted' - \u00e4", "12"])
+def test_any_title_is_that_of_the_study(truth, solved, tmp_path, title):
+    write_study(replace(truth, title=title), solved, tmp_path / "s")
+    study = load_study(tmp_path / "s")
+    assert (study.title, study.layer_names, study.base, study.indenter) == (title, ["top", "bottom"], "held", "glued")
+
+
+def test_a_study_without_noise_states_none(truth, solved, tmp_path):
+    write_study(replace(truth, force_noise=0.0, displacement_noise=0.0), solved, tmp_path / "s")
+    noise = load_study(tmp_path / "s").noise
+    assert (noise.force, noise.displacement) == (None, None)
+    write_study(replace(truth, force_noise=0.0), solved, tmp_path / "t")
+    assert load_study(tmp_path / "t").noise.displacement == 0.02
+
+
+def test_small_forces_and_displacements_keep_their_digits(truth, solved, tmp_path):
+    small = replace(solved, force=1e-5 * solved.force, displacement=1e-3 * solved.displacement)
+    write_study(replace(truth, displacement_noise=1e-6), small, tmp_path / "s")
+    force, moved, _ = add_noise(replace(truth, displacement_noise=1e-6), small, truth.seed)
+    study = load_study(tmp_path / "s")
+    # eight digits are written
+    assert [step.force for step in study.steps] == pytest.approx(force, rel=0.5001e-7)
+    assert [step.displacement for step in study.steps] == pytest.approx(moved, rel=0.5001e-7)
 
 
 def test_pictures_show_the_layers_and_the_compression(truth, tmp_path):
