@@ -217,8 +217,16 @@ def diagnose(
 
 
 def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> InverseProblem:
-    """Fit of the model with an effect that was named, on the way of its refit: none of its simulations is new."""
-    one = next(one for one in found.ranking if one.candidate.effect.name == name)
+    """Fit of the model with an effect that was named, on the way of its refit: none of its simulations is new.
+
+    Raises
+    ------
+    InputError
+        For an effect that was not refitted.
+    """
+    one = next((one for one in found.ranking if one.candidate.effect.name == name), None)
+    if one is None or name not in found.refits:
+        raise InputError("add", "effect", name, f"one that was refitted: {', '.join(found.refits) or 'here none was'}")
     wider = widened(problem, minimum(problem, last).values, one, found.refits[name].share)
     refits = {other: refit.values for other, refit in found.refits.items()}
     known = problem.settings.model.rivals | rivals(problem.settings, name, found.verdict.effects, refits)

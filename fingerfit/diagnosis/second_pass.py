@@ -172,15 +172,19 @@ def _fit(
     return Ended(wider, end, comparison, comparison.score_test, share), run
 
 
+def followed(problem: InverseProblem, last: Round, folder: Path) -> tuple[InverseProblem, Everything]:
+    """The fit of a body with the sides that the first picture shows, and all its data; meshes in `folder`."""
+    settings = extended(problem.settings, problem.effects[OUTLINE], {}, {}, minimum(problem, last).values)
+    return begin(settings, folder, problem.sims)
+
+
 def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[ScoreTest | None, int]:
     """How well a body with the sides that the picture before compression shows explains what was measured.
 
     It has other meshes, and patches elsewhere, so that it cannot be compared value by value. None without a solution.
     """
-    effect, values = problem.effects[OUTLINE], minimum(problem, last).values
-    settings = extended(problem.settings, effect, {}, {}, values)
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as folder:
-        wider, everything = begin(settings, Path(folder), problem.sims)
+        wider, everything = followed(problem, last, Path(folder))
         try:
             end, run = run_fit(wider, threads)
             run += solve_missing(wider, [anchor_of(wider, end)], threads)

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 from fingerfit.diagnosis.diagnose import Diagnosis, Everything, added
 from fingerfit.diagnosis.diagnose import diagnose as diagnosis_of
 from fingerfit.diagnosis.ranking import summary
+from fingerfit.diagnosis.second_pass import followed
 from fingerfit.fit.estimate import estimate_of, intervals_of
 from fingerfit.fit.finished import finished_fit
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import begin, measured, run_fit
+from fingerfit.model.effect import OUTLINE
 from fingerfit.report.plots import chosen_figure, figures_of
 from fingerfit.settings.config import load_settings
 from fingerfit.study import reader
@@ -228,10 +230,14 @@ def add(result: Result, found: Found, name: str, threads: int = 1) -> Result:
 
     Raises
     ------
-    KeyError
+    InputError
         For an effect that was not refitted.
     """
-    return _fitted(added(result.problem, result.last, found.diagnosis, name), result.everything, threads)
+    problem, last = result.problem, result.last
+    if name == OUTLINE and name in found.effects:  # which has other meshes, and no numbers
+        folder = problem.sims.parent / f"{problem.settings.model.full_name}+{name}"
+        return _fitted(*followed(problem, last, folder), threads)
+    return _fitted(added(problem, last, found.diagnosis, name), result.everything, threads)
 
 
 def _fitted(problem: InverseProblem, everything: Everything, threads: int) -> Result:

@@ -10,7 +10,7 @@ from blocks import FIT, MODEL, STUDY
 from conftest import all_rounds
 
 import fingerfit
-from fingerfit.core.errors import StateError
+from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import keep_json, keep_text
 from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.problem import SEARCH, InverseProblem
@@ -53,6 +53,9 @@ def test_what_was_left_is_diagnosed_and_added_to(left):
     assert set(found.candidates.index) == {"stiffening", "compressibility"}
     better = fingerfit.add(result, found, found.candidates.index[found.candidates.refitted][0])
     assert better.run == 0
+    for name in ("stiffenin", "outline"):
+        with pytest.raises(InputError, match=rf"^add: effect: found {name}; expected one that was refitted: \w+"):
+            fingerfit.add(result, found, name)
 
 
 def test_rounds_of_a_longer_fit_before_are_not_read(left):

@@ -1,15 +1,21 @@
 """A body whose first picture shows other sides than its study states: by its form, or since it had swelled."""
 
 from functools import partial
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import yaml
 from small_body import SMALL, config_of, written
 
+import fingerfit
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.diagnose import diagnose, errors
+from fingerfit.diagnosis.second_pass import with_outline
+from fingerfit.diagnosis.verdict import Verdict
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.forward.predict import in_first_picture, since_first_picture
+from fingerfit.notebook import Found, Result
 from fingerfit.settings.config import load_settings
 from fingerfit.virtual import experiment
 
@@ -52,6 +58,26 @@ def test_it_is_named_and_the_mesh_follows(study, tmp_path):
     after, _ = errors(Comparison(*followed))
     # 4 seeds: from 2.45 with a standard deviation of 0.05 to 1.04 with 0.03
     assert after < 1.2 < 1.8 < before
+
+
+def test_it_is_added_as_any_other_effect(study, tmp_path):
+    """On the mesh that the diagnosis followed the sides with: none of its simulations is run again."""
+    few = {"score": "nmi", "bins": 16, "steps": [4], "stages": [{"name": "grid", "kind": "grid", "points": 2}]}
+    config = config_of(study, {"mesh": {**SMALL["mesh"], "element": "CPE4"}}) | {"fit": few}
+    problem, everything = begin(load_settings(config), tmp_path / "base")
+    result = Result(problem, run_fit(problem, 1)[0], everything, 0)
+    _, run = with_outline(problem, result.last, 1)
+    named = Found(
+        SimpleNamespace(verdict=Verdict("missing", ("outline",), "missing: sides", 10.0), refits={}, ranking=[])
+    )
+    better = fingerfit.add(result, named, "outline")
+    assert run > better.run == 0
+    assert better.problem.settings.model.full_name == "base+outline"
+    height = {
+        name: np.ptp(one.problem.meshes["search"].points[:, 1]) for name, one in (("stated", result), ("seen", better))
+    }
+    # a pixel is 0.2 mm
+    assert height["seen"] - height["stated"] == pytest.approx(LACKS, abs=0.2)
 
 
 SWELLED = -0.12
