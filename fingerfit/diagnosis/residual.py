@@ -133,12 +133,12 @@ def residual_of(
     shared = data.response_gain * np.nan_to_num(measured)
     covariance[np.ix_(last, last)] = np.diag(spread**2) + np.outer(shared, shared)
     error = [float(np.sqrt(np.mean((s - m)[o >= 0] ** 2))) for s, m, o in pairs]
-    places = _places(data, frame, maps, owners, count) if dim == 3 and len(maps) else ()
+    places = _places(frame, maps, owners, count) if dim == 3 and len(maps) else ()
     return Residual(value, response, covariance[np.ix_(kept, kept)], kept, np.array(error), floor, fits, *places)
 
 
 def _places(
-    data: Data, frame: Picture, maps: list[BackwardMap], owners: list[np.ndarray], count: int
+    frame: Picture, maps: list[BackwardMap], owners: list[np.ndarray], count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Material points of registered pixels, evenly spread over those of each patch, and their patches."""
     own = [owner.ravel()[way.pixel] for way, owner in zip(maps, owners, strict=True)]

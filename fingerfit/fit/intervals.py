@@ -229,8 +229,6 @@ class Uncertainty:
     interval : ndarray, shape (parameters, 2)
         95 % interval, in units: noise, mesh and priors.
     correlation : ndarray, shape (parameters, parameters)
-    bias : ndarray, shape (parameters,)
-        Mean shift of the repetitions: what noise alone does to the estimate.
     remarks : tuple of str
         What the data cannot tell.
     """
@@ -239,7 +237,6 @@ class Uncertainty:
     mesh: np.ndarray
     interval: np.ndarray
     correlation: np.ndarray
-    bias: np.ndarray
     remarks: tuple[str, ...]
 
 
@@ -293,7 +290,6 @@ def summarise(
         mesh,
         interval,
         covariance / np.outer(scale, scale),
-        shifts.mean(axis=0),
         identifiability(hessian, [p.name for p in parameters], sure),
     )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fingerfit.core.errors import FingerfitError
@@ -66,13 +65,3 @@ def round_value(value: float) -> float:
     0.3
     """
     return float(f"{value:.{DIGITS}g}")
-
-
-def format_guess(values: Mapping[str, float]) -> str:
-    """Canonical text of a guess: one line per parameter, in order of names.
-
-    >>> print(format_guess({"mu_top": 0.1, "mu_bottom": 2e-2}))
-    mu_bottom = 0.02
-    mu_top = 0.1
-    """
-    return "\n".join(f"{name} = {values[name]:.{DIGITS}g}" for name in sorted(values))

@@ -177,9 +177,9 @@ Search = Generator[tuple[Request, int], list[float], tuple[np.ndarray, str]]
 def run_stage(stage: Stage, space: Space, start: np.ndarray) -> Search:
     """One stage from `start`; returns the best coordinates and why it ended."""
     tie = Tie(space, stage.tied)
-    if stage.kind == "grid":
+    if stage.kind == GRID:
         return (yield from _grid(stage, tie, start))
-    if stage.kind == "independent":
+    if stage.kind == INDEPENDENT:
         return (yield from _simplexes(stage, space, start, lambda z: _first(stage, tie, z)))
     half = np.array([-stage.step / 2])
     best, reason = yield from _simplexes(

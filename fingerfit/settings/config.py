@@ -254,7 +254,7 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
     problems += [
         InputError(where, f"fit.stages.{n}.points", stage.points, f"at most {most}, the max_evaluations of the search")
         for n, stage in enumerate(settings.fit.stages)
-        if stage.kind == "grid" and stage.points > most
+        if stage.kind == GRID and stage.points > most
     ]
     names = [stage.name for stage in settings.fit.stages]
     for name in sorted({name for name in names if names.count(name) > 1}):
