@@ -18,10 +18,11 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.joint import diagonal, joined
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.fit.intervals import NORMAL
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
-from fingerfit.fit.slopes import STEP, coordinates, difference, moved, neighbours
+from fingerfit.fit.slopes import STEP, coordinates, difference, evenly, moved, neighbours
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.study.several import AT
 from fingerfit.study.study import Study, with_gain
@@ -35,8 +36,6 @@ GOOD = 0.01
 NARROW, TWICE = 0.25, 2.0
 """A constant is identified where its 95 % interval covers at most this share of the distance of its bounds and, in the
 logarithm, goes no farther than this factor either way. Choices."""
-NORMAL = 1.96
-"""Standard deviations from the middle to the ends of a 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -156,8 +155,7 @@ def identification(comparison: Comparison, threads: int = 1) -> tuple[dict[str, 
     own = comparison.problem.settings.model.parameters
     low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
     width, known, run = high - low, comparison.known[1], 0
-    # all values between the bounds are as likely: a variance of width^2 / 12
-    before = np.diag(12.0 / width**2)
+    before = np.diag(evenly(parameters))
     now = comparison.score_test.own.T @ comparison.score_test.own
 
     def half(information: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ pass. So a profile knows what slopes at the estimate do not: that a constant is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +15,11 @@ from fingerfit.core.errors import StateError
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.first_pass import MOVE, FirstPass, Way
+from fingerfit.fit.intervals import NORMAL
 from fingerfit.fit.problem import InverseProblem
-from fingerfit.fit.slopes import coordinates, moved
+from fingerfit.fit.slopes import coordinates, evenly, moved
 from fingerfit.model.parameters import Parameter
 
-ENOUGH = 1.96
-"""Root of the rise of the misfit at the ends of a 95 % interval (3.84, chi-square of one degree of freedom)."""
 APART, LONGEST = 0.6, 0.5
 """Wanted distance of points in that root, and the longest in search coordinates: two thirds of a modulus. Choices."""
 SHORTEST = 1e-3
@@ -93,7 +92,7 @@ def profile(comparison: Comparison, name: str, threads: int = 1) -> Profile:
     edges = [
         coordinates(parameters, {p.name: getattr(p, end) for p in parameters})[index] for end in ("lower", "upper")
     ]
-    around = np.diag(np.linalg.pinv(slopes.T @ slopes + np.diag(_flat(parameters)), hermitian=True))
+    around = np.diag(np.linalg.pinv(slopes.T @ slopes + np.diag(evenly(parameters)), hermitian=True))
     found, ends = [(float(where[index]), least, values)], list[str]()
     for edge in edges:
         here, root, step = (values, slopes), 0.0, APART * float(np.sqrt(around[index]))
@@ -112,12 +111,12 @@ def profile(comparison: Comparison, name: str, threads: int = 1) -> Profile:
             rise = float(np.sqrt(max(misfit - least, 0.0)))
             tell(f"{name} {at[name]:.4g}: the misfit rises by {misfit - least:.3g}")
             wanted = APART / max(rise - root, 1e-300)
-            if rise > ENOUGH + 2 * APART and step > SHORTEST:
+            if rise > NORMAL + 2 * APART and step > SHORTEST:
                 step *= min(max(wanted, 0.1), 0.5)  # beyond a wall: once more, nearer
                 continue
             here, root, step = (at, slopes_there), rise, step * min(max(wanted, 0.5), 2.0)
-            if rise >= ENOUGH or abs(edge - z) < 1e-9:
-                why = RISEN if rise >= ENOUGH else BOUND
+            if rise >= NORMAL or abs(edge - z) < 1e-9:
+                why = RISEN if rise >= NORMAL else BOUND
                 break
         ends.append(why)
     found.sort(key=lambda one: one[0])
@@ -165,14 +164,6 @@ def _held(
     return way.values(whole(found.x)), float(2.0 * found.cost), way.slopes(whole(found.x))
 
 
-def _flat(parameters: Sequence[Parameter]) -> np.ndarray:
-    """Precision of a distribution that is flat between the bounds, shape (parameters,)."""
-    low, high = (
-        coordinates(tuple(parameters), {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper")
-    )
-    return np.asarray(12.0 / (high - low) ** 2)
-
-
 def _follow(slopes: np.ndarray, index: int) -> np.ndarray:
     """How all numbers move when one moves by 1, shape (parameters,): the others as their least squares say."""
     others = np.delete(np.arange(slopes.shape[1]), index)
@@ -190,12 +181,12 @@ def _profile(
 
     def end(there: np.ndarray) -> float | None:
         """Where the root crosses, along points that begin at the best one."""
-        beyond = np.flatnonzero(root[there] >= ENOUGH)
+        beyond = np.flatnonzero(root[there] >= NORMAL)
         if not beyond.size:
             return None
         n = there[beyond[0]]
         before = there[beyond[0] - 1]
-        at = z[before] + (z[n] - z[before]) * (ENOUGH - root[before]) / (root[n] - root[before])
+        at = z[before] + (z[n] - z[before]) * (NORMAL - root[before]) / (root[n] - root[before])
         return float(np.exp(at) if parameter.log else at * parameter.scale)
 
     sides = end(np.arange(best, -1, -1)), end(np.arange(best, len(z)))

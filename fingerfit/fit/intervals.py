@@ -31,6 +31,9 @@ SURE = 4.0
 however much better another direction is known."""
 PART = 0.1
 """Of a direction of unit length, what a constant must have of it to be named with it."""
+NORMAL = 1.96
+"""Standard deviations from the middle to the ends of a 95 % interval, and the root of the rise of the misfit there
+(3.84, chi-square of one degree of freedom)."""
 FAR_OFF = 10.0
 """Standard deviations from which a force that the fit leaves is said: no noise makes that. A choice."""
 

@@ -22,6 +22,12 @@ def coordinates(parameters: Sequence[Parameter], values: Mapping[str, float]) ->
     return np.array([np.log(values[p.name]) if p.log else values[p.name] / p.scale for p in parameters])
 
 
+def evenly(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Precision of numbers that are as likely anywhere between their bounds, in those coordinates: (parameters,)."""
+    low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
+    return np.asarray(12.0 / (high - low) ** 2)
+
+
 def moved(parameters: tuple[Parameter, ...], values: Mapping[str, float], delta: np.ndarray) -> dict[str, float]:
     """Values at a distance in those coordinates, within the bounds, with the digits of a guess."""
     z = coordinates(parameters, values) + delta

@@ -10,9 +10,10 @@ from one_layer import DESCRIPTION, SHARED
 
 from fingerfit.core.files import write_json
 from fingerfit.diagnosis.comparison import anchor_of
-from fingerfit.diagnosis.designs import NORMAL, identification, separation
+from fingerfit.diagnosis.designs import identification, separation
 from fingerfit.diagnosis.diagnose import diagnose
 from fingerfit.diagnosis.joint import comparison_of
+from fingerfit.fit.intervals import NORMAL
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fingerfit.diagnosis.profiles import ENOUGH
+from fingerfit.fit.intervals import NORMAL
 from fingerfit.report.drawing import COLOURS
 from fingerfit.report.page.figures import plain
 
@@ -86,7 +86,7 @@ def profile_figure(data: Mapping[str, Any]) -> Figure:
     rise = np.array([one["rise"] for one in data["points"]])
     figure = Figure(figsize=(4.6, 3.2), layout="constrained")
     axes = figure.subplots()
-    limit = ENOUGH**2
+    limit = NORMAL**2
     axes.plot(value, rise, "o-", color=COLOURS[4], markersize=5)
     axes.axhline(limit, color="#444444", linewidth=1.0)
     axes.annotate(
