@@ -42,7 +42,7 @@ class Verdict:
     threshold : float
         Fall of the misfit that an effect of one parameter needs.
     family : str
-        One of `FAMILIES`; empty where nothing is named.
+        One of `FAMILIES`: of what is named, or of *unexplained* the likeliest; empty where there is none.
     """
 
     kind: str

@@ -28,7 +28,7 @@ class LinearModel:
     base : Prediction
         At the best guess; a `JointPrediction` of a study with several tests, as all others are.
     slopes : tuple of Prediction
-        Derivatives by the logarithm of each parameter (by the value, where it is not on a log scale).
+        Derivatives by the logarithm of each parameter (by multiples of its scale, where it is not on a log scale).
     control : Prediction or None
         Derivative by the relative size of the prescribed quantity, each step by its own; None where nobody asked.
     values : mapping

@@ -48,8 +48,8 @@ class Minimum:
         The simulation that the linear model is built on.
     model : LinearModel
     move : float
-        Longest move from the base to the minimum, in the logarithm or as a share of the distance of the bounds; of
-        numbers that change the pictures faster than moduli do, in what a modulus changes as much by.
+        Longest move from the base to the minimum, in the logarithm or as a multiple of the scale; of numbers that
+        change the pictures faster than moduli do, in what a modulus changes as much by.
     fall : float
         Fall of the score that it promises.
     """

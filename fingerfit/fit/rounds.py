@@ -91,8 +91,8 @@ class Asked:
     deck : str
         Text of the deck.
     role : str
-        ``search``; ``+mu_top``, ``-mu_top``, ``+control``, ``-control``: sensitivities; ``refined``: on the finer
-        mesh.
+        ``search``; ``+mu_top``, ``-mu_top``, ``+control``, ``-control``: sensitivities; ``final``: on the finest
+        mesh; ``anchor``: on the search mesh, to be compared with that; of a candidate the number that is not absent.
     tests : tuple of Asked
         In a study with several tests, the simulation of each; `sim` then names all of them together.
     nearby : str

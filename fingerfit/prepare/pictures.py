@@ -48,8 +48,8 @@ class Prepared:
         What was done, in words, one step a line.
     remarks : list of str
         What looks wrong in them, in words.
-    elsewhere : dict
-        Sides of the body that the one before compression shows elsewhere than the study has them, and how far out, mm.
+    outline : Outline, optional
+        Sides of the body in the one before compression; None where they are not measured, or the mesh follows them.
     """
 
     before: Picture
