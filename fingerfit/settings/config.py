@@ -42,33 +42,35 @@ class ModelSettings(Model, Keys):
     )
     material: dict[str, float] = Field(
         default_factory=dict,
-        description="Fixed constants of the law: mu (MPa), alpha, poisson, for all layers, or for one as alpha_top.",
+        description="Fixed constants of the law (see law), mu in MPa: for all layers, or for one as alpha_top.",
     )
     mesh: MeshSettings | None = Field(
         default=None, description="Mesh of the search; not allowed when the study brings a mesh."
     )
     refined: MeshSettings | None = Field(
         default=None,
-        description="Finer mesh of the last steps: it gives the estimate, and the difference tells the error left.",
+        description="Finer mesh of the last steps: the estimate comes from it, and its difference from the coarse mesh"
+        " estimates the mesh error.",
     )
     parameters: dict[str, ParameterSettings] = Field(
         min_length=1, description="What is identified: constants of the law, such as mu, or of one layer, as mu_top."
     )
     per_test: list[str] = Field(
         default_factory=list,
-        description="In a study with several tests: constants, effects or single numbers of effects (onset.gap) that"
-        " each test has for itself, as mu_top@wide. All others are shared by all tests.",
+        description="In a study with several tests: constants, effects or single numbers of effects (onset.offset)"
+        " that have a value of their own in each test, as mu_top@wide. All others are shared by all tests.",
     )
     effects: dict[str, dict[str, float]] = Field(
         default_factory=dict,
-        description="Effects that were added, in order; numbers of an effect where they differ from its own. With all"
-        " numbers of the last one no fit without it comes before.",
+        description="Effects of the model, in the order in which they were added. Only numbers that differ from the"
+        " effect's own need be given. If all numbers of the last one are given, the model without it is not fitted"
+        " first.",
     )
     rivals: dict[str, dict[str, float]] = Field(
         default_factory=dict,
-        description="Models that the data cannot tell from this one: by what factor each has a constant larger, or by"
-        " what difference where it is not searched in the logarithm. Intervals reach that far. The workflow takes them"
-        " from the diagnosis of the model with one effect less; there is no need to write them.",
+        description="Other models that the data cannot tell from this one: for each constant the factor (with log:"
+        " false the difference) between that model and this one. The 95 % intervals reach that far. The workflow writes"
+        " them from the diagnosis of the model with one effect less.",
     )
 
     @model_validator(mode="after")
@@ -98,22 +100,22 @@ class FitSettings(Keys):
     )
     bins: int = Field(default=32, ge=4, le=512, description="Bins of the joint histogram.")
     batch: int = Field(default=2, ge=1, description="Guesses tried at once; the result does not depend on it.")
-    max_evaluations: int = Field(default=400, ge=1, description="The search ends after as many.")
+    max_evaluations: int = Field(default=400, ge=1, description="Largest number of guesses of the search.")
     replicates: int = Field(
         default=60, ge=20, description="Repetitions of the measurement with new noise, for the standard errors."
     )
-    seed: int = Field(default=1, ge=0, description="Of that noise.")
+    seed: int = Field(default=1, ge=0, description="Seed of the noise of these repetitions.")
     tolerance: float = Field(
         default=0.02,
         ge=0,
         lt=1,
-        description="Share by which a constant may change without mattering: an effect that is beyond chance, but moves"
-        " no constant by more and out of its 95 % interval, is a trace, and the model adequate without it.",
+        description="Relative change of a constant that does not matter to you. An effect that changes no constant by"
+        " more than this and beyond its 95 % interval may be a trace: the model is adequate without it.",
     )
     discrepancy: Literal["none", "estimate"] = Field(
         default="none",
-        description="estimate: with likelihood, what the model is wrong by is an unknown variance of each kind of data"
-        " (pictures, points, response), which counts less the larger it is (docs/uncertainty.md); none: noise alone.",
+        description="none: noise alone. estimate (with likelihood only): each kind of data (pictures, points, response)"
+        " has a model error of unknown variance; the larger it is, the less this kind counts (docs/uncertainty.md).",
     )
     stages: list[StageSettings] = Field(min_length=1, description="Stages of the search, in order.")
 

@@ -9,8 +9,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "fingerfit"
 FILES = sorted(PACKAGE.rglob("*.py"))
-# low to high: a room imports only from itself and from rooms above it in this list
-ROOMS = (
+# low to high: a package imports only from itself and from packages above it in this list
+PACKAGES = (
     ("core", "material"),
     ("mesh",),
     ("fem", "study"),
@@ -30,7 +30,7 @@ ROOMS = (
     ("cli",),
     ("__main__",),
 )
-LEVEL = {name: level for level, names in enumerate(ROOMS) for name in names}
+LEVEL = {name: level for level, names in enumerate(PACKAGES) for name in names}
 
 
 def imports(path):
@@ -48,7 +48,7 @@ def modules():
     return {name.removesuffix(".__init__"): path for name, path in found.items()}
 
 
-def test_rooms_import_from_lower_rooms_only():
+def test_packages_import_from_lower_packages_only():
     wrong = []
     for path in FILES:
         own = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
@@ -72,7 +72,7 @@ def test_no_modules_import_each_other_in_a_circle():
     assert used == {}
 
 
-def test_every_room_says_in_one_sentence_what_belongs_in_it():
+def test_every_package_says_in_one_sentence_what_belongs_in_it():
     for folder in {path.parent for path in FILES} - {PACKAGE}:
         text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8")))
         assert text and len(text.splitlines()[0]) > 20, folder
