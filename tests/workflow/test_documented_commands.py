@@ -155,7 +155,8 @@ SESSIONS = {
     ],
     "calculix": ["snakemake --cores 2 --configfile studies/phantom/calculix.yaml"],
     "diagnose": [
-        "fingerfit run studies/phantom --diagnose", "snakemake --cores 2 export", "fingerfit export results/STUDY/MODEL",
+        "fingerfit run studies/phantom --diagnose", "fingerfit run studies/phantom --export", "snakemake --cores 2 export",
+        "fingerfit export results/STUDY/MODEL",
         "fingerfit export results/phantom/base", "fingerfit open studies/phantom", "fingerfit profile mu_top", *examples_of("simulate", "prepare", "propose"),
         *examples_of("estimate", "plot", "diagnose", "ladder"),
         "> python -c 'import json, yaml; print(json.dumps(yaml.safe_load(open(\"config.yaml\"))))' > settings.json",
