@@ -66,9 +66,7 @@ class Comparison:
         self.problem, self.last, self.data = problem, last, everything
         spacing = everything.spacing if len(everything.picture_step) else None
         if spacing is None and len(everything.points):
-            edge = 1e-6 * np.ptp(everything.points, axis=0)
-            box = np.concatenate([everything.points - edge, everything.points + edge])
-            self.patches = Patches.around(box, ACROSS_POINTS)
+            self.patches = Patches.with_all(everything.points, ACROSS_POINTS)
         else:
             self.patches = Patches.over(problem.meshes[SEARCH], spacing=spacing)
         self.base = base or finest(problem, last)

@@ -97,6 +97,7 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
             dropped.add(spare[0])
             say(f"{spare[0]} may not be needed beside the others: dropping it")
             say(drop(config, spare[0]))
+            done = "dropped"
             continue
         if not diagnosis["effects"]:
             results = study_folder(settings)
@@ -107,7 +108,8 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         if others:
             say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
         say(add(config, first))
-    return say(f"stopped after {RUNGS} models; the last effect is added but not fitted: {run_again(config)}")
+        done = "added"
+    return say(f"stopped after {RUNGS} models; the last effect is {done}, but not fitted anew: {run_again(config)}")
 
 
 def _told(rung: dict[str, Any]) -> str:

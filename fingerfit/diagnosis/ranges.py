@@ -51,7 +51,8 @@ def ranges(
     best = max((refit.fall for refit in refits), default=0.0)
     elsewhere = [refit.values for refit in refits if refit.fall > 0 and refit.fall >= COMPARABLE * best]
     spread, count = left_out(comparison)
-    further = np.sqrt(excess) * stdtrit(count - 1, 0.975) * spread
+    # one part alone has no spread between parts
+    further = np.sqrt(excess) * stdtrit(count - 1, 0.975) * spread if count > 1 else np.zeros_like(spread)
     return _reaching(comparison.problem.settings.parameters(), elsewhere, estimate, further)
 
 

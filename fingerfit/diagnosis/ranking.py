@@ -173,7 +173,6 @@ def confusions(score_test: ScoreTest, ranking: Sequence[Ranked], count: int = 6)
 
 def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, Any]]:
     """Ranking as data: what each candidate would explain, at which place and of which size."""
-    excess = max(score_test.misfit - score_test.freedom, 1.0)
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     return [
         {
@@ -181,7 +180,9 @@ def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, 
             "place": {key.split(".")[1]: value for key, value in one.place.items()},
             "size": one.size,
             "predicted_fall": one.finding.fall,
-            "share_of_excess": min(1.0, one.refitted.share if one.refitted else one.finding.fall / excess),
+            "share_of_excess": min(
+                1.0, one.refitted.share if one.refitted else one.finding.fall / score_test.beyond_noise
+            ),
             "visible": one.finding.visible,
             "first_pass": one.refitted
             and {

@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fingerfit.diagnosis.likelihood import Weighed
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
 from fingerfit.diagnosis.sides import Sides
 
 LEVEL = 0.01
 """Probability of a false alarm in all tests together."""
 GOOD = 1.25
 """Misfit per degree of freedom up to which a model is adequate, unless chance alone allows more."""
+EXPLAINED = 1.25
+"""Error in units of the noise floor up to which every pixel counts as explained, beside the patches. A choice."""
 LOUD = 1.5
 """Error in units of the noise floor beyond which no model is adequate."""
 
@@ -107,7 +109,7 @@ class Refit:
 
     def explained(self, before: float) -> float:
         """Share of the misfit beyond the noise that the effect explains, by one likelihood; `before` as for `gain`."""
-        return self.gain(before) / max(self._without(before) - self.freedom, 1.0)
+        return self.gain(before) / beyond_noise(self._without(before), self.freedom)
 
     def _without(self, before: float) -> float:
         return before if self.before is None else self.before

@@ -11,7 +11,7 @@ from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import Ranked, spread_of
-from fingerfit.diagnosis.refit import GOOD, LOUD, Refit, excess, explains
+from fingerfit.diagnosis.refit import EXPLAINED, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, after, threshold
@@ -55,9 +55,9 @@ def of_family(
     if best is not None and best[1].gain(score_test.misfit) > verdict.threshold:
         behind = [(best[0].candidate.effect.family, best[1].explained(score_test.misfit))]
     else:
-        excess = max(score_test.misfit - score_test.freedom, 1.0)
+        left = score_test.beyond_noise
         odds = families(score_test, ranking).items()
-        behind = [(name, one.finding.fall / excess) for name, (one, own) in odds if name != NUMERICS and own > SURE]
+        behind = [(name, one.finding.fall / left) for name, (one, own) in odds if name != NUMERICS and own > SURE]
     if not behind:
         return verdict
     family, share = behind[0]
@@ -69,7 +69,7 @@ def _nearest(score_test: ScoreTest, ranking: Sequence[Ranked], family: str) -> s
     """The known effect of a family that explains most, in words; empty where none explains any."""
     members = [one for one in ranking if one.candidate.effect.family == family and not one.candidate.effect.probe]
     best = max(members, key=lambda one: one.finding.fall, default=None)
-    share = best.finding.fall / max(score_test.misfit - score_test.freedom, 1.0) if best else 0.0
+    share = best.finding.fall / score_test.beyond_noise if best else 0.0
     if best is None or round(100 * share) < 1:
         return ""
     return f"; of known effects {best.candidate.effect.title} comes nearest ({100 * min(share, 1.0):.0f} %)"
@@ -136,12 +136,12 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
 
     They are never refitted, so that the prediction must do.
     """
-    excess = max(score_test.misfit - score_test.freedom, 1.0)
+    left = score_test.beyond_noise
     for one in ranking if verdict.kind == "unexplained" else ():
         effect, fall = one.candidate.effect, one.finding.fall
         beyond = fall > threshold(score_test, ranking, tests, one.columns.shape[1])
-        if effect.acts == NUMERICS and beyond and fall >= ENOUGH * excess:
-            return replace(verdict, sentence=_cured(effect, "that", fall / excess, BEYOND), family=NUMERICS)
+        if effect.acts == NUMERICS and beyond and fall >= ENOUGH * left:
+            return replace(verdict, sentence=_cured(effect, "that", fall / left, BEYOND), family=NUMERICS)
     return verdict
 
 
@@ -229,7 +229,7 @@ def traced(
     names = " or ".join(one.candidate.effect.title for one in named)
     fall = max((refits[name].fall for name in verdict.effects), default=0.0)
     if not explains(score_test):
-        if excess(score_test) >= form or fall >= form or base.at_least > GOOD:
+        if excess(score_test) >= form or fall >= form or base.at_least > EXPLAINED:
             return verdict
         text = "the model leaves no more than what the form of its own effects may be off by"
         return Verdict("adequate", (), f"{text}; a trace: {names}" if names else text, verdict.threshold)

@@ -15,6 +15,11 @@ import numpy as np
 from fingerfit.core.errors import StateError
 
 
+def beyond_noise(misfit: float, freedom: int) -> float:
+    """Misfit beyond what noise leaves on average, of which effects explain shares; 1 where there is less."""
+    return max(misfit - freedom, 1.0)
+
+
 @dataclass(frozen=True)
 class Finding:
     """What an effect would do.
@@ -118,6 +123,11 @@ class ScoreTest:
             modes, sizes, _ = np.linalg.svd(columns, full_matrices=False)
             modes = modes[:, sizes > 1e-3]
             self.common_misfit, self.common_freedom = float(((modes.T @ self.rest) ** 2).sum()), modes.shape[1]
+
+    @property
+    def beyond_noise(self) -> float:
+        """Misfit beyond the noise, at least 1."""
+        return beyond_noise(self.misfit, self.freedom)
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Columns in units of the noise; priors do not see them."""

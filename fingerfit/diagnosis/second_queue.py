@@ -13,7 +13,7 @@ from fingerfit.core.progress import tell
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, spread_of
-from fingerfit.diagnosis.refit import GOOD, Refit, explains
+from fingerfit.diagnosis.refit import EXPLAINED, Refit, explains
 from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
 from fingerfit.diagnosis.verdict import MATTERS, best_of, generalising
@@ -112,7 +112,7 @@ def refits_of(
                 nearest_by.add(effect.family)
                 least = min(least, refit.fitted)
             share = min(1.0, max(0.0, refit.explained(found.score_test.misfit)))
-            if not effect.probe and explains(refit) and refit.fitted <= GOOD:
+            if not effect.probe and explains(refit) and refit.fitted <= EXPLAINED:
                 named.add(effect.family)
             left = [one for one in left if worth_it(one)]
             tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")

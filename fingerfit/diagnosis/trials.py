@@ -17,7 +17,7 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import SURE
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
 from fingerfit.diagnosis.ranking import Ranked, Refitted, elsewhere, other_places, spread_of
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
 from fingerfit.diagnosis.worth import SEEN, threshold
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
@@ -178,12 +178,12 @@ class _Trial:
                 there = self.first.refit(wider, before.values, effect, MOVES - FIRST_MOVES, near)
         except StateError:
             return _Tried(None, frozenset(wider.asked), share)
-        run, excess = there.simulations, max(self.base.misfit - self.first.count + len(self.base.values), 1.0)
+        run, left = there.simulations, beyond_noise(self.base.misfit, self.base.count - len(self.base.values))
         there = replace(there, simulations=run + (before.simulations if before else 0))
         fall = max(0.0, self.base.misfit - there.misfit)
-        tell(f"tried {effect.name}: explains {min(100, 100 * fall / excess):.0f} %; {there.simulations} simulations")
+        tell(f"tried {effect.name}: explains {min(100, 100 * fall / left):.0f} %; {there.simulations} simulations")
         size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
-        finding, there = replace(one.finding, fall=fall, size=size), replace(there, share=fall / excess)
+        finding, there = replace(one.finding, fall=fall, size=size), replace(there, share=fall / left)
         found = replace(one, finding=finding, refitted=there, columns=np.zeros((0, 0)), also=())
         return _Tried(found, frozenset(wider.asked), share)
 

@@ -293,7 +293,7 @@ def summarise(
         mesh,
         interval,
         covariance / np.outer(scale, scale),
-        identifiability(hessian, [p.name for p in parameters], sure),
+        identifiability(hessian, parameters, sure),
     )
 
 
@@ -309,29 +309,35 @@ def _unseen_constants(hessian: np.ndarray, sure: float) -> np.ndarray:
     return np.asarray(np.linalg.norm(seen_directions(hessian, sure), axis=1) < PART)
 
 
-def identifiability(hessian: np.ndarray, names: Sequence[str], sure: float = np.inf) -> tuple[str, ...]:
+def identifiability(hessian: np.ndarray, parameters: Sequence[Parameter], sure: float = np.inf) -> tuple[str, ...]:
     """Sentences on what the score does not see, from its curvature in search coordinates.
 
-    >>> identifiability(np.array([[1.0, -1.0], [-1.0, 1.0]]), ["mu_a", "mu_b"])[0]
+    >>> two = [Parameter(name, "MPa", 0.01, 1.0, 0.1) for name in ("mu_a", "mu_b")]
+    >>> identifiability(np.array([[1.0, -1.0], [-1.0, 1.0]]), two)[0]
     'only ratios of mu_a, mu_b are identifiable: these data do not see their common scale'
     """
     blind = _unseen_constants(hessian, sure)
-    alone = [name for name, unknown in zip(names, blind, strict=True) if unknown]
+    alone = [p.name for p, unknown in zip(parameters, blind, strict=True) if unknown]
     verb = "is" if len(alone) == 1 else "are"
     remarks = [f"{', '.join(alone)} {verb} not identifiable from these data"] if alone else []
-    names = [name for name in names if name not in alone]
+    seen = [p for p in parameters if p.name not in alone]
     values, vectors = np.linalg.eigh(hessian[np.ix_(~blind, ~blind)])
     for value, vector in zip(values, vectors.T, strict=True):
         if value > unseen(values[-1], sure) * max(values[-1], 1e-300):
             continue
-        involved = [name for name, part in zip(names, vector, strict=True) if abs(part) > PART]
+        involved = [p for p, part in zip(seen, vector, strict=True) if abs(part) > PART]
         parts = vector[np.abs(vector) > PART]
-        if len(involved) > 1 and np.ptp(parts) < 0.3 * np.abs(parts).max():
-            text = f"only ratios of {', '.join(involved)} are identifiable: these data do not see their common scale"
+        parts = parts * np.sign(parts[:1])  # a direction has no sign of its own
+        logs, names = all(p.log for p in involved), ", ".join(p.name for p in involved)
+        if len(involved) > 1 and logs and np.ptp(parts) < 0.3 * np.abs(parts).max():
+            text = f"only ratios of {names} are identifiable: these data do not see their common scale"
         elif len(involved) == 1:
-            text = f"{involved[0]} is not identifiable from these data"
+            text = f"{names} is not identifiable from these data"
         else:
-            terms = " ".join(f"{part:+.2f} log {name}" for name, part in zip(involved, parts, strict=True))
+            terms = " ".join(
+                f"{part:+.2f} log {p.name}" if p.log else f"{part / p.scale:+.3g} {p.name}"
+                for p, part in zip(involved, parts, strict=True)
+            )
             text = f"the combination {terms} is not identifiable from these data"
         remarks.append(text)
     return tuple(remarks)

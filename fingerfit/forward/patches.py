@@ -62,6 +62,12 @@ class Patches:
         index = np.stack([i.ravel() for i in np.indices(tuple(count))], axis=1)
         return cls(low + (index + 0.5) * size, low, size, tuple(int(c) for c in count))
 
+    @classmethod
+    def with_all(cls, points: np.ndarray, across: int) -> Patches:
+        """As `around`, with those points in them that lie on the border of the box."""
+        edge = 1e-6 * np.ptp(points, axis=0)
+        return cls.around(np.concatenate([points - edge, points + edge]), across)
+
     def of(self, points: np.ndarray) -> np.ndarray:
         """Patch of reference points, shape (points,); -1 outside."""
         index = np.floor((points - self.low) / self.size).astype(int)

@@ -8,6 +8,7 @@ from conftest import ROOT
 from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError, InputError
 from fingerfit.core.files import keep_json, write_text
+from fingerfit.diagnosis import ladder
 from fingerfit.diagnosis.ladder import add, drop
 from fingerfit.provenance import call, stages
 from fingerfit.settings.config import load_settings
@@ -384,3 +385,15 @@ def test_discover_drops_what_is_not_needed_beside_a_later_effect(needed, config,
         *more,
     ]
     assert list(load_settings(config).model.effects) == (["skin", "tilt"] if needed else ["skin"])
+
+
+@pytest.mark.parametrize(("last", "done"), [("added", ["skin"]), ("dropped", [])])
+def test_discover_says_what_it_did_last_to_a_model_that_is_not_fitted(last, done, config, tmp_path, monkeypatch, capfd):
+    write_text(tmp_path / "Snakefile", SNAKEFILE)
+    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
+    monkeypatch.setattr(call, "SHIPPED", tmp_path)
+    monkeypatch.setattr(ladder, "RUNGS", 2)
+    rung(tmp_path / "results/study", "base", ["tilt"])
+    rung(tmp_path / "results/study", "base+tilt", done, spare=[] if done else ["tilt"])
+    assert main(["discover"]) == 0
+    assert f"stopped after 2 models; the last effect is {last}, but not fitted anew" in capfd.readouterr().out

@@ -214,7 +214,7 @@ def test_correlation_of_two_constants():
     assert np.diag(found.correlation) == pytest.approx([1.0, 1.0])
 
 
-NAMES = ["mu_a", "mu_b", "mu_c"]
+MODULI = [Parameter(name, "MPa", 0.01, 1.0, 0.1) for name in ("mu_a", "mu_b", "mu_c")]
 
 
 def plane(*directions):
@@ -224,26 +224,35 @@ def plane(*directions):
 
 
 def test_everything_seen_is_no_remark():
-    assert identifiability(A, NAMES) == ()
-    assert identifiability(np.diag([1.0, 1.0, 1e-3]), NAMES) == ()
+    assert identifiability(A, MODULI) == ()
+    assert identifiability(np.diag([1.0, 1.0, 1e-3]), MODULI) == ()
 
 
 def test_only_ratios():
-    (remark,) = identifiability(plane([1, 1, 1]), NAMES)
+    (remark,) = identifiability(plane([1, 1, 1]), MODULI)
     assert remark == "only ratios of mu_a, mu_b, mu_c are identifiable: these data do not see their common scale"
 
 
+def test_numbers_without_a_logarithm_have_no_ratio():
+    """Of such numbers a direction is a difference, each by its own scale: as of an offset and an angle."""
+    offset, angle = (
+        Parameter(name, "1", 0.0, high, 0.0, False) for name, high in (("x.offset", 2.0), ("y.angle", 0.1))
+    )
+    (remark,) = identifiability(plane([1, 1]), [offset, angle])
+    assert remark == "the combination +0.354 x.offset +7.07 y.angle is not identifiable from these data"
+
+
 def test_one_constant_not_seen():
-    assert identifiability(np.diag([1.0, 1e-6, 1.0]), NAMES) == ("mu_b is not identifiable from these data",)
+    assert identifiability(np.diag([1.0, 1e-6, 1.0]), MODULI) == ("mu_b is not identifiable from these data",)
 
 
 def test_one_constant_at_a_maximum_is_told_by_its_name():
     """A score that curves down along a constant has no minimum there: it is no combination of several."""
-    assert identifiability(np.diag([1.0, -1.0, 1.0]), NAMES) == ("mu_b is not identifiable from these data",)
+    assert identifiability(np.diag([1.0, -1.0, 1.0]), MODULI) == ("mu_b is not identifiable from these data",)
 
 
 def test_a_combination_not_seen():
-    (remark,) = identifiability(plane([1, -2, 0]), NAMES)
+    (remark,) = identifiability(plane([1, -2, 0]), MODULI)
     assert remark.startswith("the combination ")
     assert "mu_c" not in remark
     assert "0.45 log mu_a" in remark
@@ -251,4 +260,4 @@ def test_a_combination_not_seen():
 
 
 def test_a_flat_score_sees_nothing():
-    assert identifiability(np.zeros((2, 2)), NAMES[:2]) == ("mu_a, mu_b are not identifiable from these data",)
+    assert identifiability(np.zeros((2, 2)), MODULI[:2]) == ("mu_a, mu_b are not identifiable from these data",)

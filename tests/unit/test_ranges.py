@@ -8,7 +8,7 @@ import pytest
 from seeds import generator
 from test_verdict import VALUES, World
 
-from fingerfit.diagnosis.ranges import EXCLUDED, left_out, not_excluded, parts_of_data, with_effects
+from fingerfit.diagnosis.ranges import EXCLUDED, left_out, not_excluded, parts_of_data, ranges, with_effects
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.model.parameters import Parameter
@@ -60,6 +60,26 @@ def test_noise_alone_gives_the_standard_error():
     sizes = np.repeat([36, 2], 4)
     moves = sizes / (count - sizes) / count  # variance of what leaving out a part moves, about its mean over parts
     assert np.mean(found) == pytest.approx(7 / 8 * moves.sum(), rel=0.3)
+
+
+def test_one_part_of_the_data_has_no_spread_but_the_interval_is_told():
+    """As one force beside a prior that contradicts it: there is nothing to leave out."""
+    one = SimpleNamespace(
+        residual=SimpleNamespace(kept=np.array([True]), value=np.zeros((0, PATCHES, 3)), vector=np.array([9.0])),
+        data=SimpleNamespace(step=np.arange(1), response_step=np.arange(1)),
+        patches=SimpleNamespace(centre=np.zeros((PATCHES, 2))),
+        covariance=np.eye(1),
+        own=lambda: np.ones((1, 1)),
+        nuisance=lambda: np.zeros((1, 0)),
+        known=(np.array([9.0]), np.ones((1, 1))),
+        score_test=SimpleNamespace(freedom=1, misfit=81.0),
+        problem=SimpleNamespace(
+            settings=SimpleNamespace(parameters=lambda: (Parameter("mu", "MPa", 0.01, 10.0, 1.0),))
+        ),
+    )
+    one.every = (one,)
+    found = ranges(one, [], {"mu": {"value": 1.0, "interval95": [0.9, 1.1]}})
+    assert found["mu"] == pytest.approx((0.9, 1.1))
 
 
 TESTS = 400

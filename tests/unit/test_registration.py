@@ -259,6 +259,12 @@ def test_patches_cover_the_body():
     assert patches.of(np.array([[-0.1, 6.0], [6.0, 12.1], [0.1, 0.1]])).tolist() == [-1, -1, 0]
 
 
+def test_points_on_the_border_of_their_box_lie_in_its_patches():
+    grid = np.stack(np.meshgrid(np.arange(4.0), np.arange(4.0)), axis=-1).reshape(-1, 2)
+    for points in (grid, grid[:4]):  # and where all lie on a line
+        assert (Patches.with_all(points, 3).of(points) >= 0).all()
+
+
 def test_a_solution_is_read_as_such_a_vector(world):
     data, displacement, _ = world
     outcome = Outcome(CONVERGED, displacement, np.zeros((2, 2)), np.array([[0.0, -0.6], [0.0, -1.2]]), "")
