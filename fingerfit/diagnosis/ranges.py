@@ -14,7 +14,7 @@ import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.ranking import Ranked, spread_of
-from fingerfit.diagnosis.refit import LEVEL, Refit
+from fingerfit.diagnosis.refit import Refit, chance
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.worth import after
 from fingerfit.fit.slopes import coordinates, moved
@@ -132,10 +132,8 @@ def _reaching(
 
 def excess_of(comparison: Comparison) -> float:
     """Share of the misfit beyond what chance leaves but once in a hundred times, 0 to 1."""
-    from scipy.special import chdtri
-
     found = comparison.score_test
-    return float(max(0.0, 1.0 - chdtri(found.freedom, LEVEL) / found.misfit)) if found.misfit > 0 else 0.0
+    return max(0.0, 1.0 - chance(found.freedom) / found.misfit) if found.misfit > 0 else 0.0
 
 
 def left_out(comparison: Comparison) -> tuple[np.ndarray, int]:

@@ -121,9 +121,14 @@ def good(freedom: int) -> float:
     >>> good(1000), round(good(19), 2)
     (1.25, 1.9)
     """
+    return max(GOOD, chance(freedom) / max(freedom, 1))
+
+
+def chance(freedom: int) -> float:
+    """Misfit that noise alone goes beyond but once in a hundred times (`LEVEL`)."""
     from scipy.special import chdtri
 
-    return max(GOOD, float(chdtri(max(freedom, 1), LEVEL)) / max(freedom, 1))
+    return float(chdtri(max(freedom, 1), LEVEL))
 
 
 def explains(one: ScoreTest | Refit, level: float = LEVEL) -> bool:

@@ -13,7 +13,7 @@ from fingerfit.core.progress import tell
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, spread_of
-from fingerfit.diagnosis.refit import EXPLAINED, Refit, explains
+from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
 from fingerfit.diagnosis.verdict import MATTERS, best_of, generalising
@@ -51,13 +51,14 @@ def refits_of(
 
     Where one explains most of the misfit, not those whose odds in the first pass were far below its own, and no probe
     that was less likely: it would only say that there is something of no known form. But where the best one leaves more
-    than the noise, a probe of another family may come nearer, and counts as a member does. A series of many numbers may
-    imitate what has few: beside it others are tried that were half as likely. A probe comes after the members of
-    its family, and not at all where one of them explains the data, every pixel included. Nor do then those that only
-    slopes speak for; they come after what explained the data in the first pass.
+    than the noise, in the pictures and in the patches, a probe of another family may come nearer, and counts as a
+    member does. A series of many numbers may imitate what has few: beside it others are tried that were half as likely.
+    A probe comes after the members of its family, and not at all where one of them explains the data, every pixel
+    included. Nor do then those that only slopes speak for; they come after what explained the data in the first pass.
     """
     explained, by_series, named = -np.inf, False, set[str]()
     nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
+    alone = False  # whether one of them leaves no more than chance does
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
     flat = not in_space(problem)
@@ -67,7 +68,7 @@ def refits_of(
         effect = ranked.candidate.effect
         if effect.probe and effect.family in named:
             return False
-        elsewhere = effect.family not in nearest_by and least > 1.0 + MATTERS
+        elsewhere = effect.family not in nearest_by and least > 1.0 + MATTERS and not alone
         if seen and not ranked.refitted and least <= 1.0 + MATTERS:
             return False
         share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
@@ -110,7 +111,8 @@ def refits_of(
                 field = bool(effect.series) and effect.probe
                 explained, by_series = max((explained, by_series), (ranked.odds(spread), field))
                 nearest_by.add(effect.family)
-                least = min(least, refit.fitted)
+                least = min(least, refit.at_least)
+                alone |= explains(refit) and refit.misfit <= chance(refit.freedom) and refit.fitted <= EXPLAINED
             share = min(1.0, max(0.0, refit.explained(found.score_test.misfit)))
             if not effect.probe and explains(refit) and refit.fitted <= EXPLAINED:
                 named.add(effect.family)
