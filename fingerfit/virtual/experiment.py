@@ -281,8 +281,6 @@ def write_study(truth: Truth, solved: Solved, out: Path, seed: int | None = None
 
 def _study_text(truth: Truth, solved: Solved, folder: Path) -> str:
     """Text of study.yaml; meshes that it names are copied beside it."""
-    import yaml
-
     given = truth.written
     body, boundary = _in_plane(truth) if truth.dim == 2 else _in_space(truth, folder)
     spread = {"force": _force_spread(truth, solved), "displacement": truth.displacement_noise}
@@ -296,7 +294,14 @@ def _study_text(truth: Truth, solved: Solved, folder: Path) -> str:
         "body": body,
         "boundary": boundary,
     }
-    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
+    return _yaml(data)
+
+
+def _yaml(data: dict[str, Any]) -> str:
+    """Text that people read: short lists in one line, letters of any language as they are."""
+    import yaml
+
+    return str(yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True))
 
 
 def _in_plane(truth: Truth) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -353,6 +358,6 @@ def _join(out: Path, truths: Mapping[str, Truth]) -> None:
     first = next(iter(tests.values()))
     shared = {key: value for key, value in first.items() if all(own.get(key) == value for own in tests.values())}
     differ = {name: {k: v for k, v in own.items() if k not in shared} for name, own in tests.items()}
-    write_text(out / "study.yaml", yaml.safe_dump({**shared, TESTS: differ}, sort_keys=False, default_flow_style=None))
+    write_text(out / "study.yaml", _yaml({**shared, TESTS: differ}))
     for name in truths:  # the study is the one above, of all tests
         (out / name / "study.yaml").unlink()

@@ -116,6 +116,7 @@ def test_what_is_written_is_a_study(truth, solved, tmp_path):
 @pytest.mark.parametrize("title", ["Phantom: soft", "x # y", "'quoted' - \u00e4", "12"])
 def test_any_title_is_that_of_the_study(truth, solved, tmp_path, title):
     write_study(replace(truth, title=title), solved, tmp_path / "s")
+    assert "\\" not in (tmp_path / "s/study.yaml").read_text(encoding="utf-8")
     study = load_study(tmp_path / "s")
     assert (study.title, study.layer_names, study.base, study.indenter) == (title, ["top", "bottom"], "held", "glued")
 
