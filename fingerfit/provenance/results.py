@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -16,7 +17,7 @@ from fingerfit.core.files import keep_json, read_json, write_json
 from fingerfit.core.folders import OURS, PACKAGE, template_folders
 from fingerfit.fit.rounds import included_files, is_named
 from fingerfit.settings.choices import read_checked
-from fingerfit.settings.config import CONFIG, Settings
+from fingerfit.settings.config import CONFIG, PLAIN, Settings
 from fingerfit.solvers.registry import get_solver
 
 MARK = ".fingerfit.json"
@@ -58,11 +59,14 @@ def refuse(settings: Settings, where: Path | str = CONFIG) -> None:
     ------
     InputError
         For a folder of the study, of templates or of fingerfit, one outside of the workspace with other things in it,
-        one that belongs to another study, and a name of a model that something else has.
+        one that belongs to another study, or whose name no rule can have, and a name of a model that something else has.
     """
     results, study, model = Path(settings.results), Path(settings.study), settings.model.name
     if not study.is_dir():
         raise InputError(where, "study", settings.study, "the folder of a study")
+    if not re.fullmatch(PLAIN, str(study_folder(settings))):  # the name of a folder that config.yaml does not have
+        found = f"{settings.study}, a folder named {study_folder(settings).name!r}"
+        raise InputError(where, "study", found, "a folder named with letters, digits and . _ + - only, no spaces")
     place = results.resolve()
     others = {"the study": study, "fingerfit": PACKAGE, "templates": OURS}
     packages = [("an installed package", folder) for folder in template_folders()[1:]]

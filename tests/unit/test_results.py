@@ -117,6 +117,14 @@ def test_names_of_files_and_of_models_with_effects_are_no_names_of_models(name):
         settings(name=name)
 
 
+def test_a_study_above_whose_name_has_spaces_is_refused(place, monkeypatch):
+    (place / "my disk/inner").mkdir(parents=True)
+    monkeypatch.chdir(place / "my disk/inner")
+    found = r"config.yaml: study: found \.\., a folder named 'my disk'; expected a folder named with letters"
+    with pytest.raises(InputError, match=found):
+        refuse(settings(".."))
+
+
 def test_a_folder_beside_the_study_is_proposed(place, monkeypatch):
     monkeypatch.chdir(place / "subject1/test")
     with pytest.raises(InputError, match=r"results: found results, which lies in .*; expected .* as \.\./results$"):

@@ -7,6 +7,7 @@ import math
 import os
 import random
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -364,3 +365,18 @@ def test_a_wrong_config_is_one_line(place):
     assert done.returncode != 0
     assert "fit.scor: found an unknown key; expected score (did you mean that?)" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_folder_may_have_any_name(made, tmp_path):
+    """Its path is in the commands of three rules: one is run here, and of the others it is seen what would be run."""
+    place = tmp_path / "my disk (x) [a] 'b\" & {c} $d"
+    place.mkdir()
+    shutil.copytree(made / "study", place / "study")
+    configure(place)
+    config = str(place / "config.yaml")
+    said(place, "results/study/base/settings.json", "--configfile", config)
+    assert (place / "results/study/base/settings.json").exists()
+    for target in ("results/study/fit.sent", "discover"):
+        line = command("-n", "--printshellcmds", target, "--configfile", config, "--quiet", "host")
+        shown = subprocess.run(line, cwd=place, capture_output=True, text=True, check=True)
+        assert f"--config {shlex.quote(config)} " in shown.stdout + shown.stderr

@@ -15,5 +15,5 @@ rule study:
         goals=lambda wildcards: [f"--{goal}" for goal in GOALS if goal in wildcards.goals.split("+")],
         more=options_given,
     shell:
-        "export FINGERFIT_STUDY={wildcards.study}; exec python -P -m fingerfit run --config {params.config}"
+        "export FINGERFIT_STUDY={wildcards.study:q}; exec python -P -m fingerfit run --config {params.config:q}"
         " --cores {threads} {params.goals} -- {params.more:q} > {log} 2>&1"

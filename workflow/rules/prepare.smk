@@ -20,7 +20,7 @@ rule settings:
         text=settings_text,
         config=CONFIG,
     shell:
-        "exec python -P -m fingerfit settings {params.given:q} --config {params.config} --out {output.settings} 2> {log}"
+        "exec python -P -m fingerfit settings {params.given:q} --config {params.config:q} --out {output.settings} 2> {log}"
 
 
 rule prepare:
