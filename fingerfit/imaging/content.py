@@ -27,11 +27,16 @@ def constant(values: np.ndarray) -> str:
     return "all pixels 0" if low == 0 else f"all pixels {low:g}"
 
 
+def pixels(values: np.ndarray) -> bytes:
+    """What tells pictures with other pixels apart, where not all of them can be kept."""
+    return hashlib.sha256(np.ascontiguousarray(values).data).digest()
+
+
 def repeated(pictures: Sequence[np.ndarray]) -> tuple[int, int] | None:
     """The first two pictures, as places in the list, with the same pixels: noise makes that impossible."""
     known: dict[bytes, int] = {}
     for n, values in enumerate(pictures):
-        key = hashlib.sha256(np.ascontiguousarray(values).data).digest()
+        key = pixels(values)
         if key in known:
             return known[key], n
         known[key] = n

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems
-from fingerfit.imaging.content import constant, out_of_order, repeated
+from fingerfit.imaging.content import constant, out_of_order, pixels, repeated
 from fingerfit.imaging.noise import estimate_noise, noise_of_repeats
 from fingerfit.imaging.outline import Outline, measure_outline
 from fingerfit.imaging.pictures import Picture, read_picture
@@ -94,14 +94,13 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
             return picture if box == "off" else picture.crop(mesh.body, crop)
         return picture.crop(_corners(box), 0.0)
 
-    found = _read(study, mesh, used, trimmed)
-    if found is None:
+    if not used or study.before is None:
         return None
-    before, pictures = found
+    before = _read_before(study, study.before, mesh)
     _check_place(study, mesh, before)
     part = trimmed(before)
     said.append(_words_of_trim(study, before, part, crop))
-    _check_content(study, used, part, pictures)
+    pictures = _of_steps(study, study.before, used, before, part, trimmed)
     own = chain.gaussian is not None
     sigma = float(chain.gaussian) if chain.gaussian is not None else sigma
     low, size = scale_of(before.values) if chain.scale else (0.0, 1.0)
@@ -171,41 +170,64 @@ def covers(mesh: Mesh, picture: Picture) -> np.ndarray:
     return covered.reshape(picture.values.shape)
 
 
-def _read(
-    study: Study, mesh: Mesh, used: list[int], trimmed: Callable[[Picture], Picture]
-) -> tuple[Picture, list[Picture]] | None:
-    """The whole picture before compression, and of those of the steps what is left after trimming."""
-    if not used or study.before is None:
-        return None
-    before = read_picture(study.before)
+def _read_before(study: Study, path: Path, mesh: Mesh) -> Picture:
+    """The whole picture before compression."""
+    before = read_picture(path)
     if before.dim != mesh.dim:
-        raise InputError(study.before, "picture", f"{before.dim} dimensions", f"{mesh.dim}, as the mesh")
+        raise InputError(path, "picture", f"{before.dim} dimensions", f"{mesh.dim}, as the mesh")
     chain, expected = study.chain, f"{before.dim}, as the pictures"
     if chain.resize is not None and len(chain.resize) != before.dim:
         raise InputError(study.path, "pictures.resize", f"{len(chain.resize)} numbers", expected)
     if not isinstance(chain.trim, str) and len(chain.trim[0]) != before.dim:
         raise InputError(study.path, "pictures.trim", f"corners of {len(chain.trim[0])} numbers", expected)
-    paths = [study.steps[index].picture for index in used]
-    return before, _like(before, study.before.name, [path for path in paths if path is not None], trimmed)
+    return before
 
 
-def _like(before: Picture, name: str, paths: Iterable[Path], trimmed: Callable[[Picture], Picture]) -> list[Picture]:
-    """Pictures in the same place as the one before compression, trimmed; all problems at once."""
+def _of_steps(
+    study: Study, first: Path, used: list[int], before: Picture, part: Picture, trimmed: Callable[[Picture], Picture]
+) -> list[Picture]:
+    """What is left after trimming of the pictures of fitted steps; those of all steps are checked.
+
+    Pictures of steps that are held out, which the diagnosis compares, are read one at a time and not kept.
+    """
     problems: list[FingerfitError] = []
-    pictures = []
-    for path in paths:
+    fitted = []
+    paths: dict[Path, int] = {}
+    known = {pixels(part.values): first}
+    if found := constant(part.values):
+        problems.append(InputError(first, "picture", found, "a picture that shows the body"))
+    for index, step in enumerate(study.steps):
+        path = step.picture
+        if path is None:
+            continue
+        if (earlier := paths.setdefault(path, step.number)) != step.number:
+            found = f"{path.name} at steps {earlier} and {step.number}"
+            where = study.table or study.path
+            problems.append(InputError(where, "picture", found, "a picture of its own for each step"))
+            continue
         try:
-            picture = read_picture(path)
+            picture = trimmed(_like(before, first.name, path))
         except InputError as error:
             problems.append(error)
             continue
-        if not picture.same_place(before):
-            problems.append(InputError(path, "geometry", picture.difference(before), f"that of {name}"))
-            continue
-        pictures.append(trimmed(picture))
+        if found := constant(picture.values):
+            problems.append(InputError(path, "picture", found, "a picture that shows the body"))
+        elif (same := known.setdefault(pixels(picture.values), path)) != path:
+            found = f"the pixels of {same.name}"
+            problems.append(InputError(path, "picture", found, "a picture of its own for each step"))
+        if index in used:
+            fitted.append(picture)
     if problems:
         raise Problems(problems)
-    return pictures
+    return fitted
+
+
+def _like(before: Picture, name: str, path: Path) -> Picture:
+    """A picture in the same place as the one before compression."""
+    picture = read_picture(path)
+    if not picture.same_place(before):
+        raise InputError(path, "geometry", picture.difference(before), f"that of {name}")
+    return picture
 
 
 def _noise(study: Study, mesh: Mesh, before: Picture) -> float:
@@ -218,7 +240,7 @@ def _noise(study: Study, mesh: Mesh, before: Picture) -> float:
             raise InputError(study.path, "pictures.noise", f"{given:g}", expected)
         return given
     if isinstance(given, tuple) and study.before is not None:
-        again = _like(before, study.before.name, given, lambda picture: picture)
+        again = _repetitions(before, study.before.name, given)
         same = repeated([before.values, *(one.values for one in again)])
         if same is not None:
             first, second = ([study.before, *given][n] for n in same)
@@ -229,28 +251,18 @@ def _noise(study: Study, mesh: Mesh, before: Picture) -> float:
     return estimate_noise(before.values, _empty(before, mesh))
 
 
-def _check_content(study: Study, used: list[int], before: Picture, pictures: list[Picture]) -> None:
-    """Refuse pictures without contrast where they are compared, and the same picture twice."""
-    paths = [path for path in (study.before, *(study.steps[index].picture for index in used)) if path is not None]
-    parts = [before.values, *(picture.values for picture in pictures)]
-    problems: list[FingerfitError] = [
-        InputError(path, "picture", found, "a picture that shows the body")
-        for path, values in zip(paths, parts, strict=True)
-        if (found := constant(values))
-    ]
-    steps = [study.steps[index] for index in used]
-    for n, step in enumerate(steps):
-        if twice := [one.number for one in steps[:n] if one.picture == step.picture]:
-            found = f"{step.picture and step.picture.name} at steps {twice[0]} and {step.number}"
-            where = study.table or study.path
-            problems.append(InputError(where, "picture", found, "a picture of its own for each step"))
-    same = repeated(parts) if not problems else None
-    if same is not None:
-        first, again = same
-        found = f"the pixels of {paths[first].name}"
-        problems.append(InputError(paths[again], "picture", found, "a picture of its own for each step"))
+def _repetitions(before: Picture, name: str, paths: Iterable[Path]) -> list[Picture]:
+    """Further pictures before compression; all problems at once."""
+    problems: list[FingerfitError] = []
+    pictures = []
+    for path in paths:
+        try:
+            pictures.append(_like(before, name, path))
+        except InputError as error:
+            problems.append(error)
     if problems:
         raise Problems(problems)
+    return pictures
 
 
 def _order_remarks(study: Study, used: list[int], before: Picture, pictures: list[Picture], noise: float) -> list[str]:

@@ -59,7 +59,8 @@ def refuse(settings: Settings, where: Path | str = CONFIG) -> None:
     ------
     InputError
         For a folder of the study, of templates or of fingerfit, one outside of the workspace with other things in it,
-        one that belongs to another study, or whose name no rule can have, and a name of a model that something else has.
+        one that belongs to another study, or whose name no rule can have, and a name of a model that something else
+        has.
     """
     results, study, model = Path(settings.results), Path(settings.study), settings.model.name
     if not study.is_dir():

@@ -282,6 +282,28 @@ def test_what_a_picture_shows_is_looked_at(place, name, capsys):
     assert lines[0].startswith(f"fingerfit: error: study/{expected}")
 
 
+HELD_OUT = CONTENTS | {
+    "text": (lambda p: (p / "study/step_2.nii.gz").write_text("hello"), "step_2.nii.gz: picture: found"),
+    "another size": (of("step_2", shown("step_2")[:20]), "step_2.nii.gz: geometry: found 32x20 pixels; expected that of"),
+    "a volume": (of("step_2", np.stack([shown("step_2")] * 3)), "step_2.nii.gz: geometry: found 32x30x3 pixels"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [n for n, (_, line) in HELD_OUT.items() if line.startswith(("step_2", "steps"))])
+def test_a_picture_that_is_held_out_is_looked_at(place, name, capsys):
+    """By check and by the first job of a fit: the diagnosis compares it."""
+    make(place, ".nii.gz")
+    config = yaml.safe_load((place / "config.yaml").read_text())
+    (place / "config.yaml").write_text(yaml.safe_dump({**config, "fit": {**config["fit"], "steps": [1]}}))
+    change, expected = HELD_OUT[name]
+    change(place)
+    for line in (["check", "study"], ["prepare", "config.yaml", "--out", "data.npz", "--mesh", "mesh.inp"]):
+        assert main(line) == 1
+        lines = told(capsys)
+        assert len(lines) == 1, lines
+        assert lines[0].startswith(f"fingerfit: error: study/{expected}")
+
+
 def test_a_slice_that_is_cut_at_the_end_of_a_series(place, capsys):
     """GDCM leaves it out, and the volume would only be lower."""
     from test_bad_volumes import EVEN, series
