@@ -9,6 +9,8 @@ import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from fingerfit.core.progress import say
+
 MARK = "fingerfit: error: "
 """Before each error that the command line prints, and so the logs of jobs hold."""
 _STATUS = re.compile(r"returned non-zero exit status (\d+)|died with <Signals\.\w+: (\d+)>")
@@ -25,6 +27,15 @@ _ASIDE = (
     *("No SLURM account given", "No account was given", "Unable to guess SLURM account"),
 )
 """Beginnings of messages that say what is right for nearly everybody."""
+
+
+def refused(text: object) -> SystemExit:
+    """Say why nothing can run in lines as those of a command, and return what ends the workflow while it is read.
+
+    Snakemake would put the place in the workflow around what its own exceptions say.
+    """
+    say(*(MARK + line for line in str(text).splitlines()), error=True)
+    return SystemExit(1)
 
 
 def why(rule: str, logs: Sequence[str], status: int = 0) -> list[str]:

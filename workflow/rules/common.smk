@@ -3,7 +3,6 @@ import re
 import sys
 from pathlib import Path
 
-from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from fingerfit.core.errors import FingerfitError
@@ -12,7 +11,7 @@ from fingerfit.core.progress import Progress, say
 from fingerfit.fit.rounds import Walk
 from fingerfit.provenance import runs
 from fingerfit.provenance.ending import end_at_once, end_when_told
-from fingerfit.provenance.failures import MARK, Failures
+from fingerfit.provenance.failures import MARK, Failures, refused
 from fingerfit.provenance.size import LONG
 from fingerfit.provenance.watch import Watch, heard_by
 
@@ -34,15 +33,15 @@ try:
     RUNS = runs.planned(config, CONFIG, ONLY, workflow.is_main_process)
     DAMAGED = runs.damaged(RUNS) if workflow.is_main_process and workflow.output_settings.dryrun else []
 except FingerfitError as error:
-    raise WorkflowError(str(error))
+    raise refused(error)
 except OSError as error:
-    raise WorkflowError(f"{error.filename or CONFIG}: cannot be read: {error.strerror}")
+    raise refused(f"{error.filename or CONFIG}: cannot be read: {error.strerror}")
 if DISCOVERS and (workflow.config_settings.config or len(workflow.configfiles) > 1):
-    raise WorkflowError(f"discover adds effects to {CONFIG}: all settings must stand there")
+    raise refused(f"discover adds effects to {CONFIG}: all settings must stand there")
 if DISCOVERS and len(RUNS) > 1:
-    raise WorkflowError(f"discover adds effects to one model; {CONFIG} has {len(RUNS)} runs")
+    raise refused(f"discover adds effects to one model; {CONFIG} has {len(RUNS)} runs")
 if DAMAGED:
-    raise WorkflowError("\n".join(DAMAGED))
+    raise refused("\n".join(DAMAGED))
 
 if workflow.is_main_process:
     end_when_told()
