@@ -14,10 +14,11 @@ import numpy as np
 from fingerfit.core.errors import FingerfitError, InputError, Problems, SolverError
 from fingerfit.core.files import write_text
 from fingerfit.core.folders import template_folders
+from fingerfit.core.keys import read_yaml
 from fingerfit.deck.context import deck_context, place_of
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import blocks
-from fingerfit.fit.check import changes_the_deck, check_against_study, check_data, check_effects
+from fingerfit.fit.check import changes_the_deck, check_data, check_effects
 from fingerfit.forward.decks import make_deck, refusal, template_of
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.mesh import Mesh
@@ -28,6 +29,8 @@ from fingerfit.model.observation import Observation
 from fingerfit.prepare.plausible import refuse_magnitudes
 from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.prepare.regions import region_lines
+from fingerfit.provenance.results import study_folder
+from fingerfit.provenance.runs import planned
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import FitSettings, MeshSettings, Settings
 from fingerfit.settings.runs import settings_for
@@ -92,7 +95,7 @@ def check_study(path: Path, config: Path | None = None, picture: Path | None = N
     study = load_study(path)
     settings, where, source = settings_for(path, config)
     if settings is not None:
-        check_against_study(settings, study, where)
+        planned(read_yaml(where), where, str(study_folder(settings)), whole=False)  # what a run would refuse
         check_effects(settings, study, make_mesh(study, settings.model.mesh), where)
     every = [_checked(path, test, settings, where, source) for test in study.every]
     lines = [*_study(every[0], study.title), f"settings: {source}"]

@@ -128,7 +128,7 @@ def _no_template(settings: Settings, study: Study) -> list[FingerfitError]:
 
 
 def _wrong_mesh(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
-    """A mesh twice or not at all, or of another dimension."""
+    """A mesh twice or not at all, of another dimension, or a finer one that is coarser."""
     model, problems = settings.model, list[FingerfitError]()
     has_mesh = study.body.mesh is not None
     if has_mesh == (model.mesh is not None):
@@ -141,7 +141,21 @@ def _wrong_mesh(settings: Settings, study: Study, where: Path | str) -> list[Fin
             continue
         dim = 3 if study.body.brick is not None else 2
         problems += wrong_element(mesh, dim, settings.solver, where, f"model.{key}.element")
+    if not problems and model.mesh and model.refined and _nodes(model.refined) < _nodes(model.mesh):
+        found = f"{_words(model.refined)}, coarser than model.mesh with {_words(model.mesh)}"
+        problems.append(InputError(where, "model.refined", found, "a finer mesh: more across or per_layer"))
     return problems
+
+
+def _nodes(mesh: MeshSettings) -> int:
+    """What the number of nodes of a layer grows with: elements along all axes, twice as many of quadratic ones."""
+    element = ELEMENTS[mesh.element]
+    times = 2 if element.nodes > element.corners else 1
+    return (times * mesh.across) ** (element.dim - 1) * times * mesh.per_layer
+
+
+def _words(mesh: MeshSettings) -> str:
+    return f"across {mesh.across}, per_layer {mesh.per_layer}, {mesh.element}"
 
 
 def wrong_element(mesh: MeshSettings, dim: int, solver: str, where: Path | str, field: str) -> list[FingerfitError]:

@@ -53,6 +53,29 @@ def lines(capsys, *arguments):
     return [line.removeprefix("fingerfit: error: ") for line in found]
 
 
+# --- what a run would refuse
+
+
+def test_names_and_models_that_a_run_refuses(place, capsys):
+    model(name="sims")
+    assert lines(capsys) == [
+        "config.yaml: model.name: found sims; expected another name: sims and meshes are folders of all models"
+    ]
+    write("config.yaml", {**CONFIG, "runs": [{}, {"model": {"mesh": {**MESH, "across": 3}}}]})
+    assert re.match(r"config.yaml: runs.1: model.name: found a second model base of results/study;", *lines(capsys))
+
+
+def test_a_finer_mesh_that_is_coarser(place, capsys):
+    mesh = {"element": "CPE4", "across": 4, "per_layer": 2}
+    model(mesh=mesh, refined={**mesh, "across": 3})
+    assert lines(capsys) == [
+        "config.yaml: model.refined: found across 3, per_layer 2, CPE4, coarser than model.mesh with across 4,"
+        " per_layer 2, CPE4; expected a finer mesh: more across or per_layer"
+    ]
+    model(mesh=mesh, refined={**mesh, "element": "CPE8", "across": 3})  # with nodes between the corners it is finer
+    assert main(["check", "study", "--no-solve"]) == 0
+
+
 # --- the deck and the solver
 
 

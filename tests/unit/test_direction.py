@@ -36,7 +36,7 @@ def written(folder, steps=SHEAR, **own):
     study |= own
     (folder / "study.yaml").write_text(yaml.safe_dump({k: v for k, v in study.items() if v is not None}))
     (folder / "steps.csv").write_text(steps)
-    config = {"study": str(folder), "results": str(folder / "results"), "model": MODEL, "fit": FIT}
+    config = {"study": str(folder), "results": f"{folder}-results", "model": MODEL, "fit": FIT}
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     return folder
 
