@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 STUDY: dict[str, Any] = {
     "title": "block",
@@ -37,3 +40,12 @@ CUBE = """*NODE
 7, 1., 1., 1.
 8, 0., 1., 1.
 """
+
+
+def study_with_pictures(folder: Path) -> None:
+    """The same block with pictures and times, as far as effects of a model look at it: the pictures are empty files."""
+    folder.mkdir()
+    rows = [f"{row},{name}" for row, name in zip(STEPS.split(), ("time,picture", "1,1.nii", "2,2.nii"), strict=True)]
+    files = {"steps.csv": "\n".join(rows), "study.yaml": yaml.safe_dump({**STUDY, "pictures": {"before": "0.nii"}})}
+    for name, text in {**files, **{f"{n}.nii": "" for n in range(3)}}.items():
+        (folder / name).write_text(text, encoding="utf-8")

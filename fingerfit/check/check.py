@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ from fingerfit.forward.decks import make_deck, refusal, template_of
 from fingerfit.imaging.pictures import Picture, read_picture
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import unmet
+from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import Effect
 from fingerfit.model.laws import LAWS, impossible
 from fingerfit.model.observation import Observation
@@ -250,7 +252,7 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
         for part in sorted(folder.glob("*.inp.j2"))
         if not (folder / (name := f"{part.name.split('.')[0]}.yaml")).exists()
     ]
-    named = blocks(template_folders(Path(settings.study)))
+    named, ours = blocks(template_folders(Path(settings.study))), catalogue()
     lines = []
     for path in sorted(folder.glob("*.yaml")):
         effect = known[path.stem]
@@ -265,6 +267,8 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
             problems.append(InputError(path, error.field, error.found, error.expected) if own else error)
         else:
             lines.append(f"effect {effect.name}: {effect.title}; {use}")
+            if effect.name in ours:
+                lines.append(f"remark: {path} replaces the effect {effect.name} that comes with fingerfit or a package")
     if problems:
         raise Problems(problems)
     return lines
@@ -287,6 +291,7 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect, whole: 
     if changes_the_deck(settings, study, mesh, effect):
         found.append("the deck")
         _taken(settings, study, mesh, effect, values)
+        _absent(settings, study, mesh, effect)
     place_of(effect, values, mesh)
     seen = Observation.of([whole], values, mesh.body, study.course)
     if seen is not None:
@@ -326,6 +331,24 @@ def _taken(settings: Settings, study: Study, mesh: Mesh, effect: Effect, values:
         part = Path(settings.study) / effect.part if effect.part else None
         place = part if part and part.exists() else where
         raise InputError(place, f"in the {refused.where}, {refused.field}", refused.found, refused.expected)
+
+
+def _absent(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> None:
+    """Refuse formulas that change the deck at the effect's absent values, where they are not used at all.
+
+    So the first step away from there would be a jump. The deck with such a formula is compared with the one where it
+    gives what it was given; both are made as if the effect were there.
+    """
+    known = effects_of(Path(settings.study))
+    values = {**of_test(settings.starts(), study.test), **effect.places()[0], **effect.null()}
+    there = tuple(replace(p, null=math.nan) for p in effect.parameters)
+    for what, formula in effect.changes.items():
+        ones = [replace(effect, parameters=there, changes={what: text}) for text in (formula, what)]
+        decks = [make_deck(settings, study, mesh, "mesh", values, {**known, effect.name: one}) for one in ones]
+        if decks[0] != decks[1]:
+            absent = ", ".join(f"{p.name} {p.null:g}" for p in effect.parameters)
+            found = f"{formula!r}, which changes the deck at the absent values {absent}"
+            raise InputError(f"effect {effect.name}", f"changes.{what}", found, "a formula that changes nothing there")
 
 
 def _turn(frame: Picture) -> str:

@@ -23,7 +23,7 @@ from fingerfit.provenance.results import model_folder, study_folder
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, Settings, load_settings
 from fingerfit.settings.edit import remove_effect, write_effect
-from fingerfit.study.reader import load_study
+from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.several import of_test
 from fingerfit.study.study import Study
 
@@ -40,6 +40,9 @@ def add(config: Path, name: str) -> str:
         For an effect that is not known, is there already, or needs what the solver lacks.
     """
     settings = load_settings(config)
+    if not study_path(Path(settings.study)).exists():
+        found = f"{settings.study}, where there is no study.yaml"
+        raise InputError(config, "study", found, "the folder of a study, seen from the folder of this call")
     effect = chosen([name], effects_of(Path(settings.study)), config)[0]
     if name in settings.model.effects:
         raise InputError(config, f"model.effects.{name}", "it twice", "an effect that the model does not have yet")
@@ -139,8 +142,6 @@ def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
 
     Where that cannot be found out here, the fit's start will tell.
     """
-    if not (Path(settings.study) / "study.yaml").exists():
-        return
     study = load_study(Path(settings.study))
     check_effects(settings, study, make_mesh(study, settings.model.mesh), config)
     for test in study.every if effect.simulated else ():

@@ -35,11 +35,13 @@ def effect_files(study: Path | None = None) -> tuple[tuple[Path, int], ...]:
     Raises
     ------
     InputError
-        As of `catalogue`.
+        As of `catalogue`, and for files that would be overlooked.
     """
     found = list[tuple[Path, int]]()
     for folder in (*template_folders(), *([study] if study else [])):
         taken = {path.stem for path, _ in found}
+        for path in sorted((folder / "effects").glob("*.yml")):
+            raise InputError(path, "file", "the ending .yml", f"{path.stem}.yaml: files of effects end in .yaml")
         for path in sorted((folder / "effects").glob("*.yaml")):
             if path.stem in taken and folder != study:
                 raise InputError(path, "name", path.stem, "one that no other effect has")

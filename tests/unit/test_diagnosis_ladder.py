@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from blocks import study_with_pictures
 from conftest import ROOT
 
 from fingerfit.cli import main
@@ -48,6 +49,7 @@ EFFECTS = """\
 def config(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_text(tmp_path / "config.yaml", CONFIG)
+    study_with_pictures(tmp_path / "study")
     return Path("config.yaml")
 
 
@@ -61,8 +63,7 @@ def effects(config):
 
 
 def test_add_changes_nothing_else(config):
-    said = add(config, "tilt")
-    assert "added tilt (tilt of the indenter)" in said
+    assert "added tilt (tilt of the indenter)" in add(config, "tilt")
     assert effects(config) == {"tilt": {}}
     new = config.read_text(encoding="utf-8")
     assert new.replace("  effects:\n    tilt: {}\n", "") == CONFIG

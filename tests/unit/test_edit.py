@@ -7,6 +7,7 @@ import yaml
 from one_layer import TWO_TESTS
 
 from fingerfit.core.errors import InputError, Problems
+from fingerfit.diagnosis.ladder import add
 from fingerfit.settings.config import load_settings
 from fingerfit.settings.edit import remove_effect, write_effect
 
@@ -186,3 +187,15 @@ def test_what_cannot_be_kept_is_refused_in_one_line(config, what, inside):
         " expected every effect written out, on lines of its own"
     )
     assert config.read_text() == layout(inside)
+
+
+def test_where_the_study_is_not_found_nothing_is_added(tmp_path, monkeypatch):
+    """`study` is seen from the folder of the call, not from that of config.yaml."""
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    text = HEAD + MODEL + PARAMETERS + FIT
+    (tmp_path / "config.yaml").write_text(text)
+    found = r"config.yaml: study: found study, where there is no study.yaml; expected the folder of a study, seen"
+    with pytest.raises(InputError, match=found):
+        add(Path("../config.yaml"), "tilt")
+    assert (tmp_path / "config.yaml").read_text() == text

@@ -108,6 +108,33 @@ def test_a_number_that_means_something_else(study, name):
         checked(study, scan={name: [1, 2]})
 
 
+def test_a_formula_that_changes_the_deck_where_the_effect_is_absent(study):
+    number = {**OWN["parameters"]["slope"], "absent": 0.3}
+    line = told(study, parameters={"slope": number})
+    assert line == (
+        "study/effects/mine.yaml: changes.field: found 'slope * (x / width - 0.5)', which changes the deck at the absent"
+        " values slope 0.3; expected a formula that changes nothing there"
+    )
+    assert (
+        "changes the deck"
+        in checked(study, parameters={"slope": number}, changes={"field": "(slope - 0.3) * x / width"})[0]
+    )
+
+
+def test_a_file_that_would_be_overlooked(study):
+    (study / "effects/other.yml").write_text("title: t\n")
+    assert (
+        told(study)
+        == "study/effects/other.yml: file: found the ending .yml; expected other.yaml: files of effects end in .yaml"
+    )
+
+
+def test_an_effect_in_the_place_of_one_that_comes_with_fingerfit(study):
+    assert checked(study, name="tilt")[1:] == [
+        "remark: study/effects/tilt.yaml replaces the effect tilt that comes with fingerfit or a package"
+    ]
+
+
 def test_a_part_without_an_effect(study):
     (study / "effects/mien.inp.j2").write_text("** nothing\n")
     line = told(study)
