@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
 from fingerfit.core.errors import FingerfitError, InputError
-from fingerfit.core.keys import unknown_key
+from fingerfit.core.keys import nearest, unknown_key
 
 _KINDS = {
     "model_type": "keys and values",
@@ -25,6 +25,8 @@ _KINDS = {
     "string_type": "a text",
 }
 """Kinds of values in plain words."""
+_UNKNOWN = ("extra_forbidden", "invalid_key")
+"""Of a key that is not known."""
 
 
 class Described(BaseModel):
@@ -104,7 +106,9 @@ def described(
     except ValidationError as error:
         found = [details for details in error.errors() if not details["loc"] or details["loc"][0] not in without]
         found.sort(key=lambda details: details["type"] != "extra_forbidden")  # they may explain what is missing
-        problems = [_explain(where, details, kind) for details in found]
+        meant = {_meant(details["loc"], kind) for details in found if details["type"] in _UNKNOWN}
+        told = [details for details in found if details["type"] != "missing" or details["loc"] not in meant]
+        problems = [_explain(where, details, kind) for details in told]
         wrong |= {str(details["loc"][0]) for details in found if details["loc"]}
     known = kind.model_fields.items() if isinstance(data, dict) else ()
     right: dict[str, Any] = {name: (field.annotation, field) for name, field in known if name not in wrong}
@@ -115,11 +119,12 @@ def described(
 def _explain(where: Path | str, details: Any, root: type[BaseModel]) -> FingerfitError:
     kind, loc = details["type"], details["loc"]
     field = ".".join(str(key) for key in loc if key != "[key]") or "file"
-    if kind in ("extra_forbidden", "invalid_key"):
+    if kind in _UNKNOWN:
         *parents, key = loc
-        fields = _fields(_model_at(root, parents))
-        names = [name for name, field in fields.items() if field.annotation is not type(None)]
-        return unknown_key(where, "".join(f"{p}." for p in parents), str(key), names)
+        if str(key).isdecimal() and parents:  # of {start: 0,02} YAML makes the keys start and 02
+            expected = "names of values; a number has a decimal point, no comma"
+            return InputError(where, ".".join(map(str, parents)), f"the number {key} for a key", expected)
+        return unknown_key(where, "".join(f"{p}." for p in parents), str(key), _names(root, parents))
     beside = _fields(_model_at(root, loc[:-1])) if loc else {}
     about = beside[str(loc[-1])].description if loc and str(loc[-1]) in beside else None
     if kind == "missing":
@@ -134,6 +139,18 @@ def _explain(where: Path | str, details: Any, root: type[BaseModel]) -> Fingerfi
     if kind == "none_required" and about:
         return InputError(where, field, found, f"no such key: {about[0].lower()}{about[1:].rstrip('.')}")
     return InputError(where, field, found, _KINDS.get(kind) or details["msg"].replace("Input should be ", ""))
+
+
+def _names(root: type[BaseModel], parents: Sequence[Any]) -> list[str]:
+    """Keys that may stand at a place of the file."""
+    fields = _fields(_model_at(root, parents))
+    return [name for name, field in fields.items() if field.annotation is not type(None)]
+
+
+def _meant(loc: Sequence[Any], root: type[BaseModel]) -> tuple[Any, ...]:
+    """Place of the key that stands at this place, misspelt: that it is missing there is no mistake of its own."""
+    *parents, key = loc
+    return (*parents, nearest(str(key), _names(root, parents)))
 
 
 def _shown(value: Any) -> Any:

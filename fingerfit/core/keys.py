@@ -141,8 +141,13 @@ def listed(names: Sequence[str], most: int, between: str = ", ", last: str = " a
     return between.join(names[:most]) + (f"{last}{len(names) - most} more" if len(names) > most else "")
 
 
+def nearest(key: str, known: Sequence[str]) -> str:
+    """The known key that a misspelt one is like; empty where it is like none."""
+    return next(iter(difflib.get_close_matches(str(key), known, 1)), "")
+
+
 def unknown_key(where: Path | str, prefix: str, key: str, known: Sequence[str]) -> InputError:
     """Error for a key that is not known, with the nearest one that is."""
-    near = difflib.get_close_matches(str(key), known, 1)
-    hint = f"{near[0]} (did you mean that?)" if near else "one of " + listed(known, SHOWN)
+    near = nearest(key, known)
+    hint = f"{near} (did you mean that?)" if near else "one of " + listed(known, SHOWN)
     return InputError(where, f"{prefix}{key}", "an unknown key", hint)

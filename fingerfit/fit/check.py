@@ -38,7 +38,7 @@ def check_against_study(settings: Settings, study: Study, where: Path | str = CO
     """
     problems = [problem for test in study.every for problem in _missing_data(settings, test, where)]
     problems += _unusable_folder(settings, where) + _of_several(settings, study, where)
-    problems += _strange_layers(settings, study, where) + _no_template(settings, study)
+    problems += _strange_layers(settings, study, where) + _no_template(settings, study, where)
     for test in study.every:
         problems += _unweighted(settings, test) + _missing_constants(settings, study, test, where)
         problems += _wrong_mesh(settings, test, where)
@@ -112,10 +112,14 @@ def _missing_constants(settings: Settings, study: Study, test: Study, where: Pat
     return problems
 
 
-def _no_template(settings: Settings, study: Study) -> list[FingerfitError]:
-    """Deck templates of a study, or of its tests, that are nowhere."""
+def _no_template(settings: Settings, study: Study, where: Path | str) -> list[FingerfitError]:
+    """Deck templates of a model, of a study, or of its tests, that are nowhere."""
     folders, shared = template_folders(Path(settings.study)), len({test.template for test in study.every}) == 1
-    return [
+    own, expected = settings.model.template, "a template in the folder of the study or in templates/"
+    problems = list[FingerfitError]()
+    if any(not test.template for test in study.every) and not is_template(own, folders):
+        problems.append(InputError(where, "model.template", own, expected))
+    return problems + [
         InputError(
             study.path,
             "template" if shared else f"tests.{test.test}.template",

@@ -24,16 +24,21 @@ def read_points(study: Study, mesh: Mesh, problems: list[FingerfitError]) -> tup
             head = [cell.strip() for cell in text[0].split(",")] if text else []
             if head != columns:
                 raise InputError(step.points, "columns", ",".join(head) or "nothing", ",".join(columns))
-            table = np.array([[_number(cell) for cell in row.split(",")] for row in text[1:] if row.strip()])
-            if table.ndim != 2 or table.shape[1] != len(columns) or not np.isfinite(table).all():
-                raise InputError(step.points, "rows", "missing or infinite numbers", f"{len(columns)} finite numbers")
+            lines = [line for line, row in enumerate(text, 1) if line > 1 and row.strip()]
+            rows = [[_number(cell) for cell in text[line - 1].split(",")] for line in lines]
+            for line, row in zip(lines, rows, strict=True):
+                if len(row) != len(columns) or not np.isfinite(row).all():
+                    found, expected = text[line - 1].strip(), f"{len(columns)} finite numbers"
+                    raise InputError(step.points, f"line {line}", found, expected)
+            if not rows:
+                raise InputError(step.points, "rows", "none", f"{len(columns)} finite numbers for each point")
+            table = np.array(rows)
             wrong = unusable(table[:, : mesh.dim] * study.length, table[:, mesh.dim :] * study.length, mesh.body)
             if wrong is not None:
                 raise InputError(step.points, "rows", *wrong)
             # a point of no element has no displacement to compare with
             outside = np.flatnonzero(Probe(mesh, table[:, : mesh.dim] * study.length).element < 0)
             if len(outside):
-                lines = [line for line, row in enumerate(text, 1) if line > 1 and row.strip()]
                 place = ", ".join(f"{x:g}" for x in table[outside[0], : mesh.dim])
                 found = f"{place} in no element of the mesh ({len(outside)} of {len(table)} points are)"
                 raise InputError(step.points, f"line {lines[outside[0]]}", found, "points in the body")

@@ -18,6 +18,8 @@ _ROUND = re.compile(r"/rounds/\d+\.json$")
 _SENT = ".sent"
 """Ending of the mark of a job that fits a whole study on a cluster."""
 _NOTHING = "Nothing to be done"
+_FURTHER = 10
+"""Times the way made so far that the way left may be for its time to be told; a choice."""
 
 
 class Watch(logging.Handler):
@@ -38,7 +40,7 @@ class Watch(logging.Handler):
         self._jobs: dict[int, tuple[str, float, float]] = {}
         self._seconds: list[float] = []
         self._asked = self._solved = 0
-        self._stages: dict[Path, tuple[str, float, float]] = {}
+        self._stages: dict[Path, tuple[str, int, float, float]] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
         """Note the start of a job, tell what its end says, and leave the screen to errors."""
@@ -104,7 +106,7 @@ class Watch(logging.Handler):
         """Tolerances that were reached against those that are wanted, and the time that this leaves for the stage.
 
         The differences between the vertices of a simplex fall by a factor in each round, so the logarithm of the worst
-        of them tells the time.
+        of them tells the time: that of one round at least, and nothing where hardly any of the way is made.
         """
         if not current.tolerances:
             return []
@@ -113,11 +115,11 @@ class Watch(logging.Handler):
             told.append(f"{name} {reached:.2g} ({wanted:.2g})")
             worst = max(worst, reached / wanted)
         now, text = time.monotonic(), ", ".join(told)
-        stage, first, began = self._stages.get(where, ("", 0.0, now))
+        stage, number, first, began = self._stages.get(where, ("", 0, 0.0, now))
         if stage != current.stage:
-            self._stages[where] = current.stage, worst, now
-        elif 1 < worst < first:
-            left = math.log(worst) / math.log(first / worst) * (now - began)
+            self._stages[where] = current.stage, current.number, worst, now
+        elif 1 < worst < first and (further := math.log(worst) / math.log(first / worst)) <= _FURTHER:
+            left = max(further, 1 / max(1, current.number - number)) * (now - began)
             text += f", {in_words(left)} left in this stage"
         return [text]
 

@@ -219,6 +219,9 @@ def _cross_check(settings: Settings, where: Path | str) -> list[FingerfitError]:
             problems.append(unknown_key(where, "model.parameters.", name, tuple(constants)))
         elif p.unit != constants[quantity].unit:
             problems.append(InputError(where, f"{field}.unit", p.unit, constants[quantity].unit))
+        elif p.lower > p.upper:
+            found = f"lower {p.lower:g}, which is above upper {p.upper:g}"
+            problems.append(InputError(where, field, found, "lower below upper"))
         elif not p.lower <= p.start <= p.upper or round_value(p.lower) == round_value(p.upper):
             problems.append(InputError(where, field, f"start {p.start:g}", f"{p.lower:g} to {p.upper:g}, the bounds"))
         elif p.log and p.lower <= 0:

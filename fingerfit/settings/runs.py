@@ -69,8 +69,11 @@ def settings_for(path: Path, config: Path | None) -> tuple[Settings | None, Path
     Raises
     ------
     InputError
-        For settings of another study that were asked for, or that lie in this one's folder.
+        For a study that is not there, and settings of another study that were asked for, or that lie in this one's
+        folder.
     """
+    if not path.exists():
+        raise InputError(path, "study", "no such folder", "the folder of a study")
     folder, own, here = study_path(path).parent, study_path(path).parent / CONFIG, Path(CONFIG)
     if config is None and not os.path.lexists(own):
         named = _studies(read_yaml(here)) if os.path.lexists(here) else None

@@ -249,6 +249,10 @@ def _body_problems(body: Any, size: float | None, file: Path) -> Iterator[InputE
         yield InputError(file, "body.layers", f"heights of {sum(known):g} in all", expected)
 
 
+_SEPARATORS = {";": "semicolons", "\t": "tabs"}
+"""What other programs put between the cells of a table."""
+
+
 def _steps(file: Path, sizes: Mapping[str, float], problems: list[FingerfitError]) -> tuple[Step, ...]:
     try:
         text = read_text(file, "steps", DOCUMENT, "a readable CSV table")
@@ -261,6 +265,10 @@ def _steps(file: Path, sizes: Mapping[str, float], problems: list[FingerfitError
         return ()
     head = [cell.strip() for cell in rows[0]] if rows else []
     wrong = [column for n, column in enumerate(head) if column not in COLUMNS or column in head[:n]]
+    if len(head) == 1 and (mark := next((mark for mark in _SEPARATORS if mark in head[0]), "")):
+        expected = "commas between the cells, and decimal points in numbers"
+        problems.append(InputError(file, "columns", f"{_SEPARATORS[mark]} between the cells", expected))
+        return ()
     if wrong or "step" not in head:
         found = wrong[0] if wrong else ",".join(head) or "an empty table"
         problems.append(InputError(file, "columns", found, "columns " + ", ".join(COLUMNS) + " (step is needed)"))

@@ -147,6 +147,14 @@ CASES = {
         lambda p: [picture(f"{n}.nii.gz", values=np.ones((4, 30, 30)))(p) for n in ("before", "step_1", "step_2")],
         "found 3 dimensions; expected 2",
     ),
+    "needed key misspelt": (
+        study(lambda d: d["body"].update(widht=d["body"].pop("width"))),
+        "body.widht: found an unknown key; expected width",
+    ),
+    "needed config key misspelt": (
+        config(lambda d: d["fit"].update(stage=d["fit"].pop("stages"))),
+        "fit.stage: found an unknown key; expected stages",
+    ),
     "unknown config key": (config(lambda d: d["fit"].update(scor="nmi")), "fit.scor: found an unknown key; expected score"),
     "unknown score": (config(lambda d: d["fit"].update(score="mi")), "fit.score: found mi; expected 'nmi', 'ssd'"),
     "negative tolx": (config(lambda d: d["fit"]["stages"][0].update(tolx=-1)), "fit.stages.0.tolx: found -1"),
@@ -161,6 +169,15 @@ CASES = {
     ),
     "log of zero": (config(lambda d: d["model"]["parameters"]["mu"].update(lower=0.0)), "expected above 0"),
     "no mesh": (config(lambda d: d["model"].pop("mesh")), "model.mesh: found nothing"),
+    "bounds swapped": (
+        config(lambda d: d["model"]["parameters"]["mu"].update(lower=1.0, upper=0.01)),
+        "model.parameters.mu: found lower 1, which is above upper 0.01; expected lower below upper",
+    ),
+    "decimal comma in a number": (
+        text("config.yaml", "      start: 0.1\n", "      start: 0\n      05:\n"),  # what YAML makes of {start: 0,05}
+        "model.parameters.mu: found the number 5 for a key; expected names of values; a number has a decimal point",
+    ),
+    "semicolons": (text(STEPS, ",", ";"), "steps.csv: columns: found semicolons between the cells; expected commas"),
     "no such step": (config(lambda d: d["fit"].update(steps=[1, 8])), "fit.steps: found step 8"),
 }  # fmt: skip
 
@@ -249,8 +266,8 @@ def test_templates(place, name, capsys):
 
 def test_missing_template(place, capsys):
     config(lambda d: d["model"].update(template="none.inp.j2"))(place)
-    assert main(prepared(place)) == 1
-    assert "none.inp.j2: template: found no file" in errors(capsys)[0]
+    assert main(["prepare", "config.yaml", "--out", "data.npz", "--mesh", "mesh.inp"]) == 1
+    assert "config.yaml: model.template: found none.inp.j2; expected a template in" in errors(capsys)[0]
 
 
 def test_missing_ccx(place, capsys, monkeypatch):

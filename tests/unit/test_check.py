@@ -17,6 +17,7 @@ from fingerfit.check.check import check_study
 from fingerfit.check.expect import expected
 from fingerfit.check.overview import figure_study
 from fingerfit.cli import main
+from fingerfit.core.errors import Problems
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.settings.config import MeshSettings, load_settings
@@ -65,6 +66,19 @@ def test_names_and_models_that_a_run_refuses(place, capsys):
     assert re.match(r"config.yaml: runs.1: model.name: found a second model base of results/study;", *lines(capsys))
 
 
+def test_a_study_that_is_not_there(place, capsys):
+    assert main(["run", "nosuch"]) == 1
+    assert (
+        capsys.readouterr().err
+        == "fingerfit: error: nosuch: study: found no such folder; expected the folder of a study\n"
+    )
+
+
+def test_a_number_of_points_that_is_none_is_told_with_its_line(place):
+    with pytest.raises(Problems, match=r"^study/points.csv: line 3: found 6,4,nan,-0.2; expected 4 finite numbers$"):
+        study_of(STUDY["body"], [(3, 2, 0.01, -0.2), (6, 4, float("nan"), -0.2)])
+
+
 def test_a_finer_mesh_that_is_coarser(place, capsys):
     mesh = {"element": "CPE4", "across": 4, "per_layer": 2}
     model(mesh=mesh, refined={**mesh, "across": 3})
@@ -81,7 +95,7 @@ def test_a_finer_mesh_that_is_coarser(place, capsys):
 
 def test_a_template_that_is_not_there(place, capsys):
     model(template="blok.inp.j2")
-    assert re.match(r"blok\.inp\.j2: template: found no file blok", *lines(capsys))
+    assert re.match(r"config\.yaml: model\.template: found blok\.inp\.j2; expected a template in", *lines(capsys))
 
 
 def test_a_template_that_names_what_is_not_there(place, capsys):
@@ -104,10 +118,11 @@ def test_a_deck_that_the_solver_does_not_take(place, capsys, wrong, told):
 
 def test_a_solver_that_is_not_there_and_a_template_are_told_at_once(place, capsys, monkeypatch):
     monkeypatch.setenv("FINGERFIT_CCX", "no-such-ccx")
-    write("config.yaml", {**CONFIG, "solver": "calculix", "model": {**MODEL, "template": "none.j2"}})
+    write("config.yaml", {**CONFIG, "solver": "calculix", "model": {**MODEL, "template": "own.j2"}})
+    Path("study/own.j2").write_text("{% include 'none.j2' %}")
     solver, template = lines(capsys)
     assert solver.startswith("solver calculix: no executable no-such-ccx")
-    assert template.startswith("none.j2: template: found no file")
+    assert template.startswith("own.j2: template: found no file none.j2")
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="needs CalculiX")

@@ -73,6 +73,18 @@ def test_a_round_is_one_line_with_what_is_reached_and_what_is_left(tmp_path, mon
     ]
 
 
+def test_no_time_is_told_where_hardly_any_of_the_way_is_made(tmp_path, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    said = Said()
+    watch = Watch(said, said.stop, several=False)
+    for number, tolx in enumerate((0.32, 0.3199, 0.0201)):
+        watch.handle(record("job_info", jobid=number, output=[one_round(tmp_path, number, tolx)], rule_name="a"))
+        now[0] += 10.0
+        watch.handle(record("job_finished", job_id=number))
+    assert [line.partition("tolf 0.0001 (0.001)")[2] for line in said.lines] == ["", "", ", 10 s left in this stage"]
+
+
 def test_a_finished_run_is_shown_and_errors_have_the_screen():
     shown, stopped = [], []
     said = Said()
