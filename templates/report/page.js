@@ -115,7 +115,7 @@
       if (img.id === "blink-shot" && state.flipped) panel = "measured";
       const asked = panel === "pattern" || panel === "there";
       const key = `${panel}|${img.dataset.of || state.model}|${asked && curve ? "steps" : shot()}`;
-      put(img, uri(asked ? `${key}|${panel === "pattern" ? effect : kind}` : key));
+      put(img, uri(asked ? `${key}|${panel === "pattern" || curve ? effect : kind}` : key));
     }
     one("blink-name").textContent = state.flipped ? "Measured" : "Synthesized";
     for (const row of all("tr[data-picture-step], tr[data-effect]")) {

@@ -15,10 +15,11 @@ import pytest
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import keep_json, read_json
-from fingerfit.report.page import ladder_figure, write_page
+from fingerfit.report.page import ladder_figure, panels, write_page
 from fingerfit.report.page.build import _far_off
-from fingerfit.report.page.figures import force_figure
+from fingerfit.report.page.figures import curve_panel, force_figure
 from fingerfit.report.page.inputs import Compare, Inputs, Model, read_compare, read_inputs
+from fingerfit.report.page.panels import Panels
 from fingerfit.report.page.words import headline
 
 _spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
@@ -316,7 +317,7 @@ for (const row of rows) {
   row.scrollIntoView({ block: "start" });
   row.querySelector("button").click();
   out["pattern of " + effect] = pattern.src === uri(`pattern|base|${curve ? "steps" : 0}|${effect}`) && !pattern.closest("figure").hidden;
-  const part = { onset: "steps|response", intensity_drift: "0|brightness" }[effect] || "0|residual_displacement";
+  const part = { onset: "steps|onset", intensity_drift: "0|brightness" }[effect] || "0|residual_displacement";
   out["there of " + effect] = there.src === uri(`there|base|${part}`) && !there.closest("figure").hidden;
   const box = there.getBoundingClientRect();
   out["view of " + effect] = box.bottom > 0 && box.top < innerHeight;
@@ -433,3 +434,45 @@ def test_effects_that_config_yaml_leaves_out_are_told():
     assert "Not tried" not in whole["next"]
     assert part["found"].endswith("and no effect that was tried does.")
     assert part["next"].endswith("Not tried, as diagnosis in config.yaml says: a, b, c, d, e and 3 more.")
+
+
+def test_a_model_with_as_many_constants_as_measured_values_is_said_to_be_untested(tmp_path):
+    """It fits whatever was measured: no word of a failure, no list of candidates that are all 0."""
+    sample.write(tmp_path / "study", done=False)
+    file, said = tmp_path / "study/base/diagnosis.json", {"verdict": "unexplained", "misfit": 0.0, "freedom": 0}
+    told = "there are as many constants as measured values: missing effects cannot be tested"
+    keep_json(file, read_json(file) | said | {"effects": [], "families": [], "sentence": told})
+    ladder = read_json(tmp_path / "study/ladder.json")
+    ladder["rungs"][0] |= said
+    keep_json(tmp_path / "study/ladder.json", ladder)
+    write_page(tmp_path / "study", tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    shown = text.partition('<section id="provenance">')[0]
+    assert "has as many constants as there are measured values: it cannot be tested." in shown
+    assert "Not tested: there are as many constants as measured values" in shown
+    assert "which these measurements cannot test" in shown and "and it is not" not in shown
+    for word in ("does not explain", "no known effect", "describe an effect", "The residual is"):
+        assert word not in shown
+    assert "Candidates, " not in shown and 'data-panel="pattern"' not in shown
+
+
+def test_the_noise_of_a_single_step_is_a_band_that_can_be_seen():
+    one = Compare(step=np.array([1]), response=np.array([0.01]), response_noise=np.array([0.1]))
+    (band,) = curve_panel(one, one.response, 0.3).axes[0].collections
+    low, high = band.get_paths()[0].vertices.min(axis=0), band.get_paths()[0].vertices.max(axis=0)
+    assert low[0] < 1 < high[0] and low[1] == pytest.approx(-0.2) and high[1] == pytest.approx(0.2)
+
+
+def test_residual_by_step_has_its_own_scale_whatever_an_effect_would_leave(monkeypatch):
+    """Beside a pattern both share one, and nothing else."""
+    compare = Compare(
+        step=np.arange(1, 4), response=np.array([0.1, -0.05, 0.02]), response_noise=np.full(3, 0.1),
+        control=np.array("displacement"),
+    )  # fmt: skip
+    patterns = {"onset": ("response", np.full(3, 0.1)), "swelling": ("response", np.full(3, 5.0))}
+    limits = []
+    monkeypatch.setattr(
+        panels, "curve_panel", lambda _, values, limit: limits.append(round(limit, 3)) or f"{values} {limit}"
+    )
+    Panels([Model("base", {}, compare, {}, patterns)])
+    assert limits == [0.23, 0.23, 0.23, 5.75, 5.75]

@@ -155,8 +155,9 @@ def _residual_curve(axes: Any, compare: Compare, values: np.ndarray, style: str)
     name, unit = compare.response_name
     noise = np.nan_to_num(compare.response_noise)
     if noise.any():
+        alone = len(noise) == 1  # a band needs two ends
         axes.fill_between(
-            compare.step,
+            compare.step + np.array([-0.4, 0.4]) if alone else compare.step,
             -2 * noise,
             2 * noise,
             color=COLOURS[4],

@@ -19,6 +19,8 @@ from fingerfit.study.several import TESTS, array_ending, arrays_of_test
 
 LADDER, COMPARE, DIAGNOSIS, PATTERNS = "ladder.json", "compare.npz", "diagnosis.json", "diagnosis.npz"
 SETTINGS, ESTIMATE = "settings.json", "estimate.json"
+UNTESTED = "untested"
+"""Of a model that no measurement is left to test: of a diagnosis it is one of *unexplained*."""
 
 
 def _seen(fitted: np.ndarray, index: int) -> str:
@@ -261,8 +263,11 @@ class Model:
 
     @property
     def verdict(self) -> str:
-        """One of missing, indistinguishable, adequate, unexplained; empty before the diagnosis."""
-        return str(self.diagnosis.get("verdict") or self.rung.get("verdict") or "")
+        """One of missing, indistinguishable, adequate, unexplained, untested; empty before the diagnosis."""
+        found = str(self.diagnosis.get("verdict") or self.rung.get("verdict") or "")
+        freedom = self.diagnosis.get("freedom", self.rung.get("freedom"))
+        # as many constants as measured values: nothing is left to tell a wrong model by
+        return UNTESTED if found == "unexplained" and freedom is not None and freedom < 1 else found
 
     @property
     def sentence(self) -> str:

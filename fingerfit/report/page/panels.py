@@ -44,7 +44,7 @@ class Panels:
     keys : dict
         Number of a picture in `uris` by ``panel|model|picture``, ``there|model|picture|part`` or
         ``pattern|model|picture|effect``; of slices of volumes, ``picture@slice`` in place of the picture, and of
-        curves by step, ``steps``.
+        curves by step, ``steps``; the curve beside that of an effect is ``there|model|steps|effect``.
     meshes : dict
         Outlines of the deformed mesh by model; of volumes, lines by ``picture@slice``.
     """
@@ -178,13 +178,17 @@ class Panels:
         drawn = _drawn(model, RESPONSE)
         if not np.isfinite(compare.response).any() or (compare.views and not drawn):
             return
-        every = np.abs([compare.response, 2 * compare.response_noise, *drawn.values()])
-        limit = 1.15 * float(np.nanmax(every)) or 1.0
-        self.keys[f"there|{model.name}|steps|{RESPONSE}"] = self.keep(
-            uri(curve_panel(compare, compare.response, limit))
-        )
+        left = compare.response
+        if not compare.views:
+            self.keys[f"there|{model.name}|steps|{RESPONSE}"] = self._keep_curve(compare, left, left)
         for effect, values in drawn.items():
-            self.keys[f"pattern|{model.name}|steps|{effect}"] = self.keep(curve_panel(compare, values, limit))
+            self.keys[f"there|{model.name}|steps|{effect}"] = self._keep_curve(compare, left, values)
+            self.keys[f"pattern|{model.name}|steps|{effect}"] = self._keep_curve(compare, values, left)
+
+    def _keep_curve(self, compare: Compare, values: np.ndarray, beside: np.ndarray) -> int:
+        """A curve to the scale that it shares with the one beside it, and with the noise."""
+        limit = 1.15 * float(np.nanmax(np.abs([values, beside, 2 * compare.response_noise]))) or 1.0
+        return self.keep(curve_panel(compare, values, limit))
 
     def _keep_mesh(self, name: str, compare: Compare) -> None:
         rings = [[int(i) for i in ring if i >= 0] for ring in compare.mesh_rings]

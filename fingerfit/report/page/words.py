@@ -11,7 +11,7 @@ from markupsafe import Markup, escape
 from fingerfit.core.keys import listed
 from fingerfit.model.applicable import CURE
 from fingerfit.model.effect import NUMERICS
-from fingerfit.report.page.inputs import Inputs, Model
+from fingerfit.report.page.inputs import UNTESTED, Inputs, Model
 
 MOST = 5
 """Effects that a sentence lists at most."""
@@ -20,6 +20,7 @@ VERDICTS = {
     "indistinguishable": ("◆", "Indistinguishable: two or more candidates explain the residual equally well"),
     "adequate": ("✓", "Model adequate: no missing effect detected"),
     "unexplained": ("?", "Unexplained: no known effect explains the residual"),
+    UNTESTED: ("?", "Not tested: there are as many constants as measured values"),
 }
 
 
@@ -142,7 +143,7 @@ def headline(inputs: Inputs) -> dict[str, Any]:
     first = inputs.models[0].error["fitted"]
     error = last.error["fitted"]
     falls = ""
-    if error is not None:
+    if error is not None and last.verdict != UNTESTED:
         falls = f"The residual is {number(error)} times the noise level"
         falls += f"; it was {number(first)} times with {inputs.models[0].name}." if _fell(inputs, first) else "."
     effects = last.diagnosis.get("effects") or []
@@ -169,6 +170,11 @@ def headline(inputs: Inputs) -> dict[str, Any]:
         "unexplained": (
             f"The model “{last.name}” does not explain the measurements, and no {effect} does.",
             "See below where it fails, then describe an effect of your own or check the measurement there.",
+        ),
+        UNTESTED: (
+            f"The model “{last.name}” has as many constants as there are measured values: it cannot be tested.",
+            "Such a fit says nothing of whether the model is right. Measure more steps, or points or pictures beside"
+            " the forces, and fit again.",
         ),
     }.get(
         last.verdict,
