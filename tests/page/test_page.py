@@ -17,7 +17,7 @@ from fingerfit.core.errors import StateError
 from fingerfit.core.files import keep_json, read_json
 from fingerfit.report.page import ladder_figure, panels, write_page
 from fingerfit.report.page.build import _far_off
-from fingerfit.report.page.figures import curve_panel, force_figure
+from fingerfit.report.page.figures import curve_panel, force_figure, stiffness_figure
 from fingerfit.report.page.inputs import Compare, Inputs, Model, read_compare, read_inputs
 from fingerfit.report.page.panels import Panels
 from fingerfit.report.page.words import headline
@@ -217,6 +217,30 @@ def test_labels_of_the_force_fit_their_axes(tmp_path, known):
         label, box = axes.yaxis.label.get_window_extent(), axes.get_window_extent()
         assert label.y0 >= box.y0 - 1 and label.y1 <= box.y1 + 1
     assert figure.axes[-1].get_tightbbox().y0 < 0.05 * figure.bbox.height
+
+
+@pytest.mark.parametrize(("wide", "high", "down"), [(20, 8, 6), (12, 12, 6), (20, 6, 12)])
+def test_places_of_stiffness_do_not_lie_over_each_other(wide, high, down):
+    """Neither their marks nor their numbers, in a flat body as well; labels keep away from the numbers of the axes."""
+    corners = np.array([[0, 0], [wide, 0], [wide, high], [0, high]], float)
+    body = Compare(
+        patch_centre=corners / 2 + [wide / 4, high / 4], patch_count=np.array([2, 2]), mesh_points=corners,
+        mesh_rings=np.arange(4)[None], mesh_layer=np.zeros(1, int),
+    )  # fmt: skip
+    x, y = np.meshgrid(np.linspace(0.15, 0.85, 5) * wide, np.linspace(0.12, 0.88, down) * high)
+    figure = stiffness_figure(body, np.stack([x.ravel(), y.ravel(), np.full(x.size, np.log(3.15)), x.ravel()], axis=1))
+    figure.set_dpi(72)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    (marks,) = (one for one in axes.collections if len(one.get_offsets()) == x.size)
+    at = axes.transData.transform(marks.get_offsets())
+    size = np.array([marks.get_widths()[0], marks.get_heights()[0]])
+    apart = np.abs(at[:, None] - at)[np.triu_indices(len(at), 1)]
+    assert (apart > size).any(axis=1).all()
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert not any(one.overlaps(other) for n, one in enumerate(boxes) for other in boxes[n + 1 :])
+    label, ticks = axes.yaxis.label.get_window_extent(), [t.get_window_extent() for t in axes.get_yticklabels()]
+    assert label.x0 >= 0 and all(label.x1 < tick.x0 - 3 for tick in ticks)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.collections import LineCollection
+from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 
@@ -18,6 +18,8 @@ from fingerfit.report.page.sheets import WIDTH, Frame, Scale, Sheet, Sheets, col
 
 WARM = LinearSegmentedColormap.from_list("warm", ["#FFFFFF", "#FBE7B5", COLOURS[0], COLOURS[5]])
 _NOT_KNOWN = ListedColormap(["#DDDDDD"])
+MARK = 20.0
+"""Width and height of a mark with a number in it, where there is room for it, points."""
 NOISE_BAND = "noise (2 standard deviations)"
 
 
@@ -223,16 +225,31 @@ def _stiffness_map(axes: Any, edges: list[np.ndarray], stiffness: np.ndarray, li
     for edge in edges:
         axes.plot(*edge.T, color="#777777", linewidth=0.8)
     x, y, change, evidence = stiffness.T
-    shown = axes.scatter(
-        x, y, c=evidence, s=430, cmap="PuOr_r", vmin=-limit, vmax=limit, edgecolor="#555555", linewidth=0.6
-    )
+    wide, high = _room(axes, stiffness[:, :2])
+    ones = np.ones(len(x))
+    shown = EllipseCollection(
+        wide * ones, high * ones, 0 * ones, units="points", offsets=stiffness[:, :2], offset_transform=axes.transData,
+        array=evidence, cmap="PuOr_r", edgecolor="#555555", linewidth=0.6, zorder=2.5,
+    )  # fmt: skip
+    shown.set_clim(-limit, limit)
+    axes.add_collection(shown, autolim=False)
+    size = min(7.0, 0.7 * high, wide / 2.9)  # four letters beside each other
     for at, height, value, weight in zip(x, y, change, evidence, strict=True):
         colour = "white" if abs(weight) > 0.7 * limit else "#111111"
         percent = round(100 * np.expm1(value))
         text = f"{percent:+d}" if percent else "0"
         text = f"×{np.exp(value):.0f}" if percent >= 1000 else text
-        axes.annotate(text, (at, height), ha="center", va="center", fontsize=7, color=colour)
+        axes.annotate(text, (at, height), ha="center", va="center", fontsize=size, color=colour)
     return shown
+
+
+def _room(axes: Any, places: np.ndarray) -> tuple[float, float]:
+    """Width and height of marks at places, shape (places, 2), that do not lie over each other, points."""
+    points = axes.transData.transform(places) * 72.0 / axes.figure.dpi
+    apart = np.abs(points[:, None] - points)[np.triu_indices(len(points), 1)]
+    high = 0.95 * apart[apart[:, 0] < MARK, 1].min(initial=MARK / 0.95)
+    wide = 0.95 * apart[apart[:, 1] < high, 0].min(initial=MARK / 0.95)
+    return float(wide), float(high)
 
 
 def force_figure(compare: Compare) -> Figure | None:

@@ -17,7 +17,7 @@ from PIL import Image
 
 DPI = 130
 WIDTH = 4.4
-LEFT, RIGHT, BOTTOM, TOP = 0.62, 0.98, 0.52, 0.16
+LEFT, RIGHT, BOTTOM, TOP = 0.7, 0.98, 0.52, 0.16
 """Margins of a panel, inches; the scale of colours is in the right one."""
 
 
@@ -88,7 +88,7 @@ class Frame:
         axes.set_xlim(*self.limits[:2])
         axes.set_ylim(*self.limits[2:])
         axes.set_xlabel(self.labels[0], fontsize=9, labelpad=2)
-        axes.set_ylabel(self.labels[1], fontsize=9, labelpad=2)
+        axes.set_ylabel(self.labels[1], fontsize=9, labelpad=5)
         axes.locator_params(nbins=6)
         for part in (axes, scale):
             part.tick_params(labelsize=8.5)
