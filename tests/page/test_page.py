@@ -15,12 +15,14 @@ import pytest
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import keep_json, read_json
+from fingerfit.model.catalogue import catalogue
 from fingerfit.report.page import ladder_figure, panels, write_page
 from fingerfit.report.page.build import _far_off
 from fingerfit.report.page.figures import curve_panel, force_figure, stiffness_figure
 from fingerfit.report.page.inputs import Compare, Inputs, Model, read_compare, read_inputs
 from fingerfit.report.page.panels import Panels
-from fingerfit.report.page.words import headline
+from fingerfit.report.page.regions import places
+from fingerfit.report.page.words import headline, place_words
 
 _spec = importlib.util.spec_from_file_location("sample", Path(__file__).with_name("sample.py"))
 sample = importlib.util.module_from_spec(_spec)
@@ -170,6 +172,53 @@ def test_words_for_numbers_and_places(whole):
         "is missing. missing" not in whole.lower()
         and "put a level on the indenter" in whole.split('<table class="candidates">')[0]
     )
+
+
+def test_words_of_effects_are_plain_whatever_their_numbers_are():
+    """All that ship: no sign is left of their templates, and shares have their per cent."""
+    effects = catalogue()
+    for effect in effects.values():
+        for number in effect.scan:
+            for value in (*effect.scan[number], *effect.refine.get(number, ())):
+                words = place_words({number: value}, effect.told, ["skin", "fat", "gel"])
+                assert words and not set("{};|=") & set(words.replace("x = ", "").replace("y = ", "")), words
+        assert not re.search(r"\{percent\}(?! %)", " ".join(effect.told.values())), effect.name
+
+    def said(effect, **place):
+        return place_words(place, effects[effect].told)
+
+    assert said("wall", side=-1, gap=0.2) == "on the left, 0.2 mm away"
+    assert said("turned_pictures", growing=1) == "growing from step to step"
+    assert said("swelling", settling=0) == "at an even pace (settling 0)"
+    assert said("swelling", settling=-1.5).startswith("slow at first")
+    assert said("ellipse", flat=0.76).startswith("longer along the layers")
+    assert said("jumping_pictures", numbers=1) == "numbers that are fitted, two for each step: 1"
+
+
+def test_the_order_of_candidates_is_said_and_what_a_search_that_did_not_end_is(tmp_path):
+    sample.write(tmp_path / "study", done=False)
+    file = tmp_path / "study/base/diagnosis.json"
+    ended = "“Search not ended”: the first pass stopped before it found a minimum"
+
+    def text():
+        write_page(tmp_path / "study", tmp_path / "report.html")
+        return (tmp_path / "report.html").read_text(encoding="utf-8")
+
+    assert "In the order of the odds for each after the first pass" in text() and ended not in text()
+    found = read_json(file)
+    found["ranking"][0]["first_pass"] = {"converged": False, "at_bound": [], "log_odds": 3.0}
+    keep_json(file, found)
+    assert ended in text()
+
+
+def test_regions_begin_where_the_body_does():
+    """Patches of measured points begin a hair below it."""
+    found = sample.compare(sample.TILT)
+    found["patch_centre"] = found["patch_centre"] - [0.0, 8e-6]
+    lowest = min(
+        places(Compare(**{k: v for k, v in found.items() if k in Compare.__dataclass_fields__})), key=lambda p: p.low
+    )
+    assert (lowest.low, lowest.high) == (0.0, 1.2)
 
 
 def test_nothing_is_loaded_from_elsewhere(whole):

@@ -167,6 +167,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "force": panels.keys.get(f"force|{model.name}"),
         "stiffness": [panels.keys[key] for key in panels.keys if key.startswith(f"stiffness|{model.name}|")],
         "field": [panels.keys[key] for key in panels.keys if key.startswith(f"field|{model.name}|")],
+        "by_fall": compare is not None and compare.mesh_points.shape[-1] == 3,
         "in_sections": compare is not None and compare.volumes,
         "diagnosis": diagnosis,
         "ranking": ranking,

@@ -137,7 +137,8 @@ def _place(compare: Compare, picture: int, layer: str, own: np.ndarray, height: 
     where = f"{'in the' if side == 'middle' else 'on the'} {side}, {heading(move[worst][[0, -1]])}"
     size = float(np.sqrt(np.mean(length**2)))
     patches = [int(n) for n in own]
-    low, high = (round(height + side, 9) + 0.0 for side in (-half, half))  # no 2e-16 where the body begins
+    digits = 3 - int(np.floor(np.log10(half)))  # patches of points begin a hair below the body
+    low, high = (round(height + side, digits) + 0.0 for side in (-half, half))
     return Place(picture, layer, low, high, patches, ratio, size, float(length[worst]), where)
 
 

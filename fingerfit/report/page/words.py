@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,6 +16,9 @@ from fingerfit.report.page.inputs import UNTESTED, Inputs, Model
 
 MOST = 5
 """Effects that a sentence lists at most."""
+_WORD = re.compile(r"([+-]|-?\d+(?:\.\d+)?): ([^;{}]*)")
+_CHOICE = re.compile(rf"{{(?:{_WORD.pattern};? ?)+}}")
+"""Words that depend on a number: ``{0: at an even pace; +: fast at first}``."""
 VERDICTS = {
     "missing": ("▲", "An effect is missing"),
     "indistinguishable": ("◆", "Indistinguishable: two or more candidates explain the residual equally well"),
@@ -94,18 +98,34 @@ def place_words(place: Mapping[str, float], told: Mapping[str, str], layers: Seq
     'in the layer bottom'
     >>> place_words({"number": 0}, {"number": "in the layer {layer}"}, ["top", "bottom"])
     'in all layers'
+    >>> place_words({"side": -1, "gap": 0.2}, {"side": "{0: on both sides; -: on the left}", "gap": "{value} mm away"})
+    'on the left, 0.2 mm away'
     """
     found = []
     for name, value in place.items():
-        words = str(told.get(name, name + " = {value}"))
+        words = _chosen(str(told.get(name, name + " = {value}")), float(value))
         if value == 0 and "{layer}" in words:
             found.append("in all layers")
             continue
+        percent = str(round(100 * float(value))).replace("-", "−")
         layer = layers[int(value) - 1] if 1 <= value <= len(layers) else number(value)
-        for key, text in {"value": number(value), "percent": f"{100 * float(value):.0f}", "layer": layer}.items():
+        for key, text in {"value": number(value), "percent": percent, "layer": layer}.items():
             words = words.replace(f"{{{key}}}", text)
         found.append(words)
     return ", ".join(found)
+
+
+def _chosen(words: str, value: float) -> str:
+    """Words in which ``{0: at an even pace; +: fast at first; -: slow at first}`` is what stands there for a value."""
+    sign = "+" if value > 0 else "-"
+
+    def words_for(choice: re.Match[str]) -> str:
+        named = dict(_WORD.findall(choice[0]))
+        return next(
+            (text for key, text in named.items() if key not in "+-" and float(key) == value), named.get(sign, "")
+        )
+
+    return _CHOICE.sub(words_for, words)
 
 
 def commands(effect: str) -> tuple[str, str]:
