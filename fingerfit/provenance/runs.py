@@ -191,7 +191,10 @@ def shown(runs: Sequence[Run]) -> list[str]:
     """What to show of finished models: their tables, and what to open."""
     tables = [path for run in runs if (path := Path(run.folder, "table.txt")).exists()]
     lines = [path.read_text(encoding="utf-8") for path in tables]
-    lines += [f"table: {path}; pictures of the fit: {path.parent / 'figures'}" for path in tables]
+    for path in tables:
+        folder = path.parent / "figures"
+        figures = ", ".join(sorted(file.stem for file in folder.glob("*.png")))
+        lines.append(f"table: {path}" + (f"; figures: {folder} ({figures})" if figures else ""))
     for run in runs:
         page, made = Path(run.study, "report.html"), Path(run.folder, "diagnosis.json")
         # results have times in their order: a page before its diagnosis is of an earlier one

@@ -149,7 +149,9 @@ def test_focus_is_seen_and_phones_have_buttons_for_thumbs(whole):
     assert re.search(r"button, button\.row, [^{]*\{ min-height: 44px; \}", narrow)
     # a summary that is no list item has no triangle of the browser's
     assert re.search(r"summary, [^{]*\{ display: inline-flex;", narrow)
-    assert re.search(r"summary::before \{ content: \"▸\";.*details\[open\] > summary::before \{ content: \"▾\";", narrow)
+    assert re.search(
+        r"summary::before \{ content: \"▸\";.*details\[open\] > summary::before \{ content: \"▾\";", narrow
+    )
 
 
 def test_the_lines_to_type_are_understood(whole):

@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import keep_json, keep_text, read_json, read_npz, write_json, write_npz, write_text
 from fingerfit.fit.rounds import check_deck, simulation_name
 from fingerfit.provenance.results import claim, in_order, mend, model_folder, refuse, study_folder
+from fingerfit.provenance.runs import shown
 from fingerfit.provenance.stages import write_settings
 from fingerfit.settings.config import load_settings
 from fingerfit.solvers.registry import get_solver
@@ -266,3 +268,13 @@ def test_times_of_results_follow_their_order(folder):
     assert times == sorted(times)
     in_order(settings())
     assert times == [(model / name).stat().st_mtime_ns for name in names]
+
+
+def test_the_figures_that_there_are_stand_beside_the_table(tmp_path):
+    """A fit to points or forces has none of pictures."""
+    run = SimpleNamespace(folder=str(tmp_path / "base"), study=str(tmp_path))
+    keep_text(tmp_path / "base/table.txt", "a table\n")
+    assert shown([run]) == ["a table\n", f"table: {tmp_path}/base/table.txt"]
+    for name in ("search", "force"):
+        keep_text(tmp_path / f"base/figures/{name}.png", "a figure\n")
+    assert shown([run])[1:] == [f"table: {tmp_path}/base/table.txt; figures: {tmp_path}/base/figures (force, search)"]

@@ -115,7 +115,9 @@ def test_a_study_is_fitted_where_no_clone_is(programs, tmp_path):
     assert done.returncode == 0, done.stderr
     assert re.search(r"^round +0  one .*simulations: \d run", done.stdout, re.MULTILINE)
     *_, last = done.stdout.splitlines()
-    assert last == "table: results/mine/base/table.txt; pictures of the fit: results/mine/base/figures"
+    assert last == (
+        "table: results/mine/base/table.txt; figures: results/mine/base/figures (deformed_mesh, force, pictures, search)"
+    )
     assert len((done.stdout + done.stderr).splitlines()) < 30
     # asked again, it shows the same
     again = called(tmp_path, programs / "fingerfit", "run", "mine")
