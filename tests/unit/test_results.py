@@ -273,8 +273,8 @@ def test_times_of_results_follow_their_order(folder):
 def test_the_figures_that_there_are_stand_beside_the_table(tmp_path):
     """A fit to points or forces has none of pictures."""
     run = SimpleNamespace(folder=str(tmp_path / "base"), study=str(tmp_path))
-    keep_text(tmp_path / "base/table.txt", "a table\n")
+    write_text(tmp_path / "base/table.txt", "a table\n")
     assert shown([run]) == ["a table\n", f"table: {tmp_path}/base/table.txt"]
     for name in ("search", "force"):
-        keep_text(tmp_path / f"base/figures/{name}.png", "a figure\n")
+        write_text(tmp_path / f"base/figures/{name}.png", "a figure\n")
     assert shown([run])[1:] == [f"table: {tmp_path}/base/table.txt; figures: {tmp_path}/base/figures (force, search)"]
