@@ -65,6 +65,17 @@ def test_a_constant_within_its_bounds_has_no_remark(tmp_path, monkeypatch):
     assert not any("bound" in remark for remark in found["remarks"])
 
 
+def test_an_error_of_the_mesh_that_is_not_known_is_told(tmp_path, monkeypatch):
+    """The table has a dash there, and the intervals lack it."""
+    for name, finer in (("one", {}), ("two", {"refined": {**MODEL["mesh"], "across": 6, "per_layer": 6}})):
+        (tmp_path / name).mkdir()
+        found = fitted(tmp_path / name, monkeypatch, finer)
+        told = "no finer mesh was given (model.refined): standard errors and intervals do not contain the error" in (
+            table_of(found)
+        )
+        assert told == (not finer) == (found["parameters"]["mu"]["mesh_error"] == 0)
+
+
 @pytest.mark.parametrize(("which", "share"), [("lower", 1.5), ("upper", 0.7)])
 def test_a_constant_that_ends_at_its_bound_is_told(tmp_path, monkeypatch, which, share):
     (tmp_path / "free").mkdir()
