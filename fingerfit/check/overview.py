@@ -81,6 +81,7 @@ def _plane(study: Study, mesh: Mesh, data: Data, finer: Mesh | None) -> Figure:
     if pointed:
         _draw_points(panels[1], data, (0, 1), mesh)
     _legend(figure, panels[:1])
+    figure.draw_without_rendering()  # at the first drawing the layout does not know yet how wide labels are
     return figure
 
 

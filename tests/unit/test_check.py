@@ -307,6 +307,16 @@ def test_forces_alone_are_drawn_with_mesh_and_sets(place):
     assert len(figure.axes) == 1
 
 
+@pytest.mark.parametrize("high", [8, 12, 20])
+def test_labels_of_the_axes_are_inside_the_picture(place, high):
+    """At its first drawing, which is what is saved."""
+    layers = [{"name": name, "height": high / 2} for name in ("top", "bottom")]
+    figure = figure_study(*study_of({**STUDY["body"], "width": 20, "layers": layers}))
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        assert axes.yaxis.label.get_window_extent().x0 >= 0 and axes.xaxis.label.get_window_extent().y0 >= 0
+
+
 def test_a_region_is_in_the_legend_once(place):
     region = {"name": "scar", "outline": [[2, 1], [6, 1], [6, 5], [2, 5]]}
     named = words(figure_study(*study_of({**STUDY["body"], "regions": [region]})))
