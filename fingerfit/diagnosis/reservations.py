@@ -61,7 +61,8 @@ def of_family(
     if not behind:
         return verdict
     family, share = behind[0]
-    text = f"{verdict.sentence}; most of it may lie in {FAMILIES[family]} ({100 * min(1.0, share):.0f} %)"
+    much = "most" if share >= 0.5 else "a part"
+    text = f"{verdict.sentence}; {much} of it may lie in {FAMILIES[family]} ({100 * min(1.0, share):.0f} %)"
     return replace(verdict, family=family, sentence=text)
 
 

@@ -107,6 +107,9 @@ def test_what_is_unexplained_has_the_likeliest_family():
     verdict = of_family(unexplained, score_test, ranking, {})
     assert verdict.family == "base"
     assert verdict.sentence == "unexplained; most of it may lie in the base (100 %)"
+    halved = [replace(one, finding=replace(one.finding, fall=0.27 * score_test.beyond_noise)) for one in ranking]
+    part = of_family(unexplained, score_test, halved, {})
+    assert part.sentence == "unexplained; a part of it may lie in the base (27 %)"
     noise, ranking = ranked(0.5, hidden=0.0)
     assert of_family(unexplained, noise, ranking, {}).family == ""
     assert of_family(Verdict("adequate", (), "adequate", 1.0), score_test, ranking, {}).family == ""
