@@ -196,10 +196,14 @@ def _far_off(problem: InverseProblem, best: Minimum) -> list[str]:
             continue
         n = int(known[off.argmax()])
         (kind, unit), step = test.data.response_name(n), test.data.step[test.data.response_step[n]]
+        look = f"look at noise.{kind.partition('_')[0]}, at its unit, and at what the model lacks"
+        score = test.settings.fit.score
+        if test.data.control == "displacement" and score != "likelihood":  # nothing tells it how stiff the body is
+            look = f"the score {score} does not contain the force: score: likelihood does"
         found.append(
             f"{_of(test)}{kind} of step {step} is {off.max():.0f} standard deviations off:"
             f" {measured[n]:.4g} {unit} measured, {model.base.response[n]:.4g} {unit} by the model;"
-            f" look at noise.{kind.partition('_')[0]}, at its unit, and at what the model lacks"
+            f" {look}"
         )
     return found
 

@@ -1,13 +1,15 @@
 """The table and the remarks of an estimate, also at bounds and where a number is 0."""
 
 import copy
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 
 from fingerfit.core.errors import Problems
-from fingerfit.fit.estimate import estimate_of, table_of
+from fingerfit.fit.estimate import _far_off, estimate_of, table_of
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.model.catalogue import catalogue
 from fingerfit.report.findings import at_bounds
@@ -63,6 +65,30 @@ def test_a_constant_within_its_bounds_has_no_remark(tmp_path, monkeypatch):
     assert entry["at_bound"] is None
     assert entry["bounds"] == [0.005, 0.5]
     assert not any("bound" in remark for remark in found["remarks"])
+
+
+@pytest.mark.parametrize(
+    ("score", "control", "look"),
+    [
+        ("nmi", "displacement", "the score nmi does not contain the force: score: likelihood does"),
+        ("nmi", "force", "look at noise.displacement, at its unit, and at what the model lacks"),
+        ("likelihood", "displacement", "look at noise.force, at its unit, and at what the model lacks"),
+    ],
+)
+def test_a_force_far_off_that_the_score_does_not_contain_is_told_so(score, control, look):
+    measured, name = np.array([10.0, 11.0]), ("displacement", "mm") if control == "force" else ("force", "N")
+    data = SimpleNamespace(
+        response=(measured, np.full(2, 0.1)), response_gain=0.0, controlled=np.ones(2), control_noise=np.zeros(2),
+        response_name=lambda _: name, step=np.array([1, 4]), response_step=np.array([0, 1]), control=control,
+    )  # fmt: skip
+    test = SimpleNamespace(test="", data=data, settings=SimpleNamespace(fit=SimpleNamespace(score=score)))
+    model = SimpleNamespace(
+        base=SimpleNamespace(response=np.array([10.0, 199.6])),
+        by_control=lambda *_: SimpleNamespace(response=np.zeros(2)),
+    )
+    (told,) = _far_off(SimpleNamespace(every=[test]), SimpleNamespace(model=SimpleNamespace(every=[model])))
+    assert told.startswith(f"{name[0]} of step 4 is 1886 standard deviations off: 11 {name[1]} measured")
+    assert told.endswith(f"; {look}")
 
 
 def test_an_error_of_the_mesh_that_is_not_known_is_told(tmp_path, monkeypatch):
