@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.fit.intervals import FAR_OFF, Uncertainty, as_json, bound_of, repeat, seen_directions, summarise, widths
+from fingerfit.fit.identified import seen_directions
+from fingerfit.fit.intervals import FAR_OFF, Uncertainty, as_json, bound_of, repeat, summarise, widths
 from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_search_mesh, partly_on_finer_mesh
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import told, weigh

@@ -8,6 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.fit.identified import (
+    identifiability,
+    positive,
+    room,
+    unseen,
+    unseen_combinations,
+    unseen_constants,
+)
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.slopes import coordinates
 from fingerfit.model.parameters import Parameter
@@ -23,14 +31,6 @@ _CURVED = 6
 SHORTEST = 1e-5
 """Shortest step of `minimise`, in search coordinates: 0.001 % of a modulus, whose standard errors are 0.5 %
 and more in the phantom."""
-FLAT = 1e-4
-"""Curvature along a direction, relative to the steepest, below which the data do not see it: its standard error would
-be a hundred times that of the best one. A choice ..."""
-SURE = 4.0
-"""... unless the score has a scale of its own: half a chi-square of this curvature tells a constant to half of itself,
-however much better another direction is known."""
-PART = 0.1
-"""Of a direction of unit length, what a constant must have of it to be named with it."""
 NORMAL = 1.96
 """Standard deviations from the middle to the ends of a 95 % interval, and the root of the rise of the misfit there
 (3.84, chi-square of one degree of freedom)."""
@@ -89,17 +89,6 @@ def curvature(objective: Objective, width: np.ndarray) -> np.ndarray:
     return (found + found.T) / 2
 
 
-def _positive(hessian: np.ndarray) -> np.ndarray:
-    """The same matrix with the size of its eigenvalues: a step always goes downhill."""
-    values, vectors = np.linalg.eigh(hessian)
-    return (vectors * np.abs(values)) @ vectors.T
-
-
-def unseen(steepest: float, sure: float) -> float:
-    """Curvature below which a direction is not seen, as a share of the steepest one."""
-    return min(FLAT, max(sure / max(steepest, 1e-300), 1e-10))
-
-
 def minimise(
     objective: Objective,
     width: np.ndarray,
@@ -125,7 +114,7 @@ def minimise(
         Curvature that is seen in any case.
     """
     size = len(width)
-    gradient, hessian = _gradient(objective, np.zeros(size), width), _positive(curvature(objective, width))
+    gradient, hessian = _gradient(objective, np.zeros(size), width), positive(curvature(objective, width))
     steepest = max(float(np.abs(np.diag(hessian)).max(initial=0.0)), 1e-300)
     least = unseen(steepest, sure)
     low = np.full(size, -np.inf) if low is None else low
@@ -207,16 +196,10 @@ def repeat(
     hessian = np.mean(curvatures, axis=0)
     if minima:
         return np.array(found), hessian
-    curved = _positive(hessian)
+    curved = positive(hessian)
     cut = unseen(float(np.linalg.eigvalsh(curved).max(initial=0.0)), sure)
     inverse = np.linalg.pinv(curved, rcond=cut, hermitian=True)
     return -np.array(gradients) @ inverse, hessian
-
-
-def seen_directions(hessian: np.ndarray, sure: float = np.inf) -> np.ndarray:
-    """Directions that the score sees, as `repeat` takes them, shape (parameters, directions)."""
-    values, vectors = np.linalg.eigh(_positive(hessian))
-    return np.asarray(vectors[:, values > unseen(values[-1], sure) * values[-1]])
 
 
 @dataclass(frozen=True)
@@ -282,12 +265,17 @@ def summarise(
     half = np.hypot(
         stdtrit(count - 1, 0.975) * np.sqrt(np.diag(noise)), ndtri(0.975) * np.sqrt(mesh**2 + np.diag(known))
     )
-    interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half, strict=True)])
     # the repetitions do not move what the score does not see: without a prior it may be anywhere in its bounds
-    blind = _unseen_constants(hessian, sure) & (np.sqrt(np.diag(known)) < SHORTEST)
-    interval = np.where(blind[:, None], [(p.lower, p.upper) for p in parameters], interval)
+    unknown = np.sqrt(np.diag(known)) < SHORTEST
+    free = room(unseen_combinations(hessian, sure), parameters, values, unknown)
+    bounds, half = np.array([(p.lower, p.upper) for p in parameters]), np.stack([-half, half], axis=1)
+    interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half + free, strict=True)])
+    interval = np.where(free.any(axis=1, keepdims=True), np.clip(interval, bounds[:, :1], bounds[:, 1:]), interval)
+    blind = unseen_constants(hessian, sure) & unknown
+    interval = np.where(blind[:, None], bounds, interval)
     low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
-    spread = np.where(blind, (high - low) / np.sqrt(12.0), spread)  # of an even distribution
+    # of even distributions
+    spread = np.where(blind, (high - low) / np.sqrt(12.0), np.hypot(spread, np.ptp(free, axis=1) / np.sqrt(12.0)))
     return Uncertainty(
         spread,
         mesh,
@@ -297,50 +285,9 @@ def summarise(
     )
 
 
-def _ends(parameter: Parameter, value: float, half: float) -> tuple[float, float]:
-    if parameter.log:
-        return value * float(np.exp(-half)), value * float(np.exp(half))
-    size = parameter.scale
-    return value - half * size, value + half * size
-
-
-def _unseen_constants(hessian: np.ndarray, sure: float) -> np.ndarray:
-    """Which constants the score does not see, whatever the others are, bool."""
-    return np.asarray(np.linalg.norm(seen_directions(hessian, sure), axis=1) < PART)
-
-
-def identifiability(hessian: np.ndarray, parameters: Sequence[Parameter], sure: float = np.inf) -> tuple[str, ...]:
-    """Sentences on what the score does not see, from its curvature in search coordinates.
-
-    >>> two = [Parameter(name, "MPa", 0.01, 1.0, 0.1) for name in ("mu_a", "mu_b")]
-    >>> identifiability(np.array([[1.0, -1.0], [-1.0, 1.0]]), two)[0]
-    'only ratios of mu_a, mu_b are identifiable: these data do not see their common scale'
-    """
-    blind = _unseen_constants(hessian, sure)
-    alone = [p.name for p, unknown in zip(parameters, blind, strict=True) if unknown]
-    verb = "is" if len(alone) == 1 else "are"
-    remarks = [f"{', '.join(alone)} {verb} not identifiable from these data"] if alone else []
-    seen = [p for p in parameters if p.name not in alone]
-    values, vectors = np.linalg.eigh(hessian[np.ix_(~blind, ~blind)])
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value > unseen(values[-1], sure) * max(values[-1], 1e-300):
-            continue
-        involved = [p for p, part in zip(seen, vector, strict=True) if abs(part) > PART]
-        parts = vector[np.abs(vector) > PART]
-        parts = parts * np.sign(parts[:1])  # a direction has no sign of its own
-        logs, names = all(p.log for p in involved), ", ".join(p.name for p in involved)
-        if len(involved) > 1 and logs and np.ptp(parts) < 0.3 * np.abs(parts).max():
-            text = f"only ratios of {names} are identifiable: these data do not see their common scale"
-        elif len(involved) == 1:
-            text = f"{names} is not identifiable from these data"
-        else:
-            terms = " ".join(
-                f"{part:+.2f} log {p.name}" if p.log else f"{part / p.scale:+.3g} {p.name}"
-                for p, part in zip(involved, parts, strict=True)
-            )
-            text = f"the combination {terms} is not identifiable from these data"
-        remarks.append(text)
-    return tuple(remarks)
+def _ends(parameter: Parameter, value: float, away: np.ndarray) -> np.ndarray:
+    """A value and what is to be added to it in search coordinates, shape (2,), in units."""
+    return np.asarray(value * np.exp(away) if parameter.log else value + away * parameter.scale)
 
 
 def bound_of(parameter: Parameter, value: float) -> str | None:

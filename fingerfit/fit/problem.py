@@ -16,7 +16,7 @@ from fingerfit.core.files import digest, write_text
 from fingerfit.core.processes import side_by_side
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
 from fingerfit.fit.discrepancy import Discrepancy
-from fingerfit.fit.intervals import SURE
+from fingerfit.fit.identified import SURE
 from fingerfit.fit.kept import Kept
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective

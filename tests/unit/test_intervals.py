@@ -7,12 +7,12 @@ from scipy.stats import norm
 from scipy.stats import t as student
 from seeds import generator
 
+from fingerfit.fit.identified import identifiability
 from fingerfit.fit.intervals import (
     WIDTH,
     as_json,
     curvature,
     gradient_and_hessian,
-    identifiability,
     minimise,
     repeat,
     summarise,
@@ -195,6 +195,33 @@ def test_a_constant_that_the_data_do_not_see_may_be_anywhere_in_its_bounds():
     assert found.relative[1] == pytest.approx(np.log(LOG[1].upper / LOG[1].lower) / np.sqrt(12.0))
     others = summarise(shifts[:, [0, 2]], hessian[np.ix_([0, 2], [0, 2])], [LOG[0], LOG[2]], [0.02, 0.06])
     assert found.interval[[0, 2]] == pytest.approx(others.interval)
+
+
+def test_constants_of_which_only_ratios_are_seen_may_be_anywhere_in_their_bounds():
+    """Together: the largest one ends at its upper bound, the smallest one at its lower bound."""
+    shifts = generator(4).normal(0.0, 1e-9, (60, 3)) * [1.0, 1.0, 1e7]
+    values = np.array([0.6, 0.2, 0.06])
+    found = summarise(shifts, plane([1, 1, 0]), LOG, values)
+    assert found.remarks[0].startswith("only ratios of mu_a, mu_b are identifiable")
+    low, high = LOG[1].lower / 0.2, LOG[0].upper / 0.6
+    assert found.interval[:2] == pytest.approx(np.outer(values[:2], [low, high]), rel=1e-6)
+    assert found.relative[:2] == pytest.approx(np.log(high / low) / np.sqrt(12.0), rel=1e-6)
+    alone = summarise(shifts[:, 2:], np.eye(1), LOG[2:], values[2:])
+    assert found.interval[2] == pytest.approx(alone.interval[0])
+    assert found.relative[2] == pytest.approx(alone.relative[0])
+
+
+def test_constants_of_two_combinations_that_are_not_seen_have_what_both_leave_open():
+    found = summarise(np.zeros((60, 3)), plane([1, 1, 1], [1, -1, 0]), LOG, [0.1, 0.1, 0.01])
+    # the data see mu_a mu_b / mu_c^2 alone
+    assert found.interval[:2] == pytest.approx(np.tile([1e-3, 1.0], (2, 1)), rel=1e-6)
+    assert found.interval[2] == pytest.approx([1e-3, 0.1], rel=1e-6)
+
+
+def test_a_prior_on_the_common_scale_keeps_its_interval():
+    known = 0.2**2 * np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+    found = summarise(np.zeros((60, 3)), plane([1, 1, 0]), LOG, [0.02, 0.03, 0.06], known=known)
+    assert np.log(found.interval[0] / 0.02) == pytest.approx(norm.ppf(0.975) * 0.2 * np.array([-1.0, 1.0]))
 
 
 def test_a_constant_that_a_prior_alone_knows_has_the_interval_of_the_prior():
