@@ -32,8 +32,8 @@ from fingerfit.model.laws import LAWS, OGDEN
 from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
 
-TWINS = 3000001
-"""First number of elements that parts have once more."""
+PARTS = 10
+"""Parts number what they add near multiples of `beyond` up to this one; from there on it is counted."""
 STIFFNESS = 12.5
 """Pressure at which a contact is the indenter's radius deep, MPa: 5 MPa/mm for a radius of 2.5 mm, as the fingertip was
 fitted with. A stress, and a choice (docs/decisions/0017-blocks-and-shares.md)."""
@@ -96,7 +96,9 @@ def deck_context(
     increment = changed_by("increment", 1.0, {}, present, values)
     steps, way = loading_steps(study, mesh, present, values, ages=bool(ages.any())), direction(study, mesh.dim)
     pieces = pieces_of(layers, mesh, present, values, _regions(study, mesh, layers, values, material, present, law))
-    numbers = itertools.count(TWINS)  # of one part after the other
+    # solvers set memory aside up to the highest number: those of parts are just above those of the mesh
+    beyond = 10 ** len(str(max(len(mesh.points), mesh.element_count)))
+    extra_nodes, extra_elements = (itertools.count(PARTS * beyond + 1) for _ in range(2))  # of one part after the other
     return {
         "title": study.title,
         "law": law,
@@ -124,7 +126,8 @@ def deck_context(
         "beside": {axis: float(changed_by(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
         "areas": lambda name: areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
-        "elements": lambda layer=None: elements(mesh, numbers, layer),
+        "beyond": beyond,
+        "elements": lambda layer=None: elements(mesh, extra_elements, layer),
         "lengths": lambda name: lengths(mesh, mesh.node_sets[name]),
         "shares": lambda: shares(mesh),
         "side": lambda way: side(mesh, way),
@@ -132,9 +135,9 @@ def deck_context(
         "node": lambda name: only(mesh, name) + 1,
         "point": lambda name: mesh.points[only(mesh, name)].tolist(),
         "resting": lambda name, x, y, radius: [x, y, rests_on(mesh, name, (x, y), radius)],
-        "ball": lambda centre, radius, count: ball(centre, radius, count, len(mesh.points) + 1),
+        "ball": lambda centre, radius, count: ball(centre, radius, count, extra_nodes, extra_elements),
         "half_tube": lambda axis, radius, count: half_tube(
-            axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, len(mesh.points) + 1000001
+            axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, extra_nodes, extra_elements
         ),
     }
 

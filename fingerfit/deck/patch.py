@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-FIRST = 3000001
-"""Number of the first brick; those of a mesh are lower."""
 
-
-def ball(centre: Sequence[float], radius: float, count: int, first: int) -> dict[str, list]:
+def ball(
+    centre: Sequence[float], radius: float, count: int, nodes: Iterator[int], elements: Iterator[int]
+) -> dict[str, list]:
     """A cap of 150 degrees around the lowest point of a sphere.
 
     Parameters
@@ -21,8 +20,8 @@ def ball(centre: Sequence[float], radius: float, count: int, first: int) -> dict
         mm.
     count : int
         Bricks along each side.
-    first : int
-        Number of its first node.
+    nodes, elements : iterator of int
+        Numbers for them, those of the mesh left out.
 
     Returns
     -------
@@ -35,10 +34,12 @@ def ball(centre: Sequence[float], radius: float, count: int, first: int) -> dict
     arc = np.hypot(a, b)
     scale = np.divide(np.sin(arc), arc, out=np.ones_like(arc), where=arc > 0)
     way = np.stack([a * scale, b * scale, -np.cos(arc)], axis=-1)
-    return _bricks(np.asarray(centre) + radius * way, np.asarray(centre) + 0.8 * radius * way, first, 0)
+    return _bricks(np.asarray(centre) + radius * way, np.asarray(centre) + 0.8 * radius * way, nodes, elements)
 
 
-def half_tube(axis: Sequence[float], radius: float, length: float, count: int, first: int) -> dict[str, list]:
+def half_tube(
+    axis: Sequence[float], radius: float, length: float, count: int, nodes: Iterator[int], elements: Iterator[int]
+) -> dict[str, list]:
     """The lower half of a tube along x, seen from within.
 
     Parameters
@@ -49,18 +50,18 @@ def half_tube(axis: Sequence[float], radius: float, length: float, count: int, f
         mm.
     count : int
         Bricks around.
-    first : int
-        Number of its first node.
+    nodes, elements : iterator of int
+        Numbers for them, those of the mesh left out.
     """
     angle = np.linspace(-1, 1, count + 1) * np.deg2rad(85)
     x, turn = np.meshgrid(np.array([-0.5, 0.5]) * length, angle, indexing="ij")
     inner, outer = (
         np.asarray(axis) + np.stack([x, r * np.sin(turn), -r * np.cos(turn)], axis=-1) for r in (radius, 1.1 * radius)
     )
-    return _bricks(inner, outer, first, 500000)
+    return _bricks(inner, outer, nodes, elements)
 
 
-def _bricks(surface: np.ndarray, back: np.ndarray, first: int, offset: int) -> dict[str, list]:
+def _bricks(surface: np.ndarray, back: np.ndarray, nodes: Iterator[int], elements: Iterator[int]) -> dict[str, list]:
     rows, columns = surface.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
     quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1).reshape(-1, 4)
@@ -69,7 +70,8 @@ def _bricks(surface: np.ndarray, back: np.ndarray, first: int, offset: int) -> d
     corner = points[bricks[0]]
     if np.linalg.det(corner[[1, 3, 4]] - corner[0]) < 0:
         bricks = bricks[:, [0, 3, 2, 1, 4, 7, 6, 5]]
+    numbers = [next(nodes) for _ in points]
     return {
-        "nodes": [[first + n, *map(float, point)] for n, point in enumerate(points)],
-        "elements": [[FIRST + offset + n, *(first + int(node) for node in row)] for n, row in enumerate(bricks)],
+        "nodes": [[number, *map(float, point)] for number, point in zip(numbers, points, strict=True)],
+        "elements": [[next(elements), *(numbers[node] for node in row)] for row in bricks],
     }

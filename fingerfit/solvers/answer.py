@@ -162,6 +162,7 @@ def ended(code: int) -> str:
     if code >= 0:
         return f"exit code {code}"
     try:
-        return f"ended by {signal.Signals(-code).name}"
+        memory = ", perhaps out of memory" if -code == signal.SIGKILL else ""
+        return f"ended by {signal.Signals(-code).name}{memory}"
     except ValueError:
         return f"ended by signal {-code}"

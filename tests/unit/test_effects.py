@@ -127,6 +127,17 @@ def test_at_its_step_the_deck_is_another_one_and_has_a_solution(name, tmp_path, 
         assert 1e-4 < change < 1.0
 
 
+@pytest.mark.parametrize("name", IN_THE_DECK)
+def test_numbers_of_what_it_adds_are_free_and_just_above_those_of_the_mesh(name, tmp_path):
+    """Solvers set memory aside up to the highest number: by millions, CalculiX took 10 GB for 24 elements."""
+    effect, largest = EFFECTS[name], max(len(MESH.points), MESH.element_count)
+    of = study() if (effect.control or "force") == "force" else study("displacement", [0.5, 1.0])
+    for keyword, count in (("NODE", len(MESH.points)), ("ELEMENT", MESH.element_count)):
+        added = [int(row[0]) for block in cards(deck(at_step(effect), of=of), keyword) for row in block]
+        assert len(set(added)) == len(added)
+        assert all(count < number < 10 * 10 * largest + 3 * MESH.element_count for number in added)
+
+
 @pytest.mark.parametrize("name", sorted(UNSEEN_BY_THE_DECK))
 def test_what_is_only_observed_leaves_the_deck(name):
     assert deck(at_step(EFFECTS[name])) == PLAIN
