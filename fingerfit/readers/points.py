@@ -53,6 +53,8 @@ class Record:
         Whether y points downwards.
     remarks : tuple of str
         What was done to the numbers.
+    size : float
+        How many mm the unit of the files is, once the numbers are in mm.
     """
 
     names: tuple[str, ...]
@@ -62,6 +64,7 @@ class Record:
     unit: str
     down: bool
     remarks: tuple[str, ...] = ()
+    size: float = 1.0
 
     @property
     def dim(self) -> int:
@@ -213,9 +216,8 @@ def in_mm(record: Record, unit: str | None, scale: float | None, where: str) -> 
     else:
         size = 1.0
         record = replace(record, remarks=(*record.remarks, "the files do not say their unit of length: taken as mm"))
-    return replace(
-        record, unit="mm", places=tuple(size * p for p in record.places), moved=tuple(size * m for m in record.moved)
-    )
+    places, moved = (tuple(size * one for one in part) for part in (record.places, record.moved))
+    return replace(record, unit="mm", places=places, moved=moved, size=size)
 
 
 def turned(vectors: np.ndarray, up: str, down: bool) -> np.ndarray:

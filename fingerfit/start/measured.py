@@ -215,12 +215,8 @@ def _indenter(keys: IndenterKeys, points: PointKeys, record: Record, folder: Pat
     if missing := [axis for axis in axes if axis not in keys.columns]:
         raise InputError(where, "indenter.columns", ", ".join(keys.columns), f"{', '.join(missing)} among them")
     places = np.stack([table.column(keys.columns.index(axis)) for axis in axes], axis=1)
-    made = in_mm(
-        Record(("indenter",), (places,), (places * 0,), record.program, points.unit or "mm", False),
-        None, points.scale, where,
-    )  # fmt: skip
     up, down = _axes(points, record)
-    at = turned(made.places[0], up, down)[:, -1]
+    at = turned(record.size * places, up, down)[:, -1]
     moves = np.asarray(at[0] - at)
     if not np.isfinite(moves).all():
         raise InputError(path, "rows", "cells that are empty", "a position for each frame")

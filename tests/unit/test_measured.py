@@ -219,6 +219,22 @@ def test_a_record_of_the_indenter_begins_where_it_is_at_frame_0(place, first, fo
     )
 
 
+@pytest.mark.parametrize(("head", "points"), [("[um]", {}), ("[Pixel]", {"scale": 0.001})])
+def test_the_indenter_is_measured_in_the_unit_that_the_files_of_points_say(place, head, points):
+    for path in Path("dic").iterdir():
+        text = path.read_text(encoding="utf-8")
+        names, rest = text.split("\n", 1)
+        path.write_text(
+            re.sub(r"([XYZUVW])(?=\W|$)(?: \[\w+\])?", rf"\1 {head}", names) + "\n" + rest, encoding="utf-8"
+        )
+    Path("pad.csv").write_text("0,3000\n0,2900\n0,2800\n", encoding="utf-8")
+    Path("machine.csv").write_text("travel (mm),force (N)\n0,0\n0.1,1\n0.2,2\n", encoding="utf-8")
+    content = {"points": {"files": "dic/*.csv", **points}, "indenter": {"file": "pad.csv", "columns": ["x", "y"]}}
+    Path("data.yaml").write_text(yaml.safe_dump({**content, "machine": {"file": "machine.csv"}}), encoding="utf-8")
+    draft_from(Path("mine"), [Path("data.yaml")])
+    assert np.loadtxt("mine/steps.csv", delimiter=",", skiprows=1, usecols=1) == pytest.approx([0.1, 0.2])
+
+
 @pytest.mark.parametrize("rows", ["1,0\n1,1\n1,2\n", "1,1\n1,1\n"])
 def test_a_record_without_loading_is_one_line(place, rows):
     Path("machine.csv").write_text(f"travel (mm),force (N)\n{rows}", encoding="utf-8")
