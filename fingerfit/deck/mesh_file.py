@@ -65,6 +65,8 @@ def read_mesh(path: Path) -> Mesh:
 
         return read_deck_mesh(path)
     check_regular(path, "mesh", MESH, "a mesh")
+    if not path.stat().st_size:  # of some formats meshio waits for a line for ever
+        raise InputError(path, "mesh", "an empty file", "a mesh that meshio reads")
     import meshio
 
     try:

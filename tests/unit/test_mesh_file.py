@@ -101,6 +101,7 @@ UNREADABLE = {
     "m.dat": "no mesh",
     "m.su2": "no mesh",
     "m.avs": "no mesh",
+    "m.node": "",
 }
 """meshio answers with its own errors, with SystemExit, and with whatever its code runs into."""
 
