@@ -66,7 +66,7 @@ def test_other_formats_with_their_sets(monkeypatch, tmp_path):
     sets = {"left": [np.array([0])], "right": [np.array([1])]}
     made = meshio.Mesh(points, cells, point_sets={"Bottom": np.array([0, 1, 4])}, cell_sets=sets)
     monkeypatch.setattr(meshio, "read", lambda path: made)
-    (tmp_path / "m.other").touch()
+    (tmp_path / "m.other").write_text("what meshio reads")
     read = read_mesh(tmp_path / "m.other")
     assert read.points == pytest.approx(points)
     assert np.array_equal(read.node_sets["BOTTOM"], [0, 1, 4])
