@@ -13,8 +13,8 @@ import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
 from fingerfit.core.files import digest, write_text
-from fingerfit.core.processes import side_by_side
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.fit.aside import predicted
 from fingerfit.fit.discrepancy import Discrepancy
 from fingerfit.fit.identified import SURE
 from fingerfit.fit.kept import Kept
@@ -300,7 +300,7 @@ class InverseProblem:
     def predict_all(self, batch: Sequence[Asked], processes: int) -> None:
         """Keep the predictions of all guesses that have a solution, made beside each other, and no others.
 
-        Those of an earlier round are not asked for again; of volumes each takes as much memory as was measured.
+        Those of an earlier round are not asked for again.
         """
         wanted = {_key(asked) for asked in batch}
         for key in self._predictions.keys() - wanted:
@@ -308,7 +308,7 @@ class InverseProblem:
         self.seen({})  # what is read here is not read again by each process
         self._read_kept(batch)
         new = list({_key(asked): asked for asked in batch if _key(asked) not in self._predictions}.values())
-        made = side_by_side(lambda one: found.without_maps if (found := self._synthesis(one)) else None, new, processes)
+        made = predicted(self._synthesis, new, self.data.measured.shape, self.sims, processes)
         for asked, found in zip(new, made, strict=True):
             if found is not None:
                 self._predictions[_key(asked)], self._folded[_key(asked)] = found

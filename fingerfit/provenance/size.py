@@ -26,9 +26,9 @@ MAP = 36
 """Numbers for each pixel beside the pictures: where it comes from, and in which element. Measured: 40 in all with 3."""
 WARP = 2.5e-7
 """Seconds for each pixel of each picture of a guess: benchmarks/warp.md."""
-KEPT = 3
-"""Guesses whose pictures are in memory for each number that is fitted: one ahead of the best one, one behind, and the
-slope between them."""
+KEPT = 1
+"""Slopes of the pictures in memory for each number that is fitted; the guesses between which they are taken lie on disk
+(`fingerfit.fit.aside`)."""
 GUESSES = 150
 """Guesses of a long search: that of the phantom takes 77 simulations in all."""
 LONG = float(os.getenv("FINGERFIT_LONG", "60"))
@@ -86,7 +86,7 @@ class Size:
         """MB of a job that runs as many simulations at once, and compares pictures or does not, or refits effects.
 
         Each of these processes then holds the pictures of its guess beside those that all share: per pixel the measured
-        and the predicted ones, and where each pixel comes from. What a fit predicts for its slopes is kept.
+        and the predicted ones, and where each pixel comes from. The slopes of a fit are kept.
         """
         processes, numbers = max(simulations, 1), self.tried if diagnosed else self.numbers
         held = (2 * self.pictures + MAP) * processes + KEPT * numbers * self.pictures
