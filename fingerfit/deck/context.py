@@ -33,7 +33,9 @@ from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
 
 PARTS = 10
-"""Parts number what they add near multiples of `beyond` up to this one; from there on it is counted."""
+"""Parts number what they add by multiples of `beyond` up to this one; from there on there are rigid surfaces of bricks,
+each with room for `PATCH` numbers, and elements that parts have once more."""
+PATCH = 10_000
 STIFFNESS = 12.5
 """Pressure at which a contact is the indenter's radius deep, MPa: 5 MPa/mm for a radius of 2.5 mm, as the fingertip was
 fitted with. A stress, and a choice (docs/decisions/0017-blocks-and-shares.md)."""
@@ -98,7 +100,8 @@ def deck_context(
     pieces = pieces_of(layers, mesh, present, values, _regions(study, mesh, layers, values, material, present, law))
     # solvers set memory aside up to the highest number: those of parts are just above those of the mesh
     beyond = 10 ** len(str(max(len(mesh.points), mesh.element_count)))
-    extra_nodes, extra_elements = (itertools.count(PARTS * beyond + 1) for _ in range(2))  # of one part after the other
+    patch = PARTS * beyond + 1
+    numbers = itertools.count(patch + 2 * PATCH)  # of one part after the other
     return {
         "title": study.title,
         "law": law,
@@ -127,7 +130,7 @@ def deck_context(
         "areas": lambda name: areas(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
         "beyond": beyond,
-        "elements": lambda layer=None: elements(mesh, extra_elements, layer),
+        "elements": lambda layer=None: elements(mesh, numbers, layer),
         "lengths": lambda name: lengths(mesh, mesh.node_sets[name]),
         "shares": lambda: shares(mesh),
         "side": lambda way: side(mesh, way),
@@ -135,9 +138,9 @@ def deck_context(
         "node": lambda name: only(mesh, name) + 1,
         "point": lambda name: mesh.points[only(mesh, name)].tolist(),
         "resting": lambda name, x, y, radius: [x, y, rests_on(mesh, name, (x, y), radius)],
-        "ball": lambda centre, radius, count: ball(centre, radius, count, extra_nodes, extra_elements),
+        "ball": lambda centre, radius, count: ball(centre, radius, count, patch),
         "half_tube": lambda axis, radius, count: half_tube(
-            axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, extra_nodes, extra_elements
+            axis, radius, 3 * float(np.ptp(mesh.points[:, 0])), count, patch + PATCH
         ),
     }
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 
-def ball(
-    centre: Sequence[float], radius: float, count: int, nodes: Iterator[int], elements: Iterator[int]
-) -> dict[str, list]:
+def ball(centre: Sequence[float], radius: float, count: int, first: int) -> dict[str, list]:
     """A cap of 150 degrees around the lowest point of a sphere.
 
     Parameters
@@ -20,8 +18,8 @@ def ball(
         mm.
     count : int
         Bricks along each side.
-    nodes, elements : iterator of int
-        Numbers for them, those of the mesh left out.
+    first : int
+        Number of its first node, and of its first brick.
 
     Returns
     -------
@@ -34,12 +32,10 @@ def ball(
     arc = np.hypot(a, b)
     scale = np.divide(np.sin(arc), arc, out=np.ones_like(arc), where=arc > 0)
     way = np.stack([a * scale, b * scale, -np.cos(arc)], axis=-1)
-    return _bricks(np.asarray(centre) + radius * way, np.asarray(centre) + 0.8 * radius * way, nodes, elements)
+    return _bricks(np.asarray(centre) + radius * way, np.asarray(centre) + 0.8 * radius * way, first)
 
 
-def half_tube(
-    axis: Sequence[float], radius: float, length: float, count: int, nodes: Iterator[int], elements: Iterator[int]
-) -> dict[str, list]:
+def half_tube(axis: Sequence[float], radius: float, length: float, count: int, first: int) -> dict[str, list]:
     """The lower half of a tube along x, seen from within.
 
     Parameters
@@ -50,18 +46,18 @@ def half_tube(
         mm.
     count : int
         Bricks around.
-    nodes, elements : iterator of int
-        Numbers for them, those of the mesh left out.
+    first : int
+        Number of its first node, and of its first brick.
     """
     angle = np.linspace(-1, 1, count + 1) * np.deg2rad(85)
     x, turn = np.meshgrid(np.array([-0.5, 0.5]) * length, angle, indexing="ij")
     inner, outer = (
         np.asarray(axis) + np.stack([x, r * np.sin(turn), -r * np.cos(turn)], axis=-1) for r in (radius, 1.1 * radius)
     )
-    return _bricks(inner, outer, nodes, elements)
+    return _bricks(inner, outer, first)
 
 
-def _bricks(surface: np.ndarray, back: np.ndarray, nodes: Iterator[int], elements: Iterator[int]) -> dict[str, list]:
+def _bricks(surface: np.ndarray, back: np.ndarray, first: int) -> dict[str, list]:
     rows, columns = surface.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
     quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1).reshape(-1, 4)
@@ -70,8 +66,7 @@ def _bricks(surface: np.ndarray, back: np.ndarray, nodes: Iterator[int], element
     corner = points[bricks[0]]
     if np.linalg.det(corner[[1, 3, 4]] - corner[0]) < 0:
         bricks = bricks[:, [0, 3, 2, 1, 4, 7, 6, 5]]
-    numbers = [next(nodes) for _ in points]
     return {
-        "nodes": [[number, *map(float, point)] for number, point in zip(numbers, points, strict=True)],
-        "elements": [[next(elements), *(numbers[node] for node in row)] for row in bricks],
+        "nodes": [[number, *map(float, point)] for number, point in enumerate(points, first)],
+        "elements": [[number, *(first + int(node) for node in row)] for number, row in enumerate(bricks, first)],
     }

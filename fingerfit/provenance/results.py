@@ -237,7 +237,8 @@ def _damaged(settings: Settings, contents: Contents) -> Iterator[tuple[Path, ...
     for deck in sorted((study / "sims").glob("*/deck.inp")):
         solver = deck.with_name("solver.json")
         if not contents.remember(f"deck {deck}", contents.of([deck, solver]), partial(_is_named, deck, solver)):
-            yield deck, solver  # the name is that of both
+            # the name is that of both; of slopes beside it, whoever solves them reads its deck
+            yield deck, solver, deck.with_name("solution.npz")
 
 
 def _asked_of_others(settings: Settings, contents: Contents) -> Iterator[Path]:

@@ -12,7 +12,7 @@ from scipy.special import erf
 from fingerfit.core.errors import InputError, Problems
 from fingerfit.core.files import write_text
 from fingerfit.core.folders import OURS
-from fingerfit.deck.context import deck_context
+from fingerfit.deck.context import PATCH, deck_context
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import blocks, render_deck
 from fingerfit.forward.predict import since_first_picture
@@ -135,7 +135,7 @@ def test_numbers_of_what_it_adds_are_free_and_just_above_those_of_the_mesh(name,
     for keyword, count in (("NODE", len(MESH.points)), ("ELEMENT", MESH.element_count)):
         added = [int(row[0]) for block in cards(deck(at_step(effect), of=of), keyword) for row in block]
         assert len(set(added)) == len(added)
-        assert all(count < number < 10 * 10 * largest + 3 * MESH.element_count for number in added)
+        assert all(count < number < 10 * 10 * largest + 2 * PATCH + 3 * MESH.element_count for number in added)
 
 
 @pytest.mark.parametrize("name", sorted(UNSEEN_BY_THE_DECK))

@@ -199,7 +199,7 @@ def test_what_is_damaged_is_told_and_made_again(place):
     said, code = snakemake(place, "-n")
     assert code == 1
     for path in damaged:
-        assert f"\n{path.relative_to(place)}: is damaged; it will be removed and made again\n" in said
+        assert f"\nfingerfit: error: {path.relative_to(place)}: is damaged; it will be removed and made again\n" in said
         assert path.read_bytes() != before[path]
     said = fitted(place)
     for path in damaged:
