@@ -40,8 +40,9 @@ def predicted(
         On the disk where they lie, in files that have no name and end with this process.
     processes : int
     """
+    volumes = len(shape) == IN_SPACE and min(shape) > 0
     # opened here, so that a process that helps writes into the file that this one reads
-    files = [tempfile.TemporaryFile(dir=folder) if len(shape) == IN_SPACE else None for _ in guesses]  # noqa: SIM115
+    files = [tempfile.TemporaryFile(dir=folder) if volumes else None for _ in guesses]  # noqa: SIM115
 
     def made(number: int) -> tuple[Prediction, bool] | None:
         synthesis = make(guesses[number])

@@ -11,6 +11,8 @@ from fingerfit.forward.score import Prediction
 
 VOLUMES = (2, 20, 24, 28)
 PICTURES = (2, 200, 240)
+NONE = (0, 20, 24, 28)
+"""Of a body in space whose forces alone were measured."""
 GUESSES = range(12)
 
 
@@ -19,12 +21,12 @@ def made(number, shape):
     if number == 5:
         return None
     pictures = np.full(shape, float(number))
-    pictures[-1, -1] = np.arange(shape[-1])
+    pictures[-1:, -1] = np.arange(shape[-1])
     return Synthesis(Prediction(pictures, np.full(2, number / 3), np.zeros((0, 2))), [])
 
 
 @pytest.mark.parametrize("processes", [1, 2])
-@pytest.mark.parametrize("shape", [VOLUMES, PICTURES])
+@pytest.mark.parametrize("shape", [VOLUMES, PICTURES, NONE])
 def test_each_guess_has_its_own_pictures(shape, processes, tmp_path):
     found = predicted(lambda n: made(n, shape), GUESSES, shape, tmp_path, processes)
     assert found[5] is None

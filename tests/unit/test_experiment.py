@@ -179,7 +179,7 @@ def test_every_mistake_of_a_description_is_told(tmp_path):
     with pytest.raises(Problems) as raised:
         read_truth(tmp_path / "e.yaml")
     fields = {problem.field for problem in raised.value.problems}
-    assert fields == {"solvr", "solver", "body.layers.1.mu", "mesh.across"}
+    assert fields == {"solvr", "body.layers.1.mu", "mesh.across"}, "that solver is missing is the same mistake as solvr"
     with pytest.raises(InputError, match="the description of an experiment"):
         run_experiment(tmp_path / "no.yaml", tmp_path / "s")
     assert not (tmp_path / "s").exists()

@@ -106,5 +106,5 @@ def test_numbers_of_a_dat_file():
 
 def test_how_a_program_ended_is_said_in_words():
     assert [ended(code) for code in (3, -9, -11, -77)] == [
-        "exit code 3", "ended by SIGKILL", "ended by SIGSEGV", "ended by signal 77",
+        "exit code 3", "ended by SIGKILL, perhaps out of memory", "ended by SIGSEGV", "ended by signal 77",
     ]  # fmt: skip
