@@ -18,7 +18,7 @@ _NOTEBOOK = ("Found", "Result", "add", "diagnose", "load_result", "load_study")
 
 
 class _Fit(ModuleType):
-    """The room `fingerfit.fit`, which can be called as the verb."""
+    """The package `fingerfit.fit`, which can be called as the verb."""
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         return import_module("fingerfit.notebook").fit(*arguments, **options)

@@ -23,6 +23,11 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
+def perhaps_memory(number: int) -> str:
+    """What to add where a program was ended by a signal: the system ends so what takes too much memory."""
+    return ", perhaps out of memory" if number == signal.SIGKILL else ""
+
+
 def side_by_side(function: Callable[[Item], Result], items: Sequence[Item], processes: int) -> list[Result]:
     """Results of a function for all items, in order.
 
@@ -79,8 +84,7 @@ def side_by_side(function: Callable[[Item], Result], items: Sequence[Item], proc
             endings.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
     for answer, ending in zip(answers, endings, strict=True):
         if not answer:
-            memory = ", perhaps out of memory" if ending == -signal.SIGKILL else ""
-            how = f"was killed (signal {-ending}){memory}" if ending < 0 else "ended without an answer"
+            how = f"was killed (signal {-ending}){perhaps_memory(-ending)}" if ending < 0 else "ended without an answer"
             raise FingerfitError(f"a process that helped {how}")
         failed, found = pickle.loads(answer)
         if failed:

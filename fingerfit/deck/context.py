@@ -36,6 +36,7 @@ PARTS = 10
 """Parts number what they add by multiples of `beyond` up to this one; from there on there are rigid surfaces of bricks,
 each with room for `PATCH` numbers, and elements that parts have once more."""
 PATCH = 10_000
+"""More than the nodes of any rigid surface of bricks: those of a sphere, 30 along each side, have 1922. A choice."""
 STIFFNESS = 12.5
 """Pressure at which a contact is the indenter's radius deep, MPa: 5 MPa/mm for a radius of 2.5 mm, as the fingertip was
 fitted with. A stress, and a choice (docs/decisions/0017-blocks-and-shares.md)."""

@@ -22,7 +22,7 @@ from fingerfit.fit.intervals import NORMAL
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
-from fingerfit.fit.slopes import STEP, coordinates, difference, evenly, moved, neighbours
+from fingerfit.fit.slopes import STEP, bounds_of, difference, evenly, moved, neighbours
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.study.several import AT
 from fingerfit.study.study import Study, with_gain
@@ -153,7 +153,7 @@ def identification(comparison: Comparison, threads: int = 1) -> tuple[dict[str, 
     """
     parameters, values = comparison.problem.settings.parameters(), comparison.base.values
     own = comparison.problem.settings.model.parameters
-    low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
+    low, high = bounds_of(parameters)
     width, known, run = high - low, comparison.known[1], 0
     before = np.diag(evenly(parameters))
     now = comparison.score_test.own.T @ comparison.score_test.own

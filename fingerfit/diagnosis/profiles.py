@@ -17,7 +17,7 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.first_pass import MOVE, FirstPass, Way
 from fingerfit.fit.intervals import NORMAL
 from fingerfit.fit.problem import InverseProblem
-from fingerfit.fit.slopes import coordinates, evenly, moved
+from fingerfit.fit.slopes import bounds_of, coordinates, evenly, moved
 from fingerfit.model.parameters import Parameter
 
 APART, LONGEST = 0.6, 0.5
@@ -89,9 +89,7 @@ def profile(comparison: Comparison, name: str, threads: int = 1) -> Profile:
     index = [p.name for p in parameters].index(name)
     values, least, slopes = _held(first, problem, comparison.base.values)
     where = coordinates(parameters, values)
-    edges = [
-        coordinates(parameters, {p.name: getattr(p, end) for p in parameters})[index] for end in ("lower", "upper")
-    ]
+    edges = [end[index] for end in bounds_of(parameters)]
     around = np.diag(np.linalg.pinv(slopes.T @ slopes + np.diag(evenly(parameters)), hermitian=True))
     found, ends = [(float(where[index]), least, values)], list[str]()
     for edge in edges:

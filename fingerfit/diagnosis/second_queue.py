@@ -58,7 +58,7 @@ def refits_of(
     """
     explained, by_series, named = -np.inf, False, set[str]()
     nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
-    alone = False  # whether one of them leaves no more than chance does
+    by_chance = False  # whether one of them leaves no more than chance does in patches, and hardly more in pictures
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
     flat = not in_space(problem)
@@ -68,7 +68,7 @@ def refits_of(
         effect = ranked.candidate.effect
         if effect.probe and effect.family in named:
             return False
-        elsewhere = effect.family not in nearest_by and least > 1.0 + MATTERS and not alone
+        elsewhere = effect.family not in nearest_by and least > 1.0 + MATTERS and not by_chance
         if seen and not ranked.refitted and least <= 1.0 + MATTERS:
             return False
         share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
@@ -112,9 +112,10 @@ def refits_of(
                 explained, by_series = max((explained, by_series), (ranked.odds(spread), field))
                 nearest_by.add(effect.family)
                 least = min(least, refit.at_least)
-                alone |= explains(refit) and refit.misfit <= chance(refit.freedom) and refit.fitted <= EXPLAINED
+            whole = explains(refit) and refit.fitted <= EXPLAINED
+            by_chance |= whole and refit.misfit <= chance(refit.freedom)
             share = min(1.0, max(0.0, refit.explained(found.score_test.misfit)))
-            if not effect.probe and explains(refit) and refit.fitted <= EXPLAINED:
+            if whole and not effect.probe:
                 named.add(effect.family)
             left = [one for one in left if worth_it(one)]
             tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerfit.fit.slopes import coordinates
+from fingerfit.fit.slopes import bounds_of, coordinates
 from fingerfit.model.parameters import Parameter
 
 FLAT = 1e-4
@@ -81,7 +81,7 @@ def room(
     from scipy.optimize import linprog
 
     at = coordinates(parameters, {p.name: value for p, value in zip(parameters, values, strict=True)})
-    low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
+    low, high = bounds_of(parameters)
     low, high = np.minimum(low - at, 0.0)[moving], np.maximum(high - at, 0.0)[moving]
     ways = directions[moving]
     within = np.concatenate([ways, -ways]), np.concatenate([high, -low])

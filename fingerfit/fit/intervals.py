@@ -17,7 +17,7 @@ from fingerfit.fit.identified import (
     unseen_constants,
 )
 from fingerfit.fit.objective import Objective
-from fingerfit.fit.slopes import coordinates
+from fingerfit.fit.slopes import bounds_of
 from fingerfit.model.parameters import Parameter
 
 WIDTH = 0.02
@@ -273,7 +273,7 @@ def summarise(
     interval = np.where(free.any(axis=1, keepdims=True), np.clip(interval, bounds[:, :1], bounds[:, 1:]), interval)
     blind = unseen_constants(hessian, sure) & unknown
     interval = np.where(blind[:, None], bounds, interval)
-    low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
+    low, high = bounds_of(parameters)
     # of even distributions
     spread = np.where(blind, (high - low) / np.sqrt(12.0), np.hypot(spread, np.ptp(free, axis=1) / np.sqrt(12.0)))
     return Uncertainty(

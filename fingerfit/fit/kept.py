@@ -26,12 +26,12 @@ FOLDER = "kept"
 MANY = 4_000_000
 """Pixels of all pictures of a guess from which they are kept: these take a second to warp (benchmarks/warp.md)."""
 _MAKERS = ("core", "forward", "imaging", "mesh", "study")
-"""Rooms whose sources make a prediction of a solution."""
+"""Packages whose sources make a prediction of a solution."""
 
 
 @cache
 def _sources() -> str:
-    files = sorted(file for room in _MAKERS for file in (PACKAGE / room).rglob("*.py"))
+    files = sorted(file for package in _MAKERS for file in (PACKAGE / package).rglob("*.py"))
     return digest(*(file.read_bytes() for file in files))
 
 

@@ -22,9 +22,15 @@ def coordinates(parameters: Sequence[Parameter], values: Mapping[str, float]) ->
     return np.array([np.log(values[p.name]) if p.log else values[p.name] / p.scale for p in parameters])
 
 
+def bounds_of(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds in those coordinates, each of shape (parameters,)."""
+    low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
+    return low, high
+
+
 def evenly(parameters: Sequence[Parameter]) -> np.ndarray:
     """Precision of numbers that are as likely anywhere between their bounds, in those coordinates: (parameters,)."""
-    low, high = (coordinates(parameters, {p.name: getattr(p, end) for p in parameters}) for end in ("lower", "upper"))
+    low, high = bounds_of(parameters)
     return np.asarray(12.0 / (high - low) ** 2)
 
 

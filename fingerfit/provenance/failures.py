@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from fingerfit.core.processes import perhaps_memory
 from fingerfit.core.progress import say
 
 MARK = "fingerfit: error: "
@@ -56,8 +57,7 @@ def why(rule: str, logs: Sequence[str], status: int = 0) -> list[str]:
     lines = [line.removeprefix(MARK) for line in written if line.startswith(MARK)]
     number = -status if status < 0 else status - 128
     if not lines and number > 0:
-        memory = ", perhaps out of memory" if number == signal.SIGKILL else ""
-        lines = [f"was killed (signal {number}){memory}"]
+        lines = [f"was killed (signal {number}){perhaps_memory(number)}"]
     elif not lines and written:
         lines = [f"stopped unexpectedly: {written[-1].strip()}"]
     elif not lines:

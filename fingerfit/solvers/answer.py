@@ -13,6 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from fingerfit.core.errors import SolverError
+from fingerfit.core.processes import perhaps_memory
 from fingerfit.deck.content import Deck, DeckStep
 from fingerfit.solvers.contract import Outcome
 
@@ -162,7 +163,6 @@ def ended(code: int) -> str:
     if code >= 0:
         return f"exit code {code}"
     try:
-        memory = ", perhaps out of memory" if -code == signal.SIGKILL else ""
-        return f"ended by {signal.Signals(-code).name}{memory}"
+        return f"ended by {signal.Signals(-code).name}{perhaps_memory(-code)}"
     except ValueError:
         return f"ended by signal {-code}"

@@ -53,4 +53,5 @@ def test_volumes_take_no_memory(tmp_path):
 
     peak(1)
     pictures = made(0, VOLUMES).prediction.pictures.nbytes
+    # in memory it would be all of their pictures
     assert peak(5) - peak(1) < 0.2 * 4 * pictures
