@@ -14,6 +14,7 @@ import ngsolve as ng
 import numpy as np
 from ngsolve.meshes import MakeStructured2DMesh, MakeStructured3DMesh
 from scipy.interpolate import RegularGridInterpolator
+from shapes import placed
 from world import Hold, World
 
 ng.SetNumThreads(1)
@@ -282,9 +283,9 @@ def _mesh(world: World, rows: int) -> tuple[Any, Any]:
 
 
 def _true(world: World, x: Any, y: Any) -> tuple[Any, Any]:
-    """Where a nominal place of the plane body really is."""
+    """Where a nominal place of the plane body really is: what is hidden first, then the shape that the study knows."""
     up = world.interfaces(x, y) if world.interfaces else y
-    return (world.outline(x, y) if world.outline else x), up
+    return placed(world.setting, world.outline(x, y) if world.outline else x, up)
 
 
 def _samples(world: World, rows: int) -> tuple[list[np.ndarray], np.ndarray]:

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from rules import PAIRS, RULES, SIZES, SPACE, SPACE_FORMS, SPACE_NUMBERS, VARIATIONS, Rule
+from shapes import SHAPES
 
 HALVES = {"study": 3, "exam": 1789}
 """Seeds of the two halves: *study* is for looking at, *exam* is made and run once."""
@@ -56,8 +57,8 @@ class Case:
         return asdict(self)
 
 
-def cases(half: str, seed: int | None = None) -> list[Case]:
-    """All cases of a half, in the order of the rules.
+def cases(half: str, seed: int | None = None, shaped: bool = False) -> list[Case]:
+    """All cases of a half, in the order of the rules; with `shaped` those of the plane in bodies of other shapes.
 
     Raises
     ------
@@ -66,6 +67,8 @@ def cases(half: str, seed: int | None = None) -> list[Case]:
     """
     seed = HALVES[half] if seed is None else seed
     made = [*_empty(half, seed), *_single(half, seed), *_pairs(half, seed), *_in_space(half, seed)]
+    if shaped:
+        made = [_shaped(case, seed) for case in made if case.setting["dimension"] == 2 and case.family != "numerics"]
     names = [case.name for case in made]
     assert len(set(names)) == len(names), "a name twice"
     return made
@@ -126,6 +129,11 @@ def _in_space(half: str, seed: int) -> list[Case]:
             family = rule.families[0]
         found.append(Case(name, half, _number(rng), family, hidden, setting_in_space(rng)))
     return found
+
+
+def _shaped(case: Case, seed: int) -> Case:
+    rng = random.Random(f"{seed}/{case.name}/shape")
+    return replace(case, setting={**case.setting, "shape": rng.choice(SHAPES)})
 
 
 def draw(rule: Rule, form: str, size: float, rng: random.Random) -> Hidden:

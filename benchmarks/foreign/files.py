@@ -11,6 +11,7 @@ import yaml
 from body import Solved
 from observing import Observation
 from pictures import FULL, Camera, Texture, noisy, write_nifti
+from shapes import MESHES, write_mesh
 
 STAGES = [
     {"name": "grid", "kind": "grid", "points": 6},
@@ -42,6 +43,9 @@ def write_study(
     columns += [{"pictures": "picture", "points": "points"}[setting["seen"]]] if setting["seen"] != "forces" else []
     lines = [",".join(columns), *(",".join(str(row.get(column, "")) for column in columns) for row in rows)]
     (folder / "steps.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if "shape" in setting:
+        for mesh, (count, ratio) in MESHES.items():
+            write_mesh(folder / f"{mesh}.inp", setting, count, ratio)
     _dump(folder / "study.yaml", _study(name, setting, sigma_f))
     _dump(folder / "config.yaml", config(folder.as_posix(), setting, solved.reached))
     return {"force": sigma_f, "displacement": sigma_d, "picture": setting["noise"]["picture"] * FULL}
@@ -93,7 +97,10 @@ def _study(name: str, setting: Mapping[str, Any], sigma_f: float) -> dict[str, A
     layers = [{"name": n, "height": h} for n, h in zip(setting["names"], setting["heights"], strict=True)]
     height = round(float(sum(setting["heights"])), 6)
     body: dict[str, Any] = {"layers": layers}
-    if setting["dimension"] == 3:
+    if "shape" in setting:
+        body = {mesh: f"{mesh}.inp" for mesh in MESHES} | {"thickness": setting["thickness"]}
+        body["layers"] = [{"name": n, "elements": n.upper()} for n in setting["names"]]
+    elif setting["dimension"] == 3:
         body["brick"] = [setting["width"], setting["breadth"], height]
     else:
         body |= {"width": setting["width"], "thickness": setting["thickness"], "origin": [0, 0]}
@@ -115,6 +122,7 @@ def config(study: str, setting: Mapping[str, Any], reached: int) -> dict[str, An
     """Settings that fit the base model: all moduli, with exponent and Poisson ratio given."""
     bounds = {"unit": "MPa", "start": 0.1, "lower": 0.001, "upper": 1.0, "log": True}
     coarse, fine = _meshes(setting)
+    meshes = {} if "shape" in setting else {"mesh": coarse, "refined": fine}
     steps = sorted(
         {*(k for k in setting["fitted"] if k <= reached), *([reached] if len(setting["fitted"]) == 1 else [])}
     )
@@ -127,8 +135,7 @@ def config(study: str, setting: Mapping[str, Any], reached: int) -> dict[str, An
             "name": "base",
             "template": "block.inp.j2",
             "material": {"alpha": setting["alpha"], "poisson": setting["poisson"]},
-            "mesh": coarse,
-            "refined": fine,
+            **meshes,
             "parameters": {f"mu_{name}": dict(bounds) for name in setting["names"]},
         },
         "fit": {

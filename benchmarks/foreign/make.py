@@ -158,13 +158,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--half", required=True, help="study, exam, or another name with --seed")
     parser.add_argument("--seed", type=int, help="seed of another half")
+    parser.add_argument(
+        "--shaped", action="store_true", help="bodies of other shapes than rectangles, by meshes of their own"
+    )
     parser.add_argument("--out", type=Path, help="folder of the studies")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="names, or patterns such as 'nothing-*'")
     parser.add_argument("--list", action="store_true", help="names of the cases, and nothing else")
     parser.add_argument("--again", action="store_true", help="make also what is there")
     args = parser.parse_args()
     try:
-        table = cases(args.half, args.seed)
+        table = cases(args.half, args.seed, args.shaped)
     except KeyError:
         parser.error(f"--half {args.half}: expected study or exam, or --seed with it")
     wanted = [c for c in table if not args.only or any(fnmatch.fnmatch(c.name, name) for name in args.only)]

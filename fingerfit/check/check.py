@@ -257,7 +257,7 @@ def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
     for path in sorted(folder.glob("*.yaml")):
         effect = known[path.stem]
         problems += _strange_blocks(effect, path, named)
-        lacking = unmet(effect, study, mesh.dim, settings.finer(study))
+        lacking = unmet(effect, study, mesh, settings.finer(study))
         try:
             use = f"needs {' and '.join(lacking)}: not tested here"
             if not lacking:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -19,31 +20,11 @@ def quadratic(mesh: Mesh) -> bool:
 
 
 def areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, float]]:
-    """Nodes, counted from 1, of a flat side of a block and the area that each stands for, mm^2, by their x.
+    """Nodes, counted from 1, of a side of the body and the area that each stands for, mm^2, by their x.
 
-    In the plane that is a straight edge. In space an even pressure on a quadratic face pulls at its corners: as of a
-    lumped mass, each node has the share of the square of its shape function (Hinton, Rock and Zienkiewicz 1976).
+    In space an even pressure on a quadratic face pulls at its corners: as of a lumped mass, each node has the share of
+    the square of its shape function (Hinton, Rock and Zienkiewicz 1976). In the plane it is the same.
     """
-    order = nodes[np.argsort(mesh.points[nodes, 0], kind="stable")]
-    if mesh.dim == 3:
-        area = _on_faces(mesh, nodes)
-        return [(int(node) + 1, float(area[node])) for node in order]
-    x = mesh.points[order, 0]
-    share = np.zeros(len(x))
-    if quadratic(mesh):
-        length = x[2::2] - x[:-2:2]
-        share[:-2:2] += length / 6
-        share[2::2] += length / 6
-        share[1::2] += 2 * length / 3
-    else:
-        length = np.diff(x)
-        share[:-1] += length / 2
-        share[1:] += length / 2
-    return [(int(node) + 1, float(part * thickness)) for node, part in zip(order, share, strict=True)]
-
-
-def _on_faces(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
-    """Area that each node of a mesh in space stands for on the faces all of whose nodes are chosen, mm^2."""
     chosen, area = np.zeros(len(mesh.points), dtype=bool), np.zeros(len(mesh.points))
     chosen[nodes] = True
     for block in mesh.blocks:
@@ -55,7 +36,8 @@ def _on_faces(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
             square = np.einsum("g,fg,gn->fn", weights, size, values**2)
             whole = (size @ weights)[:, None]
             np.add.at(area, faces, whole * square / square.sum(axis=1, keepdims=True))
-    return area
+    order = nodes[np.argsort(mesh.points[nodes, 0], kind="stable")]
+    return [(int(node) + 1, float(thickness * area[node])) for node in order]
 
 
 def lengths(mesh: Mesh, nodes: np.ndarray) -> list[tuple[int, float]]:
@@ -124,19 +106,29 @@ def elements(
 
 
 def side(mesh: Mesh, way: float) -> dict[str, Any]:
-    """The body's side towards larger x, or with `way` below 0 towards smaller x.
+    """The sides of a body in the plane that face larger x, or with `way` below 0 smaller x, by 45 degrees or less.
 
-    Its ``x``, ``low`` and ``high`` in mm, and its ``faces``, pairs of element and face, both counted from 1.
+    Its outermost ``x``, ``low`` and ``high`` in mm, and its ``faces``, pairs of element and face, both counted from 1.
     """
-    body = mesh.body
-    x = float(body[:, 0].max() if way > 0 else body[:, 0].min())
-    there = np.abs(mesh.points[:, 0] - x) < 1e-6 * np.ptp(body[:, 0])
-    found, first = [], 1
+    body, seen, found, first = mesh.body, Counter[tuple[int, ...]](), [], 1
     for block in mesh.blocks:
+        middle = mesh.points[block.nodes].mean(axis=1)
         for number, local in enumerate(faces_of(block.element), 1):
-            found += [(int(n) + first, number) for n in np.flatnonzero(there[block.nodes[:, local]].all(axis=1))]
+            ends = np.sort(block.nodes[:, local[:2]], axis=1)
+            begin, end = mesh.points[ends[:, 0]], mesh.points[ends[:, 1]]
+            out = (end - begin)[:, ::-1] * [1, -1]
+            out *= np.sign((((begin + end) / 2 - middle) * out).sum(axis=1, keepdims=True))
+            faced = np.sign(way) * out[:, 0] >= np.abs(out[:, 1])
+            keys = list(map(tuple, ends.tolist()))
+            seen.update(keys)
+            found += [(keys[n], int(n) + first, number) for n in np.flatnonzero(faced)]
         first += len(block.nodes)
-    return {"x": x, "low": float(body[:, -1].min()), "high": float(body[:, -1].max()), "faces": sorted(found)}
+    return {
+        "x": float(body[:, 0].max() if way > 0 else body[:, 0].min()),
+        "low": float(body[:, -1].min()),
+        "high": float(body[:, -1].max()),
+        "faces": sorted((element, number) for ends, element, number in found if seen[ends] == 1),
+    }
 
 
 def temperature(swelling: np.ndarray) -> list[tuple[int | str, float]]:

@@ -125,8 +125,7 @@ def untestable(problem: InverseProblem) -> dict[str, InputError]:
             found[effect.title] = InputError(study.path, "effects", f"a model without {others[0]}", ONE_OF_TWO)
             continue
         told = [
-            not_measured(effect, test.study, test.meshes[SEARCH].dim, REFINED in test.mesh_files)
-            for test in problem.every
+            not_measured(effect, test.study, test.meshes[SEARCH], REFINED in test.mesh_files) for test in problem.every
         ]
         lacking = next(filter(None, told), [])
         if lacking and all(test.lacks(effect) for test in problem.every):

@@ -151,7 +151,7 @@ def _refuse(settings: Settings, effect: Effect, config: Path) -> None:
 def _refuse_deck(settings: Settings, effect: Effect, study: Study, config: Path) -> None:
     """Refuse an effect that needs what the solver lacks in the deck of a test, unless the test cannot have it."""
     mesh = make_mesh(study, settings.model.mesh)
-    if unmet(effect, study, mesh.dim, settings.finer(study)):
+    if unmet(effect, study, mesh, settings.finer(study)):
         return
     known = effects_of(Path(settings.study))
     start = of_test(settings.starts(), study.test)

@@ -221,7 +221,7 @@ def _wrong_effect(
     if foreign(effect, settings.model.law):
         found = f"{effect.name}, which changes what law {settings.model.law} does not have"
         return InputError(where, field, found, "an effect beside this law, or law: ogden")
-    if lacking := unmet(effect, study, mesh.dim, settings.finer(study)):
+    if lacking := unmet(effect, study, mesh, settings.finer(study)):
         found = f"{effect.name}, which needs {' and '.join(lacking)}"
         return InputError(where, field, found, f"an effect that makes sense in {study.path}")
     if effect.simulated and not changes_the_deck(settings, study, mesh, effect):

@@ -215,7 +215,7 @@ class InverseProblem:
 
     def lacks(self, effect: Effect) -> list[str]:
         """What an effect needs that the study, or its test, does not have, in words."""
-        return unmet(effect, self.study, self.meshes[SEARCH].dim, REFINED in self.mesh_files)
+        return unmet(effect, self.study, self.meshes[SEARCH], REFINED in self.mesh_files)
 
     def is_solved(self, asked: Asked) -> bool:
         """Whether a guess has an answer, in each of the tests; that there is no equilibrium is one, too."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fingerfit.mesh.flat import is_flat, is_stacked
+from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import ASIDE, Effect
 from fingerfit.model.formulas import names_in
 from fingerfit.study.study import Study
@@ -10,7 +12,10 @@ IN_WORDS = {
     "time": "a time at every step",
     "pictures": "pictures",
     "displacements": "pictures or measured points",
-    "layers": "a block of layers",
+    "block": "a block or a brick, not a mesh of its own",
+    "layers": "flat layers on top of each other",
+    "base": "a flat base",
+    "indenter": "a flat side under the indenter",
     "plane": "a body in the plane",
     "space": "a body in space",
     "refined": "a finer mesh",
@@ -27,8 +32,8 @@ def cure_of(effect: Effect) -> tuple[str, str]:
     return effect.fault or effect.title, effect.cure or "other settings of the solver"
 
 
-def what_is_there(study: Study, dim: int, refined: bool) -> set[str]:
-    """Which needs of effects a study meets; `dim` is that of its mesh, `refined` whether there is a finer one."""
+def what_is_there(study: Study, mesh: Mesh, refined: bool) -> set[str]:
+    """Which needs of effects a study with a mesh meets; `refined`: whether there is a finer one."""
     pictured = any(step.picture for step in study.steps)
     return {
         name
@@ -36,18 +41,21 @@ def what_is_there(study: Study, dim: int, refined: bool) -> set[str]:
             ("time", all(step.time is not None for step in study.steps)),
             ("pictures", pictured),
             ("displacements", pictured or any(step.points for step in study.steps)),
-            ("layers", study.body.width is not None or study.body.brick is not None),
-            ("plane", dim == 2),
-            ("space", dim == 3),
+            ("block", study.body.mesh is None),
+            ("layers", is_stacked(mesh, study.layer_names)),
+            ("base", is_flat(mesh, "BOTTOM")),
+            ("indenter", is_flat(mesh, "TOP")),
+            ("plane", mesh.dim == 2),
+            ("space", mesh.dim == 3),
             ("refined", refined),
         )
         if there
     }
 
 
-def unmet(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
+def unmet(effect: Effect, study: Study, mesh: Mesh, refined: bool) -> list[str]:
     """Needs of an effect that a study does not meet, in words; none where the effect makes sense in it."""
-    there = what_is_there(study, dim, refined)
+    there = what_is_there(study, mesh, refined)
     found = [IN_WORDS[need] for need in effect.needs if need not in there]
     if effect.control and effect.control != study.control:
         found.append(f"a prescribed {effect.control}")
@@ -66,8 +74,8 @@ def unmet(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
     return found or [f"{formula} of the study" for formula in dict.fromkeys(effect.shares_of.values())]
 
 
-def not_measured(effect: Effect, study: Study, dim: int, refined: bool) -> list[str]:
+def not_measured(effect: Effect, study: Study, mesh: Mesh, refined: bool) -> list[str]:
     """What must be measured, in words, before an effect that makes sense for the body can be tested."""
-    lacking = unmet(effect, study, dim, refined)
+    lacking = unmet(effect, study, mesh, refined)
     measurable = [IN_WORDS[need] for need in MEASURED]
     return lacking if all(need in measurable for need in lacking) else []

@@ -32,7 +32,7 @@ FAMILIES = {
 """Families of effects, and the words for them. Members of one look alike more often than those of two."""
 FAMILY_OF = {"boundary": "indenter"}
 """Family of an effect that names none, where it is not called as what it acts on."""
-NEEDS = ("time", "pictures", "displacements", "layers", "plane", "space", "refined")
+NEEDS = ("time", "pictures", "displacements", "block", "layers", "base", "indenter", "plane", "space", "refined")
 """What an effect may need of a study: times of all steps, pictures, pictures or points, a block of layers in
 the plane between a base and an indenter, a body in the plane, a body in space, a finer mesh."""
 OUTLINE = "outline"

@@ -78,8 +78,8 @@ def _pictured(study: Study) -> Outline:
 def _named(mesh: Mesh, study: Study, file: Path) -> Mesh:
     """A user's mesh in mm with its element sets named as the layers and its node sets as the templates want them.
 
-    ``INDENTER`` (one node of ``TOP``) and, for a base that slides in the plane, ``MIDDLE`` are chosen when the mesh
-    does not name them.
+    ``INDENTER`` (the node of ``TOP`` nearest to its middle) and, for a base that slides in the plane, ``MIDDLE`` are
+    chosen when the mesh does not name them.
     """
     sets = {name.upper(): index for name, index in mesh.element_sets.items()}
     problems: list[FingerfitError] = []
@@ -103,14 +103,19 @@ def _named(mesh: Mesh, study: Study, file: Path) -> Mesh:
             nodes[name] = nodes[own]
     if problems:
         raise Problems(problems)
-    nodes.setdefault("INDENTER", nodes["TOP"][:1])
+    nodes.setdefault("INDENTER", _in_the_middle(mesh, nodes["TOP"]))
     if mesh.dim == 2:
-        x = mesh.points[nodes["BOTTOM"], 0]
-        nodes.setdefault("MIDDLE", nodes["BOTTOM"][[np.abs(x - x.mean()).argmin()]])
+        nodes.setdefault("MIDDLE", _in_the_middle(mesh, nodes["BOTTOM"]))
     named = Mesh(mesh.points * study.length, mesh.blocks, nodes, {**sets, **chosen}, mesh.surfaces)
     if faults := faults_of_mesh(named, chosen, file):
         raise Problems(faults)
     return named
+
+
+def _in_the_middle(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
+    """The node of a side that is nearest to its middle."""
+    away = mesh.points[nodes, :-1] - mesh.points[nodes, :-1].mean(axis=0)
+    return nodes[[(away**2).sum(axis=1).argmin()]]
 
 
 def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, crop: float) -> Data:

@@ -5,11 +5,12 @@ from dataclasses import replace
 import pytest
 import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
-from conftest import phantom
+from conftest import LAYERS, phantom
 
 from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError
 from fingerfit.diagnosis.ladder import add
+from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.applicable import IN_WORDS, MEASURED, unmet
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import NEEDS
@@ -18,6 +19,7 @@ from fingerfit.provenance import stages
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import load_settings
 
+MESH = layered_block(12.0, LAYERS, 4, 2, "CPE8H")
 REFUSED = {
     "friction": "friction, which changes nothing in the deck of this study; expected an effect on what block.inp.j2 has",
     "relaxation": "relaxation, which needs a time at every step;",
@@ -67,7 +69,7 @@ def test_only_a_block_goes_on_by_displacements_from_where_a_force_has_left_it(wi
     given = phantom(control, [1.0])
     given = replace(given, body=replace(given.body, width=width))
     effect = bound(catalogue(), {"force": 20.0})["preload"]
-    assert unmet(effect, given, 2, True) == (["a prescribed force"] if lacks else [])
+    assert unmet(effect, given, MESH, True) == (["a prescribed force"] if lacks else [])
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -116,8 +118,8 @@ def test_a_side_that_slides_has_nothing_that_gives_way():
     glued, sliding = phantom("force", [20.0]), replace(phantom("force", [20.0]), base="slides", indenter="slides")
     for name, needed in (("base_slip", "a base that is held"), ("indenter_probe", "an indenter that is glued")):
         effect = catalogue()[name]
-        assert needed not in unmet(effect, glued, 2, True)
-        assert needed in unmet(effect, sliding, 2, True)
+        assert needed not in unmet(effect, glued, MESH, True)
+        assert needed in unmet(effect, sliding, MESH, True)
 
 
 @pytest.mark.parametrize(
