@@ -15,9 +15,9 @@ from fingerfit.core.files import read_npz, write_npz
 
 CONVERGED = "converged"
 DIVERGED = "diverged"
-BY_PATH = re.compile(r"^\*(CONTACT PAIR|RIGID BODY|VISCOELASTIC)", re.MULTILINE)
-"""Keywords of decks that nobody answers to first order: the answer depends on the way to it, or does not tell all
-displacements. There may be others; a solver then gives no such answer."""
+BY_PATH = re.compile(r"^\*(FRICTION|VISCOELASTIC)", re.MULTILINE)
+"""Keywords of decks that nobody answers to first order: the answer depends on the way to it. There may be others; a
+solver then gives no such answer."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
 from fingerfit.cli import main
 from fingerfit.core.errors import StateError
-from fingerfit.core.files import read_json
+from fingerfit.core.files import read_json, read_text
 from fingerfit.fit import problem as problems
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.refine import around_best
@@ -22,6 +22,7 @@ from fingerfit.fit.simulate import begin
 from fingerfit.settings.config import load_settings
 from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.contract import BY_PATH, CONVERGED, DIVERGED, Outcome
+from fingerfit.solvers.first_order import answers
 from fingerfit.testing.block import write_block
 
 FORCES = [0.05, 0.12]
@@ -74,6 +75,31 @@ def replace_steps(outcome, steps):
     """An outcome that reached fewer steps."""
     parts = {name: getattr(outcome, name)[:steps] for name in ("displacement", "reaction", "indenter", "iterations")}
     return replace(outcome, status=DIVERGED, **parts)
+
+
+@pytest.mark.parametrize(("control", "loads"), [("force", FORCES), ("displacement", [0.8, 1.6])])
+@pytest.mark.parametrize("name", MU)
+def test_to_first_order_a_constant_of_a_finger_has_the_slopes_of_whole_simulations(
+    finger, tmp_path, control, loads, name
+):
+    """Off by 0.0005 to 0.001 of the slope where it was made."""
+    here = write(tmp_path, finger, control, loads)
+    known, text = BuiltinSolver().solve(here, tmp_path), read_text(here)
+    sides = [{**MU, name: share * MU[name]} for share in (1.03, 0.97)]
+    decks = [read_text(write(tmp_path, finger, control, loads, values=values)) for values in sides]
+    found = answers(tmp_path, text, known, decks)
+    whole = [both(tmp_path, finger, known, control, loads, values)[1] for values in sides]
+    for what, scale in (("displacement", 1.0), ("reaction", 0.1)):
+        first, slope = (getattr(one[0], what) - getattr(one[1], what) for one in (found, whole))
+        assert np.linalg.norm(first - slope) < 0.01 * max(np.linalg.norm(slope), 1e-3 * scale)
+
+
+@pytest.mark.parametrize("values", [{"friction.coefficient": 0.3}, {"indenter_place.x": 0.05}])
+def test_what_touches_by_its_path_or_elsewhere_has_no_answer_to_first_order(finger, softer, tmp_path, values):
+    here = read_text(write(tmp_path, finger, "force", FORCES))
+    assert answers(tmp_path, here, softer, [here])[0] is not None
+    moved = read_text(write(tmp_path, finger, "force", FORCES, values={**MU, **values}))
+    assert answers(tmp_path, here, softer, [moved]) == [None]
 
 
 def test_a_glued_block_in_the_plane_begins_nearby(tmp_path):
