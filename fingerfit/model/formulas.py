@@ -5,13 +5,15 @@ from __future__ import annotations
 import ast
 import functools
 import operator
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 LENGTH = 2000
-"""Characters of a formula; the longest of ours has 900. Python's parser crashes on much longer nested ones."""
+"""Characters of a formula with its names put in; the longest of ours has 900. Python's parser crashes on much longer
+nested ones."""
 DEEP = 100
 """Operations within operations; the deepest of ours has 20. Python takes four frames for each, of which it has 1000."""
 
@@ -107,6 +109,39 @@ def names_in(formula: str) -> set[str]:
     except ValueError:
         return set()
     return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - FUNCTIONS.keys()
+
+
+def put_in(formula: str, named: Mapping[str, str]) -> str:
+    """A formula, in brackets the formulas that its names stand for; what is too long for one stays as it is.
+
+    >>> put_in("force / (1 + growth)", {"growth": "volume * now"})
+    'force / (1 + (volume * now))'
+    """
+    if not named or len(formula) > LENGTH:
+        return formula
+    return re.sub(rf"(?<![\w.])(?:{'|'.join(named)})\b", lambda name: f"({named[name[0]]})", formula)
+
+
+def named_by(let: Mapping[str, str]) -> dict[str, str]:
+    """What names stand for, in each the names before it put in.
+
+    Raises
+    ------
+    ValueError
+        For what is no formula, or too long or deep a one once it is whole.
+
+    >>> named_by({"rate": "settling + 1", "course": "exp(-rate * now)"})["course"]
+    'exp(-(settling + 1) * now)'
+    """
+    whole: dict[str, str] = {}
+    for name, formula in let.items():
+        try:
+            _parsed(formula)  # by itself: what closes a bracket that it has not opened is none
+            whole[name] = put_in(formula, whole)
+            _parsed(whole[name])
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from error
+    return whole
 
 
 def _double(value: Any) -> Any:

@@ -26,7 +26,7 @@ from fingerfit.model.effect import (
     Effect,
     EffectParameter,
 )
-from fingerfit.model.formulas import FUNCTIONS, evaluate, names_in
+from fingerfit.model.formulas import FUNCTIONS, evaluate, named_by, names_in, put_in
 from fingerfit.model.scales import IN_WORDS as SCALES
 from fingerfit.model.scales import unit_of
 
@@ -147,6 +147,11 @@ class EffectKeys(Strict):
     refine: dict[str, Bounds] | None = Field(
         default=None, description="Bounds of those scanned numbers that a fit then moves, too; the others stay."
     )
+    let: dict[Name, Formula] = Field(
+        default={},
+        description="Names for parts of the formulas of changes, observes and place: a formula each, which may use"
+        " those above it.",
+    )
     changes: dict[str, Formula] | None = Field(
         default=None, description="Formulas for what goes into the deck: " + ", ".join(CHANGES) + "."
     )
@@ -178,6 +183,24 @@ class EffectKeys(Strict):
     )
     fault: Line | None = Field(default=None, description="What is wrong, where an effect of mesh and load steps shows.")
     cure: Line | None = Field(default=None, description="What to do then.")
+
+    @field_validator("let")
+    @classmethod
+    def _whole(cls, let: dict[str, str]) -> dict[str, str]:
+        try:
+            return named_by(let)
+        except ValueError as error:
+            raise PydanticCustomError("let", "a formula for each name", {"found": str(error)}) from error
+
+    @field_validator("changes", "observes")
+    @classmethod
+    def _put_in(cls, formulas: dict[str, str] | None, info: ValidationInfo) -> dict[str, str] | None:
+        return formulas and {key: put_in(formula, info.data.get("let", {})) for key, formula in formulas.items()}
+
+    @field_validator("place")
+    @classmethod
+    def _put_in_each(cls, formulas: list[str], info: ValidationInfo) -> list[str]:
+        return [put_in(formula, info.data.get("let", {})) for formula in formulas]
 
 
 def describe() -> str:
@@ -249,6 +272,8 @@ def _cross_check(given: Any, path: Path) -> Iterator[InputError]:
         yield InputError(path, "parameters", "none", "at least one number of the effect")
     for name in scan.keys() & inside("parameters").keys():
         yield InputError(path, f"scan.{name}", name, "a name that no other number of the effect has")
+    for name in inside("let").keys() & (scan.keys() | inside("parameters").keys()):
+        yield InputError(path, f"let.{name}", name, "a name that no number of the effect has")
     if (count := math.prod(map(len, scan.values()))) > PLACES:
         yield InputError(path, "scan", f"{count} places in all", f"at most {PLACES}")
     for name, (low, high) in refine.items():

@@ -13,6 +13,8 @@ from fingerfit.core.errors import FingerfitError
 from fingerfit.deck.context import deck_context
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.simulate import begin
+from fingerfit.model.formulas import evaluate, put_in
+from fingerfit.model.keys import read_effect
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.config import load_settings
 from fingerfit.study.reader import load_study
@@ -106,6 +108,57 @@ def test_a_constant_that_no_material_has(study, what, formula, says):
 def test_a_number_that_means_something_else(study, name):
     with pytest.raises(FingerfitError, match=rf"scan\.{name}: found {name}, which means something else in formulas"):
         checked(study, scan={name: [1, 2]})
+
+
+def test_names_stand_for_parts_of_formulas(study):
+    let = {"left": "x / width", "rest": "left - 0.5", "gentle": "slope", "where_x": "at"}
+    short = {"field": "gentle * rest", "poisson": "poisson + gentle / 100"}
+    whole = {"field": "slope * (x / width - 0.5)", "poisson": "poisson + slope / 100"}
+    observes = {"force": "force * (1 + gentle)"}
+    path = study / "effects/mine.yaml"
+    more = {"let": let, "scan": {"at": [0.5]}, "place": ["where_x * width", "where_x"]}
+    path.write_text(yaml.safe_dump({**OWN, "changes": short, "observes": observes, **more}, sort_keys=False))
+    effect = read_effect(path)
+    values = {"x": 2.0, "width": 3.0, "slope": 0.3, "poisson": 0.4}
+    for what, formula in whole.items():
+        assert evaluate(effect.changes[what], values) == evaluate(formula, values)
+    assert effect.observes == {"force": "force * (1 + (slope))"}
+    assert effect.place == ("(at) * width", "(at)")
+    assert checked(study, changes=short, let=let) == ["effect mine: softer on one side; changes the deck"]
+
+
+@pytest.mark.parametrize(
+    ("let", "field", "says"),
+    [
+        # a name stands for a formula, not for a piece of text
+        ({"half": "slope) * (x"}, "half", "let: found half: not a formula; expected a formula for each name"),
+        ({"half": "x.real"}, "half", "let: found half: x.real is no number, operation or one of exp"),
+        ({"slope": "x"}, "slope", "let.slope: found slope; expected a name that no number of the effect has"),
+        ({"exp": "x"}, "exp", "let.exp: found exp, which means something else in formulas"),
+        # those above are known, those below are not
+        ({"one": "two", "two": "slope"}, "one", "changes.field: found '(two)': two has no value"),
+        ({"one": "one + slope"}, "one", "changes.field: found '(one + slope)': one has no value"),
+        # a few lines that would be a text of many gigabytes
+        (
+            {"a0": "x", **{f"a{n}": " + ".join([f"a{n - 1}"] * 90) for n in range(1, 9)}},
+            "slope * a8",
+            "let: found a2: 48777 characters; at most 2000",
+        ),
+        ({"a0": "x", **{f"a{n}": f"-(-a{n - 1})" for n in range(1, 99)}}, "a9", "operations more than 100 deep"),
+    ],
+)
+def test_names_that_stand_for_no_formula(study, let, field, says):
+    text = yaml.safe_dump({**OWN, "let": let, "changes": {"field": field}}, sort_keys=False)
+    (study / "effects/mine.yaml").write_text(text)
+    settings, read = load_settings(CONFIG), load_study(Path("study"))
+    with pytest.raises(FingerfitError) as caught:
+        own_effects(settings, read, make_mesh(read, settings.model.mesh))
+    assert "\n" not in str(caught.value)
+    assert says in str(caught.value)
+
+
+def test_a_name_is_a_whole_word():
+    assert put_in("a + aa - 1.e5 * e5", {"a": "x", "e5": "y"}) == "(x) + aa - 1.e5 * (y)"
 
 
 def test_a_formula_that_changes_the_deck_where_the_effect_is_absent(study):
