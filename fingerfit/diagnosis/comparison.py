@@ -1,4 +1,4 @@
-"""Which physical effect is missing: every effect of the catalogue is tested against what the model leaves."""
+"""A fitted model against everything that was measured: what it leaves, weighed, and the slopes of that."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
-from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
-from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.residual import Residual, common_modes, residual_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
@@ -44,6 +43,8 @@ ALIKE = 0.9
 """Correlation of that error between steps."""
 
 
+Everything = Data | Sequence[Data]
+"""What was measured, in one test or in several."""
 Slope = Callable[[str], np.ndarray]
 """From the name of a constant, or ``control``, to the slope of displacements and response."""
 
@@ -207,28 +208,32 @@ class Comparison:
 
     def pictures(self, asked: Asked | None) -> np.ndarray | None:
         """Synthesized pictures of a simulation on the search mesh; None without one, or without a solution."""
-        if asked is None:
-            return None
-        predictor = Predictor(self.data, self.problem.meshes[SEARCH])
-        made = predictor.predict(self.problem.outcome(asked), self.problem.seen(asked.values))
+        return None if asked is None else self.pictures_of(self.problem.outcome(asked), asked.values)
+
+    def pictures_of(self, outcome: Outcome, values: Mapping[str, float]) -> np.ndarray | None:
+        """The same of a solution that a guess has."""
+        made = Predictor(self.data, self.problem.meshes[SEARCH]).predict(outcome, self.problem.seen(values))
         return None if made is None else made.prediction.pictures
 
     @cached_property
-    def mesh_signal(self) -> np.ndarray:
-        """Expected error of the mesh: what the finer one changed, continued with its order of convergence."""
-        nothing = np.zeros(len(self.residual.kept))
-        if self.mesh == REFINED:
-            coarse, fine = self.read(self.anchor), self.read(self.base)
-            return nothing if coarse is None or fine is None else (fine - coarse) * left_over(self.problem)
+    def finer(self) -> tuple[Asked, Outcome] | None:
+        """The simulation of the finer mesh, and the solution of the search mesh with what that changes, where known."""
         asked = on_finer_mesh(self.problem, self.last)
         changed = as_on_finer_mesh(self.problem, asked, self.data) if asked else None
-        if asked is None or changed is None:
-            return nothing
-        # the coarse mesh is compared, and all that a finer one changes is its error
-        coarse = self.read(self.problem.ask(asked.values, ANCHOR))
-        if coarse is None:
-            return nothing
-        return (self._readers[SEARCH].read(changed) - coarse) * (1.0 + left_over(self.problem))
+        return None if asked is None or changed is None else (asked, changed)
+
+    @cached_property
+    def mesh_signal(self) -> np.ndarray:
+        """Expected error of the mesh: what the finer one changes, continued with its order of convergence."""
+        coarse = fine = None
+        if self.mesh == REFINED:
+            coarse, fine = self.read(self.anchor), self.read(self.base)
+        elif self.finer is not None:  # the coarse mesh is compared, and all that a finer one changes is its error
+            asked, changed = self.finer
+            coarse, fine = self.read(self.problem.ask(asked.values, ANCHOR)), self._readers[SEARCH].read(changed)
+        if coarse is None or fine is None:
+            return np.zeros(len(self.residual.kept))
+        return (fine - coarse) * left_over(self.problem, self.mesh)
 
     def mesh_covariance(self) -> np.ndarray:
         """Error of the mesh as a random field, shape (kept, kept).
@@ -264,6 +269,12 @@ class Comparison:
         """ScoreTest of what the model leaves."""
         return ScoreTest(self.residual.vector, self.covariance, self.own(), self.nuisance(), self.common(), self.known)
 
+    @cached_property
+    def weighed(self) -> Weighed:
+        """What the model leaves, for comparisons with other models."""
+        residual = self.residual
+        return Weighed(residual.kept, residual.vector, self.covariance, self.own(), self.nuisance(), self.known)
+
     @property
     def known(self) -> tuple[np.ndarray, np.ndarray]:
         """Priors as more values, as `ScoreTest` takes them; those of all tests belong to no single one."""
@@ -275,9 +286,9 @@ class Comparison:
         return common_modes(self.residual, self.data, self.slope("control"))
 
     @property
-    def measured(self) -> list[Data]:
-        """What was measured in each test."""
-        return [test.data for test in self.every]
+    def everything(self) -> Everything:
+        """What was measured."""
+        return self.data
 
     @property
     def every(self) -> tuple[Comparison, ...]:
@@ -359,37 +370,3 @@ def _alike(steps: int) -> np.ndarray:
 def anchor_of(problem: InverseProblem, last: Round) -> Asked:
     """The estimate on the search mesh: what the candidates are compared with."""
     return problem.ask(finest(problem, last).values, ANCHOR)
-
-
-def rank_candidates(
-    comparison: Comparison, score_test: ScoreTest, found: Sequence[Candidate], without: Asked | None = None
-) -> list[Ranked]:
-    """Test all candidates that have a solution; `without` as in `Comparison.columns`."""
-    ranking = []
-    for candidate in found:
-        columns = comparison.columns(candidate, without)
-        if columns is not None:
-            parameters = candidate.effect.parameters
-            low = np.array([p.lower - p.null for p in parameters])
-            high = np.array([p.upper - p.null for p in parameters])
-            ranking.append(Ranked(candidate, score_test.test(columns, low, high), columns))
-    return ranking
-
-
-def stiffness_map(comparison: Comparison, ranking: Sequence[Ranked]) -> np.ndarray:
-    """Where stiffer or softer material would reduce the misfit, from the effects that were tried all over the body.
-
-    Returns
-    -------
-    ndarray, shape (places, dim + 2)
-        Position in mm; predicted change of log mu there; the evidence for it in standard deviations, negative where
-        softer material would reduce it.
-    """
-    mesh = comparison.problem.meshes[SEARCH]
-    rows = []
-    for one in ranking:
-        at = place_of(one.candidate.effect, one.candidate.place, mesh)
-        if at is not None and "field" in one.candidate.effect.changes:
-            change = float(one.finding.size[0])
-            rows.append([*at, change, np.sign(change) * np.sqrt(one.finding.fall)])
-    return np.array(rows).reshape(-1, mesh.dim + 2)

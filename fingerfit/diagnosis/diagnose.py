@@ -9,7 +9,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.diagnosis.candidates import left_out, untestable
-from fingerfit.diagnosis.comparison import Comparison, stiffness_map
+from fingerfit.diagnosis.comparison import Comparison, Everything
 from fingerfit.diagnosis.designs import Further, identification, separation
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.evidence import spare
@@ -17,7 +17,7 @@ from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.form_or_state import form_or_state
 from fingerfit.diagnosis.mesh_errors import by_halved_mesh, errors_but_mesh
 from fingerfit.diagnosis.ranges import not_excluded
-from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.ranking import Ranked, stiffness_map
 from fingerfit.diagnosis.refit import LOUD, Refit, excess, explains
 from fingerfit.diagnosis.reservations import (
     by_settings,
@@ -34,7 +34,6 @@ from fingerfit.diagnosis.reservations import (
     untried,
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.second_pass import Everything
 from fingerfit.diagnosis.second_queue import by_one_likelihood, pair_of, partner_of, refit_best
 from fingerfit.diagnosis.tested import test_all
 from fingerfit.diagnosis.verdict import (
@@ -151,17 +150,15 @@ def diagnose(
     no_refits = coarse or (outline.off and unexplained) or too_small(score_test, ranking, at_least)
     # a probe is likelier than its members, but two of these may be what it imitates
     nothing = dict[str, Refit](), None, 0
-    pair, partner, more = (
-        nothing if no_refits or probed else pair_of(problem, last, everything, found, held_out, threads)
-    )
+    pair, partner, more = nothing if no_refits or probed else pair_of(found, held_out, threads)
     run += more
     halves.update(pair)
     if partner is not None:
         verdict = decide(score_test, ranking, pair, tests, partner, held_out)
         refits = ended = pair if verdict.kind == "missing" else {}
     for _ in range(0 if no_refits or refits else BATCHES):
-        run += refit_best(problem, last, everything, found, refits, threads)
-        refits = by_one_likelihood({**pair, **refits}, found.weighed)
+        run += refit_best(found, refits, threads)
+        refits = by_one_likelihood({**pair, **refits}, found.comparison.weighed)
         well = ended_well(score_test, refits, fitted)
         ended, missed = nearest(well), refits.keys() - well.keys()
         verdict = doubted(decide(score_test, ranking, ended, tests, None, held_out, missed), at_least)
@@ -169,7 +166,7 @@ def diagnose(
         # a probe has as many numbers as several effects: no partner is looked for beside it
         if half is not None and not (probed or half.candidate.effect.probe or half.candidate.effect.name in halves):
             halves.add(half.candidate.effect.name)
-            partner, more = partner_of(problem, last, half, everything, found, threads)
+            partner, more = partner_of(half, found, threads)
             verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more
         if verdict.kind != "unexplained":
             break
@@ -199,7 +196,7 @@ def diagnose(
             verdict = too_coarse(verdict, score_test, by_mesh, seen, mesh, fitted)
         verdict = loud_by_mesh(verdict, fitted, at_least, mesh)
     if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
-        verdict, states, more = form_or_state(verdict, problem, last, everything, found, refits, threads)
+        verdict, states, more = form_or_state(verdict, found, refits, threads)
         begins = {one.candidate.effect.name: one for one, _ in states}
         ranking = [begins.get(one.candidate.effect.name, one) for one in ranking]
         refits |= {one.candidate.effect.name: refit for one, refit in states}

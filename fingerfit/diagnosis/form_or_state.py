@@ -13,12 +13,10 @@ from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.second_pass import Everything, refit_of, with_outline
+from fingerfit.diagnosis.second_pass import refit_of, with_outline
 from fingerfit.diagnosis.sides import Sides, begun
 from fingerfit.diagnosis.tested import Tested
 from fingerfit.diagnosis.verdict import Verdict, nearer
-from fingerfit.fit.problem import InverseProblem
-from fingerfit.fit.rounds import Round
 from fingerfit.model.effect import OUTLINE, STATE
 
 SURELY = 3.0
@@ -30,13 +28,7 @@ ROUGHLY = 2.0
 
 
 def form_or_state(
-    verdict: Verdict,
-    problem: InverseProblem,
-    last: Round,
-    everything: Everything,
-    found: Tested,
-    refits: Mapping[str, Refit],
-    threads: int,
+    verdict: Verdict, found: Tested, refits: Mapping[str, Refit], threads: int
 ) -> tuple[Verdict, list[tuple[Ranked, Refit]], int]:
     """The verdict on a model whose sides lie elsewhere in the picture before compression.
 
@@ -47,9 +39,6 @@ def form_or_state(
     ----------
     verdict : Verdict
         Without regard to the sides.
-    problem : InverseProblem
-    last : Round
-    everything : Data or sequence of Data
     found : Tested
     refits : mapping
         Those so far, by name of the effect.
@@ -63,17 +52,17 @@ def form_or_state(
     int
         Simulations that were not known before.
     """
-    form, run = with_outline(problem, last, threads)
+    form, run = with_outline(found.comparison.problem, found.comparison.last, threads)
     most = ROUGHLY * near_enough(found.outline, form) if form is not None else np.inf
     chosen = begun(found.comparison, found.everywhere, most)
-    states, more = _refitted(problem, last, everything, found, chosen, threads)
+    states, more = _refitted(found, chosen, threads)
     run += more
     if form is not None:
         named = refits.get(verdict.effects[0]) if verdict.effects else None
         verdict = elsewhere(verdict, found.outline, form, states, named, found.score_test)
     if form is not None and verdict.effects == (OUTLINE,) and refuted(form, found.score_test):
         probes = [one for one in found.ranking if one.candidate.effect.probe and one.candidate.effect.family == STATE]
-        unknown, more = _refitted(problem, last, everything, found, probes, threads)
+        unknown, more = _refitted(found, probes, threads)
         states, run = [*states, *unknown], run + more
         verdict = strained(verdict, found.outline, next(iter(unknown), None))
     return verdict, states, run
@@ -197,19 +186,12 @@ def _chance(one: ScoreTest, other: Refit) -> float:
     return SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
 
 
-def _refitted(
-    problem: InverseProblem,
-    last: Round,
-    everything: Everything,
-    found: Tested,
-    chosen: Sequence[Ranked],
-    threads: int,
-) -> tuple[list[tuple[Ranked, Refit]], int]:
+def _refitted(found: Tested, chosen: Sequence[Ranked], threads: int) -> tuple[list[tuple[Ranked, Refit]], int]:
     """Effects on the state in the picture before compression, refitted from where they bring the sides nearest."""
     states, run = list[tuple[Ranked, Refit]](), 0
     for one in chosen:
         try:
-            refit, more = refit_of(problem, last, one, everything, found.weighed, threads)
+            refit, more = refit_of(found.comparison, one, threads)
         except StateError:
             continue
         effect, run = one.candidate.effect, run + more

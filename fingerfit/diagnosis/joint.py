@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.diagnosis.candidates import Candidate
-from fingerfit.diagnosis.comparison import Comparison, Slope, anchor_of
+from fingerfit.diagnosis.comparison import Comparison, Everything, Slope, anchor_of
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked, Round
@@ -54,6 +54,11 @@ class JointComparison(Comparison):
     def every(self) -> tuple[Comparison, ...]:
         """The comparisons of the tests."""
         return self._tests
+
+    @property
+    def everything(self) -> list[Data]:
+        """What was measured in each test."""
+        return [test.data for test in self._tests]
 
     def read(self, asked: Asked) -> np.ndarray | None:
         """Displacements and response of the simulations of a guess; None where a test has no solution."""
@@ -101,7 +106,7 @@ class JointComparison(Comparison):
         return np.concatenate([test.observed(effect, values, name) for test in self._tests])
 
 
-def comparison_of(problem: InverseProblem, last: Round, everything: Data | Sequence[Data]) -> Comparison:
+def comparison_of(problem: InverseProblem, last: Round, everything: Everything) -> Comparison:
     """A fitted model against its study, of one test or of several."""
     if isinstance(everything, Data):
         return Comparison(problem, last, everything)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.score_tests import ScoreTest
 
 
@@ -38,13 +37,6 @@ class Weighed:
     own: np.ndarray
     nuisance: np.ndarray
     known: tuple[np.ndarray, np.ndarray] | None = None
-
-    @classmethod
-    def of(cls, comparison: Comparison) -> Weighed:
-        """Of a model that is compared with its measurements."""
-        residual = comparison.residual
-        own, nuisance = comparison.own(), comparison.nuisance()
-        return cls(residual.kept, residual.vector, comparison.covariance, own, nuisance, comparison.known)
 
 
 def misfits(models: Mapping[str, Weighed], reference: str) -> dict[str, float]:

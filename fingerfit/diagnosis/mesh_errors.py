@@ -12,12 +12,10 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.errors import errors, fitted_pictures, of_tests
 from fingerfit.diagnosis.joint import joined
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import left_over
 from fingerfit.fit.problem import REFINED, SEARCH
 from fingerfit.forward.patches import Reader
-from fingerfit.forward.predict import Predictor
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.solvers.contract import CONVERGED
 
@@ -48,18 +46,16 @@ def errors_but_mesh(comparison: Comparison) -> tuple[float, float | None]:
 
 def _in_pictures(comparison: Comparison) -> np.ndarray | None:
     """What the expected error of the mesh makes of each picture, in units of the noise floor; None where none tells."""
-    problem, data, own = comparison.problem, comparison.data, comparison.prediction.pictures
-    if not len(data.picture_step) or REFINED not in problem.meshes:
+    if not len(comparison.data.picture_step) or REFINED not in comparison.problem.meshes:
         return None
+    own, other = comparison.prediction.pictures, None
     if comparison.mesh == REFINED:
-        other, share = comparison.pictures(comparison.anchor), left_over(problem)
-    else:
-        asked = on_finer_mesh(problem, comparison.last)
-        changed = as_on_finer_mesh(problem, asked, data) if asked else None
-        seen = problem.seen(comparison.base.values)
-        made = Predictor(data, problem.meshes[SEARCH]).predict(changed, seen) if changed is not None else None
-        other, share = None if made is None else made.prediction.pictures, 1.0 + left_over(problem)
-    return None if other is None else share * comparison.residual.inside(own - other) / comparison.floor
+        other = comparison.pictures(comparison.anchor)
+    elif comparison.finer is not None:
+        other = comparison.pictures_of(comparison.finer[1], comparison.base.values)
+    if other is None:
+        return None
+    return left_over(comparison.problem, comparison.mesh) * comparison.residual.inside(own - other) / comparison.floor
 
 
 def by_halved_mesh(comparison: Comparison, score_test: ScoreTest, threads: int = 1) -> tuple[float, int]:

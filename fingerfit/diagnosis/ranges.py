@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.ranking import Ranked, spread_of
+from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit, chance
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.worth import after
+from fingerfit.diagnosis.worth import odds_after
 from fingerfit.fit.slopes import coordinates, moved
 from fingerfit.model.parameters import Parameter
 
@@ -71,11 +71,10 @@ def not_excluded(
         Of the second pass, by name of the effect.
     tests : int
     """
-    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
 
     def likely(one: Ranked) -> bool:
         refit = refits.get(one.candidate.effect.name)
-        return after(one.odds(spread, refit.fall if refit else None), tests) > np.log(EXCLUDED)
+        return odds_after(one, score_test, ranking, tests, refit) > float(np.log(EXCLUDED))
 
     return [one for one in ranking if one.refitted and one.refitted.converged and likely(one)]
 

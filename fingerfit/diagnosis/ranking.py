@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.evidence import log_odds
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
+from fingerfit.fit.problem import SEARCH
+from fingerfit.fit.rounds import Asked
 from fingerfit.model.effect import Effect
 
 STARTS = 4
@@ -95,6 +99,21 @@ class Ranked:
         """Its scanned numbers, by their names in a guess; those that a fit moves, where the refit left them."""
         found = self.refitted.values if self.refitted else {}
         return {name: found.get(name, value) for name, value in self.candidate.place.items()}
+
+
+def rank_candidates(
+    comparison: Comparison, score_test: ScoreTest, found: Sequence[Candidate], without: Asked | None = None
+) -> list[Ranked]:
+    """Test all candidates that have a solution; `without` as in `Comparison.columns`."""
+    ranking = []
+    for candidate in found:
+        columns = comparison.columns(candidate, without)
+        if columns is not None:
+            parameters = candidate.effect.parameters
+            low = np.array([p.lower - p.null for p in parameters])
+            high = np.array([p.upper - p.null for p in parameters])
+            ranking.append(Ranked(candidate, score_test.test(columns, low, high), columns))
+    return ranking
 
 
 def spread_of(misfit: float, ranking: Sequence[Ranked], values: int) -> float:
@@ -193,3 +212,22 @@ def summary(score_test: ScoreTest, ranking: Sequence[Ranked]) -> list[dict[str, 
         }
         for one in ranking
     ]
+
+
+def stiffness_map(comparison: Comparison, ranking: Sequence[Ranked]) -> np.ndarray:
+    """Where stiffer or softer material would reduce the misfit, from the effects that were tried all over the body.
+
+    Returns
+    -------
+    ndarray, shape (places, dim + 2)
+        Position in mm; predicted change of log mu there; the evidence for it in standard deviations, negative where
+        softer material would reduce it.
+    """
+    mesh = comparison.problem.meshes[SEARCH]
+    rows = []
+    for one in ranking:
+        at = place_of(one.candidate.effect, one.candidate.place, mesh)
+        if at is not None and "field" in one.candidate.effect.changes:
+            change = float(one.finding.size[0])
+            rows.append([*at, change, np.sign(change) * np.sqrt(one.finding.fall)])
+    return np.array(rows).reshape(-1, mesh.dim + 2)

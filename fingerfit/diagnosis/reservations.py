@@ -10,11 +10,11 @@ import numpy as np
 from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
-from fingerfit.diagnosis.ranking import Ranked, spread_of
+from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import EXPLAINED, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
-from fingerfit.diagnosis.worth import LARGEST, after, threshold
+from fingerfit.diagnosis.worth import LARGEST, odds_after, threshold
 from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, Effect
@@ -236,8 +236,7 @@ def traced(
         return Verdict("adequate", (), f"{text}; a trace: {names}" if names else text, verdict.threshold)
     if verdict.kind == "unexplained":
         return verdict
-    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
-    odds = after(max(one.odds(spread, refits[one.candidate.effect.name].fall) for one in named), tests)
+    odds = max(odds_after(one, score_test, ranking, tests, refits[one.candidate.effect.name]) for one in named)
     text = f"{WITHIN}; "
     if not any(_matters(refits[name], base, tolerance, intervals or {}) for name in verdict.effects):
         far = "out of its interval" if intervals else f"by more than {100 * tolerance:g} %"

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 from fingerfit.core.errors import StateError
-from fingerfit.diagnosis.comparison import Comparison, anchor_of
+from fingerfit.diagnosis.comparison import Comparison, Everything, anchor_of
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.joint import comparison_of
-from fingerfit.diagnosis.likelihood import Weighed, misfits
+from fingerfit.diagnosis.likelihood import misfits
 from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit
@@ -27,30 +25,16 @@ from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.model.effect import OUTLINE
 from fingerfit.settings.extend import extended
-from fingerfit.study.data import Data
-
-Everything = Data | Sequence[Data]
-"""What was measured, in one test or in several."""
 
 
-def refit_of(
-    problem: InverseProblem,
-    last: Round,
-    one: Ranked,
-    everything: Everything,
-    weighed: Weighed,
-    threads: int,
-) -> tuple[Refit, int]:
+def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]:
     """The refit of an effect, and how many simulations were not known.
 
     Parameters
     ----------
-    problem : InverseProblem
-    last : Round
+    before : Comparison
+        Of the model without it.
     one : Ranked
-    everything : Data or sequence of Data
-    weighed : Weighed
-        What the model without it leaves.
     threads : int
 
     Raises
@@ -58,32 +42,26 @@ def refit_of(
     StateError
         When there is no solution.
     """
-    ended, run = ended_of(problem, last, one, everything, weighed, threads)
+    ended, run = ended_of(before, one, threads)
     fitted, held_out = errors(ended.comparison)
     score_test, values = ended.score_test, minimum(ended.problem, ended.last).values
     start = ended.problem.settings.model.effects[one.candidate.effect.name]
-    before = problem.settings.starts()
-    constants = {name: value for name, value in ended.problem.settings.starts().items() if name in before}
-    own = misfits({"before": weighed, "after": ended.weighed}, "after")
+    known = before.problem.settings.starts()
+    constants = {name: value for name, value in ended.problem.settings.starts().items() if name in known}
+    weighed = ended.comparison.weighed
+    own = misfits({"before": before.weighed, "after": weighed}, "after")
     refit = Refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
         score_test.common_misfit, score_test.common_freedom,
-        ended.share, start, len(ended.problem.asked), ended.fall(weighed), constants, ended.weighed,
+        ended.share, start, len(ended.problem.asked), ended.fall(before), constants, weighed,
         compared=own["after"], before=own["before"],
-        numbers=len(ended.problem.settings.parameters()) - len(problem.settings.parameters()),
+        numbers=len(ended.problem.settings.parameters()) - len(before.problem.settings.parameters()),
         sides=sides_of(ended.comparison), but_mesh=errors_but_mesh(ended.comparison),
     )  # fmt: skip
     return refit, run
 
 
-def refit_anywhere(
-    problem: InverseProblem,
-    last: Round,
-    one: Ranked,
-    everything: Everything,
-    weighed: Weighed,
-    threads: int,
-) -> tuple[Refit, int, int]:
+def refit_anywhere(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int, int]:
     """As `refit_of`; and where it explains much less than the first pass did, of the effect's other places as well.
 
     Returns
@@ -103,7 +81,7 @@ def refit_anywhere(
     tried, run = dict[int, Refit](), 0
     for number, there in enumerate((one, *one.also)):
         try:
-            tried[number], more = refit_of(problem, last, there, everything, weighed, threads)
+            tried[number], more = refit_of(before, there, threads)
         except StateError:
             continue
         run += more
@@ -125,20 +103,13 @@ class Ended:
     score_test: ScoreTest
     share: float
 
-    @cached_property
-    def weighed(self) -> Weighed:
-        """What it leaves, for comparisons with other models."""
-        return Weighed.of(self.comparison)
-
-    def fall(self, before: Weighed) -> float:
-        """Of the misfit against a model without the effect, both weighed by the covariance of that one."""
-        both = misfits({"before": before, "after": self.weighed}, "before")
+    def fall(self, before: Comparison) -> float:
+        """Of the misfit against the model without the effect, both weighed by the covariance of that one."""
+        both = misfits({"before": before.weighed, "after": self.comparison.weighed}, "before")
         return both["before"] - both["after"]
 
 
-def ended_of(
-    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, before: Weighed, threads: int
-) -> tuple[Ended, int]:
+def ended_of(before: Comparison, one: Ranked, threads: int) -> tuple[Ended, int]:
     """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
 
     A prediction from slopes can be far too large, and a search that starts there finds another local minimum, or bodies
@@ -150,25 +121,23 @@ def ended_of(
         When there is no solution on either way.
     """
     try:
-        ended, run = _fit(problem, last, one, everything, threads, 1.0)
+        ended, run = _fit(before, one, threads, 1.0)
     except StateError:
-        return _fit(problem, last, one, everything, threads, 0.1)
+        return _fit(before, one, threads, 0.1)
     if ended.fall(before) <= 0.0:
-        other, more = _fit(problem, last, one, everything, threads, 0.1)
+        other, more = _fit(before, one, threads, 0.1)
         ended, run = max(ended, other, key=lambda each: each.fall(before)), run + more
     return ended, run
 
 
-def _fit(
-    problem: InverseProblem, last: Round, one: Ranked, everything: Everything, threads: int, share: float
-) -> tuple[Ended, int]:
-    wider = widened(problem, minimum(problem, last).values, one, share)
+def _fit(before: Comparison, one: Ranked, threads: int, share: float) -> tuple[Ended, int]:
+    wider = widened(before.problem, minimum(before.problem, before.last).values, one, share)
     try:
         end, run = run_fit(wider, threads)
         run += solve_missing(wider, [anchor_of(wider, end)], threads)
     finally:
-        problem.asked.update(wider.asked)
-    comparison = comparison_of(wider, end, everything)
+        before.problem.asked.update(wider.asked)
+    comparison = comparison_of(wider, end, before.everything)
     return Ended(wider, end, comparison, comparison.score_test, share), run
 
 

@@ -14,12 +14,10 @@ from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
-from fingerfit.diagnosis.second_pass import Everything, ended_of, refit_anywhere
+from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
 from fingerfit.diagnosis.verdict import MATTERS, best_of, generalising
 from fingerfit.diagnosis.worth import to_refit
-from fingerfit.fit.problem import InverseProblem
-from fingerfit.fit.rounds import Round
 
 HALF = 0.5
 """Share of a series' log odds from which what has fewer numbers is refitted beside it. A choice (decision 19)."""
@@ -28,24 +26,17 @@ PART = 1 / 3
 explains half of what both do, and less where its fit lies between them. A choice (decision 7)."""
 
 
-def refit_best(
-    problem: InverseProblem, last: Round, everything: Everything, found: Tested, refits: dict[str, Refit], threads: int
-) -> int:
+def refit_best(found: Tested, refits: dict[str, Refit], threads: int) -> int:
     """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
     run = 0
-    for ranked, refit, more in refits_of(problem, last, everything, found, threads, refits):
+    for ranked, refit, more in refits_of(found, threads, refits):
         refits[ranked.candidate.effect.name] = refit
         run += more
     return run
 
 
 def refits_of(
-    problem: InverseProblem,
-    last: Round,
-    everything: Everything,
-    found: Tested,
-    threads: int,
-    known: Mapping[str, Refit] | None = None,
+    found: Tested, threads: int, known: Mapping[str, Refit] | None = None
 ) -> Iterator[tuple[Ranked, Refit, int]]:
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
@@ -61,6 +52,7 @@ def refits_of(
     by_chance = False  # whether one of them leaves no more than chance does in patches, and hardly more in pictures
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
+    problem = found.comparison.problem
     flat = not in_space(problem)
     beside, each = 1, threads
 
@@ -79,7 +71,7 @@ def refits_of(
         if name in found.made:
             return (found.made[name], 0, 0), set()
         try:
-            made = refit_anywhere(problem, last, ranked, everything, found.weighed, each)
+            made = refit_anywhere(found.comparison, ranked, each)
         except StateError:
             made = None  # bodies without a solution explain nothing
         return made, problem.asked - known
@@ -144,7 +136,7 @@ def imitated(known: Tested) -> Ranked | None:
 
 
 def pair_of(
-    problem: InverseProblem, last: Round, everything: Everything, found: Tested, held_out: float | None, threads: int
+    found: Tested, held_out: float | None, threads: int
 ) -> tuple[dict[str, Refit], tuple[Ranked, Refit] | None, int]:
     """The refit of the member that `imitated` finds; and its partner in the family, where it does not explain the data.
 
@@ -161,13 +153,13 @@ def pair_of(
     if member is None:
         return alone, None, 0
     only = replace(found, ranking=[member])
-    run = refit_best(problem, last, everything, only, alone, threads)
+    run = refit_best(only, alone, threads)
     (ended,) = only.ranking  # maybe in another of its places
     found.ranking[:] = [ended if one is member else one for one in found.ranking]
     left = generalising(found.score_test, alone, held_out)
     if not left or any(explains(refit) for refit in left.values()):
         return alone, None, run
-    partner, more = partner_of(problem, last, ended, everything, found, threads, ended.candidate.effect.family)
+    partner, more = partner_of(ended, found, threads, ended.candidate.effect.family)
     run += more
     if partner is None or not explains(partner[1]):
         return alone, None, run
@@ -175,32 +167,25 @@ def pair_of(
     return alone, partner if both else None, run
 
 
-def partner_of(
-    problem: InverseProblem,
-    last: Round,
-    half: Ranked,
-    everything: Everything,
-    known: Tested,
-    threads: int,
-    family: str = "",
-) -> tuple[tuple[Ranked, Refit] | None, int]:
+def partner_of(half: Ranked, known: Tested, threads: int, family: str = "") -> tuple[tuple[Ranked, Refit] | None, int]:
     """The effect, of a `family` where one is given, that explains most of what another one leaves; the refit of both.
 
     It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are. In
     space, where these take hours, by the slopes of the model without it.
     """
-    ended, run = ended_of(problem, last, half, everything, known.weighed, threads)
-    slopes = known if in_space(problem) else None
-    found, tried = test_all(ended.problem, ended.last, everything, threads, slopes, family), dict[str, Refit]()
+    before = known.comparison
+    ended, run = ended_of(before, half, threads)
+    slopes, tried = known if in_space(before.problem) else None, dict[str, Refit]()
+    found = test_all(ended.problem, ended.last, before.everything, threads, slopes, family)
     run += found.run
     if family:  # else the probe of that family is refitted: only what may explain the rest is worth it before
         found = replace(found, ranking=[one for one in found.ranking if one.refitted and one.refitted.share >= ENOUGH])
-    for ranked, refit, more in refits_of(ended.problem, ended.last, everything, found, threads):
+    for ranked, refit, more in refits_of(found, threads):
         tried[ranked.candidate.effect.name], run = refit, run + more
         if explains(refit):
             break
-    problem.asked.update(ended.problem.asked)
-    tried = by_one_likelihood(tried, found.weighed)
+    before.problem.asked.update(ended.problem.asked)
+    tried = by_one_likelihood(tried, found.comparison.weighed)
     return best_of(found.ranking, tried), run
 
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.candidates import candidates, makes_sense, may_be
-from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates
+from fingerfit.diagnosis.comparison import Comparison, Everything, anchor_of
 from fingerfit.diagnosis.joint import comparison_of
-from fingerfit.diagnosis.likelihood import Weighed
-from fingerfit.diagnosis.ranking import Ranked, best_places
+from fingerfit.diagnosis.ranking import Ranked, best_places, rank_candidates
 from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.second_pass import Everything
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.sides import Sides, sides_of
 from fingerfit.diagnosis.trials import rank_again, refit_all
@@ -45,11 +42,6 @@ class Tested:
         there = one.also[place - 1]
         self.ranking[:] = [there if other is one else other for other in self.ranking]
         return there
-
-    @cached_property
-    def weighed(self) -> Weighed:
-        """What the model leaves, for comparisons with all its refits."""
-        return Weighed.of(self.comparison)
 
 
 def test_all(

@@ -59,16 +59,21 @@ def to_refit(
 
 def _sure(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> bool:
     """Whether the odds of an effect are above `SURE` after so many tests, or are not known from a first pass."""
-    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
-    refitted = [one.odds(spread) for one in ranking if one.refitted]
-    return not refitted or after(max(refitted), tests) >= SURE
+    odds = [odds_after(one, score_test, ranking, tests) for one in ranking if one.refitted]
+    return not odds or max(odds) >= SURE
 
 
-def after(odds: float, tests: int) -> float:
-    """Logarithm of the odds of the best of so many tests: before, each had an equal share of what speaks for any."""
+def odds_after(
+    one: Ranked, score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, refit: Refit | None = None
+) -> float:
+    """Logarithm of the odds for an effect, against the model without it, after so many tests.
+
+    Before them, each had an equal share of what speaks for any. By the first pass, or by a refit that explains less.
+    """
     from numpy import log
 
-    return odds - float(log(max(tests, 1)))
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
+    return one.odds(spread, refit.fall if refit else None) - float(log(max(tests, 1)))
 
 
 def _seen(score_test: ScoreTest) -> float:

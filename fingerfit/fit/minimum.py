@@ -125,16 +125,19 @@ def mesh_error(
     change = coordinates(parameters, finer.values) - coordinates(parameters, searched.values)
     alike = np.array([p.log for p in parameters], dtype=bool)
     change[alike] = np.sqrt(np.mean(change[alike] ** 2)) if alike.any() else 0.0
-    return np.abs(change) * (left_over(problem) + (0.0 if on_finer else 1.0))
+    return np.abs(change) * left_over(problem, problem.mesh_of(found.base))
 
 
-def left_over(problem: InverseProblem) -> float:
-    """Error of the finer mesh as a share of what it changed, from its order of convergence; of several the largest."""
+def left_over(problem: InverseProblem, mesh: str) -> float:
+    """Error of a mesh as a share of what the finer one changes, from its order of convergence; of several the largest.
+
+    Of the finer mesh what is left of that; of the mesh of the search all of it as well.
+    """
     if len(problem.every) > 1:
-        return max(map(left_over, problem.every))
+        return max(left_over(test, mesh) for test in problem.every)
     coarse, fine = problem.meshes[SEARCH], problem.meshes[REFINED]
     ratio = (fine.element_count / coarse.element_count) ** (1 / coarse.dim)
-    return 1.0 / max(ratio**ORDER - 1.0, _LEAST)
+    return 1.0 / max(ratio**ORDER - 1.0, _LEAST) + (0.0 if mesh == REFINED else 1.0)
 
 
 def _minimum(problem: InverseProblem, last: Round, base: Asked, trust: float = TRUST) -> Minimum:

@@ -54,7 +54,7 @@ class Results:
     compare : dict of ndarray
         As `fingerfit.report.findings.write_compare` writes them.
     stiffness : ndarray, shape (places, dim + 2)
-        As from `fingerfit.diagnosis.comparison.stiffness_map`; no places where there is no map.
+        As from `fingerfit.diagnosis.ranking.stiffness_map`; no places where there is no map.
     ranking : list of dict
         Tested effects, as ``diagnosis.json`` has them.
     """

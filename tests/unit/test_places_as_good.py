@@ -34,7 +34,7 @@ def refitted(monkeypatch, falls):
     """Borders 2, 1 and 3 with the falls of their refits; None has no solution."""
     asked = []
 
-    def refit_of(problem, last, one, *_):
+    def refit_of(before, one, *_):
         border = one.candidate.place["interface.border"]
         asked.append(border)
         if falls[border] is None:
@@ -43,7 +43,7 @@ def refitted(monkeypatch, falls):
 
     monkeypatch.setattr(second_pass, "refit_of", refit_of)
     one = replace(at_border(2), also=(at_border(1), at_border(3)))
-    refit, run, place = refit_anywhere(None, None, one, None, None, 1)
+    refit, run, place = refit_anywhere(None, one, 1)
     return refit.fall, run, place, asked
 
 

@@ -9,9 +9,9 @@ from small_body import PLACE, alike_to, compared, fitted, to_first_order, writte
 
 from fingerfit.deck.questions import areas
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import Comparison, rank_candidates, stiffness_map
+from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.designs import designs, half_indenter, separation
-from fingerfit.diagnosis.ranking import best_places
+from fingerfit.diagnosis.ranking import best_places, rank_candidates, stiffness_map
 from fingerfit.diagnosis.residual import common_modes
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.minimum import finest

@@ -9,9 +9,8 @@ from small_body import alike_to, compared, fitted, to_first_order, written
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis import first_pass, trials
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.first_pass import FALL, NEAR, FirstPass, Way, widened
-from fingerfit.diagnosis.ranking import STARTS, alike, best_places, other_places
+from fingerfit.diagnosis.ranking import STARTS, alike, best_places, other_places, rank_candidates
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest

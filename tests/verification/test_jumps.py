@@ -4,9 +4,9 @@ import pytest
 from small_body import SMALL, fitted, written
 
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates
+from fingerfit.diagnosis.comparison import Comparison, anchor_of
 from fingerfit.diagnosis.errors import errors
-from fingerfit.diagnosis.likelihood import Weighed
+from fingerfit.diagnosis.ranking import rank_candidates
 from fingerfit.diagnosis.second_pass import refit_of
 from fingerfit.diagnosis.series import cut
 from fingerfit.fit.jobs import solve_missing
@@ -29,7 +29,7 @@ def test_each_picture_has_its_own_number_and_those_held_out_keep_theirs(name, nu
     _, before = errors(comparison)
     (one,) = [cut(comparison.score_test, one) for one in rank_candidates(comparison, comparison.score_test, found)]
     assert len(one.size) == len(numbers)
-    refit, _ = refit_of(problem, last, one, everything, Weighed.of(comparison), 1)
+    refit, _ = refit_of(comparison, one, 1)
     own = {key.partition(".")[2]: value for key, value in refit.values.items() if key.startswith(name)}
     held = [key for key in numbers if key[-1] not in FITTED]
     assert {key: own[key] for key in held} == pytest.approx({key: refit.start[key] for key in held}, abs=1e-12)

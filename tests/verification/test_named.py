@@ -6,10 +6,9 @@ from seeds import part_of
 from small_body import compared, fitted, written
 
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.evidence import LIKELY
 from fingerfit.diagnosis.families import families
-from fingerfit.diagnosis.ranking import best_places
+from fingerfit.diagnosis.ranking import best_places, rank_candidates
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.minimum import finest

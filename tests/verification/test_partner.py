@@ -6,11 +6,10 @@ import pytest
 from small_body import DESCRIPTION, MESHES, SMALL, compared, config_of, fitted, written
 
 from fingerfit.diagnosis.candidates import candidates, makes_sense
-from fingerfit.diagnosis.comparison import anchor_of, rank_candidates
+from fingerfit.diagnosis.comparison import anchor_of
 from fingerfit.diagnosis.diagnose import diagnose
 from fingerfit.diagnosis.joint import comparison_of
-from fingerfit.diagnosis.likelihood import Weighed
-from fingerfit.diagnosis.ranking import best_places
+from fingerfit.diagnosis.ranking import best_places, rank_candidates
 from fingerfit.diagnosis.second_pass import ended_of
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
@@ -29,7 +28,7 @@ def test_the_partner_of_a_slip_is_found_by_known_slopes(tmp_path):
     slip = next(
         one for one in rank_candidates(before, before.score_test, tested) if one.candidate.effect.name == "base_slip"
     )
-    ended, _ = ended_of(problem, last, replace(slip, refitted=None), everything, Weighed.of(before), 1)
+    ended, _ = ended_of(before, replace(slip, refitted=None), 1)
 
     wider, left = ended.problem, [one for one in tested if makes_sense(one.effect, ended.problem)]
     assert {one.effect.name for one in left} == TRIED - {"base_slip"}

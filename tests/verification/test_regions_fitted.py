@@ -7,7 +7,7 @@ from small_body import DESCRIPTION, compared, config_of, written
 
 from fingerfit.core.files import write_json
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import rank_candidates
+from fingerfit.diagnosis.ranking import rank_candidates
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.minimum import finest

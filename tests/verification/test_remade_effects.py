@@ -19,8 +19,9 @@ from fingerfit.core.folders import OURS
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
 from fingerfit.diagnosis.candidates import candidates, untestable
-from fingerfit.diagnosis.comparison import Comparison, anchor_of, rank_candidates, stiffness_map
+from fingerfit.diagnosis.comparison import Comparison, anchor_of
 from fingerfit.diagnosis.diagnose import diagnose
+from fingerfit.diagnosis.ranking import rank_candidates, stiffness_map
 from fingerfit.diagnosis.reservations import by_settings
 from fingerfit.diagnosis.verdict import decide
 from fingerfit.fit.check import check_effects

@@ -11,8 +11,7 @@ import yaml
 from small_body import SMALL, compared, fitted, written
 
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import rank_candidates, stiffness_map
-from fingerfit.diagnosis.ranking import best_places
+from fingerfit.diagnosis.ranking import best_places, rank_candidates, stiffness_map
 from fingerfit.fit.minimum import finest
 from fingerfit.imaging.pictures import read_picture, write_picture
 

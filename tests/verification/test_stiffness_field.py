@@ -10,9 +10,9 @@ from small_body import DESCRIPTION, compared, config_of, written
 from fingerfit.core.errors import InputError
 from fingerfit.deck.modes import modes_of
 from fingerfit.diagnosis.candidates import candidates
-from fingerfit.diagnosis.comparison import rank_candidates
 from fingerfit.diagnosis.field import field_of
 from fingerfit.diagnosis.first_pass import widened
+from fingerfit.diagnosis.ranking import rank_candidates
 from fingerfit.diagnosis.series import cut, evidences
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.minimum import finest

@@ -12,8 +12,8 @@ from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
 from fingerfit.core.files import write_json, write_text
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.diagnosis.comparison import stiffness_map
 from fingerfit.diagnosis.diagnose import diagnose, errors
+from fingerfit.diagnosis.ranking import stiffness_map
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.settings.config import load_settings
 from fingerfit.virtual.experiment import run_experiment
