@@ -33,8 +33,8 @@ from fingerfit.study.several import AT
 
 SMOOTH = 0.25
 """Length over which the error of a mesh is alike, as a share of the body's height."""
-ACROSS_POINTS = 6
-"""Patches over the width of the region where points were measured."""
+ACROSS, ACROSS_POINTS = 10, 6
+"""Patches over the width of the body that pictures show, and of the region where points alone were measured."""
 NEAR = 0.1
 """Share of its step at which a law of the material is tried to first order (decision 15)."""
 TOGETHER = 8
@@ -65,11 +65,7 @@ class Comparison:
 
     def __init__(self, problem: InverseProblem, last: Round, everything: Data, base: Asked | None = None) -> None:
         self.problem, self.last, self.data = problem, last, everything
-        spacing = everything.spacing if len(everything.picture_step) else None
-        if spacing is None and len(everything.points):
-            self.patches = Patches.with_all(everything.points, ACROSS_POINTS)
-        else:
-            self.patches = Patches.over(problem.meshes[SEARCH], spacing=spacing)
+        self.patches = Patches.seen(everything, problem.meshes[SEARCH], ACROSS, ACROSS_POINTS)
         self.base = base or finest(problem, last)
         self.anchor = problem.ask(self.base.values, ANCHOR)
         self.mesh = problem.mesh_of(self.base)

@@ -16,29 +16,8 @@ import numpy as np
 
 from fingerfit.fem.pressure import Lead, projection
 from fingerfit.fem.response import Points, divided
+from fingerfit.fem.strain import Strain, principal
 from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, STRESS, rule, shape
-
-
-@dataclass(frozen=True)
-class Strain:
-    """Deformation at the integration points.
-
-    Parameters
-    ----------
-    f : ndarray, shape (elements, points, dim, dim)
-        Deformation gradient.
-    squared : ndarray, shape (elements, points, 3)
-        Squared principal stretches, the last one out of the plane in two dimensions.
-    directions : ndarray, shape (elements, points, dim, dim)
-        Principal directions in the reference state, as columns.
-    frame : ndarray or None, shape (elements * points, 3, 3)
-        The same in three dimensions; only where the material has directions.
-    """
-
-    f: np.ndarray
-    squared: np.ndarray
-    directions: np.ndarray
-    frame: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -152,9 +131,14 @@ class Body:
         if self.history is not None:
             self.points.increment = self.history.begin(dt, relaxed)
 
-    def change(self, **points: Any) -> None:
-        """Let the points swell, `swelling` of shape (elements * points,), or have other constants, `material`."""
-        vars(self.points).update(points)
+    def swell(self, stretch: np.ndarray) -> None:
+        """Let the points swell by a stretch, shape (elements * points,)."""
+        self.points.swelling = stretch
+        self._states, self._responses = [], []
+
+    def warm(self, material: Any) -> None:
+        """Let the points have the constants that they have at other temperatures."""
+        self.points.material = material
         self._states, self._responses = [], []
 
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
@@ -182,38 +166,20 @@ class Body:
         local = u[self.dofs].reshape(*self.connectivity.shape, dim)
         f = np.swapaxes(local, 1, 2)[:, None] @ self.gradient
         f[..., range(dim), range(dim)] += 1.0
-        if not np.isfinite(f).all() or determinants(f).min() <= 0:
+        found = principal(f, self.points.directed)
+        if found is None:
             return None
-        c = np.swapaxes(f, -1, -2) @ f
-        if dim == 3:
-            squared, directions = np.linalg.eigh(c)
-            frame = directions.reshape(-1, 3, 3) if self.points.directed else None
-            return Strain(f, squared, directions, frame)
-        half, shear = (c[..., 0, 0] - c[..., 1, 1]) / 2, c[..., 0, 1]
-        mean, radius = (c[..., 0, 0] + c[..., 1, 1]) / 2, np.hypot(half, shear)
-        angle = np.arctan2(shear, half) / 2
-        cos, sin = np.cos(angle), np.sin(angle)
-        # the smaller one from the determinant: mean - radius loses digits
-        large = mean + radius
-        small = (c[..., 0, 0] * c[..., 1, 1] - shear**2) / large
-        directions = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
-        squared = np.stack([large, small, np.ones_like(large)], -1)
-        frame = None
-        if self.points.directed:
-            frame = np.zeros((large.size, 3, 3))
-            frame[:, :2, :2] = directions.reshape(-1, 2, 2)
-            frame[:, 2, 2] = 1.0
         if self.hoop is not None:
             around = 1 + (self.hoop @ local[:, :, :1])[..., 0]
             if around.min() <= 0:
                 return None
-            squared[..., 2] = around**2
+            found.squared[..., 2] = around**2
         elif self.kind.state == STRESS:
-            third = self.points.thickness_stretch(squared.reshape(-1, 3), frame)
+            third = self.points.thickness_stretch(found.squared.reshape(-1, 3), found.frame)
             if third is None:
                 return None
-            squared[..., 2] = third.reshape(large.shape)
-        return Strain(f, squared, directions, frame)
+            found.squared[..., 2] = third.reshape(f.shape[:2])
+        return found
 
     def energy(self, u: np.ndarray) -> float:
         """Strain energy in N mm; infinite where an element is inverted."""
@@ -390,11 +356,3 @@ class Body:
 
 def _pairs(dim: int) -> list[tuple[int, int]]:
     return [(a, b) for a in range(dim) for b in range(a + 1, dim)]
-
-
-def determinants(f: np.ndarray) -> np.ndarray:
-    """Determinants of many small matrices, shape (..., dim, dim)."""
-    if f.shape[-1] == 2:
-        return f[..., 0, 0] * f[..., 1, 1] - f[..., 0, 1] * f[..., 1, 0]
-    minors = f[..., 1, [1, 2, 0]] * f[..., 2, [2, 0, 1]] - f[..., 1, [2, 0, 1]] * f[..., 2, [1, 2, 0]]
-    return (f[..., 0, :] * minors).sum(axis=-1)

@@ -29,10 +29,7 @@ class Matcher:
 
     def __init__(self, data: Data, mesh: Mesh) -> None:
         self._data = data
-        if len(data.points) and not len(data.picture_step):
-            self._patches = Patches.with_all(data.points, ACROSS)
-        else:
-            self._patches = Patches.over(mesh, ACROSS, data.spacing)
+        self._patches = Patches.seen(data, mesh, ACROSS, ACROSS)
         self._reader = Reader(data, mesh, self._patches)
 
     def match(self, outcome: Outcome, made: Synthesis) -> Match:

@@ -38,6 +38,13 @@ class Patches:
     count: tuple[int, ...]
 
     @classmethod
+    def seen(cls, data: Data, mesh: Mesh, across: int, across_points: int) -> Patches:
+        """Patches of the body that pictures show; where points alone were measured, of the region that these are in."""
+        if len(data.picture_step):
+            return cls.over(mesh, across, data.spacing)
+        return cls.with_all(data.points, across_points) if len(data.points) else cls.over(mesh, across)
+
+    @classmethod
     def over(cls, mesh: Mesh, across: int = 10, spacing: np.ndarray | None = None) -> Patches:
         """The same over a mesh."""
         return cls.around(mesh.body, across, spacing)
@@ -64,7 +71,7 @@ class Patches:
 
     @classmethod
     def with_all(cls, points: np.ndarray, across: int) -> Patches:
-        """As `around`, with those points in them that lie on the border of the box."""
+        """As `around`, with those points in them that lie on the upper border of the box: all are wider by a hair."""
         edge = 1e-6 * np.ptp(points, axis=0)
         return cls.around(np.concatenate([points - edge, points + edge]), across)
 

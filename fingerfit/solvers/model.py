@@ -201,7 +201,7 @@ class Model:
             stretch = 1 + expansion[:, None] * change
             if not stretch.min() > 0:
                 raise InputError(self.path, "*TEMPERATURE", "a body that shrinks to nothing", "a smaller change")
-            body.change(swelling=stretch.ravel())
+            body.swell(stretch.ravel())
             if term is not None:
                 term.swell(stretch[:, 0])
 
@@ -213,7 +213,7 @@ class Model:
                 continue
             own = section == number
             points = np.flatnonzero(np.repeat(own, at.shape[1]))
-            body.change(material=warmed(body.points.material, points, table, at[own].ravel()))
+            body.warm(warmed(body.points.material, points, table, at[own].ravel()))
             if term is not None:
                 term.warm(number, table, at.mean(axis=1))
 

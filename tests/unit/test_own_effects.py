@@ -8,7 +8,7 @@ import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 from conftest import ROOT
 
-from fingerfit.check.check import own_effects
+from fingerfit.check.effects import own_effects
 from fingerfit.core.errors import FingerfitError
 from fingerfit.deck.context import deck_context
 from fingerfit.fit.jobs import solve_missing

@@ -97,7 +97,7 @@ def test_forces_and_tangents_of_what_swells(name, element, relaxing, rng):
     body, terms = made(material, element)
     points = len(body.weight.ravel())
     size = body.dofs.max() + 1
-    body.change(swelling=1 + 0.2 * rng.uniform(-1, 1, points))
+    body.swell(1 + 0.2 * rng.uniform(-1, 1, points))
     for term in terms:
         term.swell(1 + 0.2 * rng.uniform(-1, 1, len(body.connectivity)))
     if relaxing:
