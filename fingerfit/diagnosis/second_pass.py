@@ -43,20 +43,20 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]
         When there is no solution.
     """
     ended, run = ended_of(before, one, threads)
-    fitted, held_out = errors(ended.comparison)
-    score_test, values = ended.score_test, minimum(ended.problem, ended.last).values
-    start = ended.problem.settings.model.effects[one.candidate.effect.name]
+    after, settings = ended.comparison, ended.comparison.problem.settings
+    fitted, held_out = errors(after)
+    score_test, values = after.score_test, minimum(after.problem, after.last).values
+    start = settings.model.effects[one.candidate.effect.name]
     known = before.problem.settings.starts()
-    constants = {name: value for name, value in ended.problem.settings.starts().items() if name in known}
-    weighed = ended.comparison.weighed
-    own = misfits({"before": before.weighed, "after": weighed}, "after")
+    constants = {name: value for name, value in settings.starts().items() if name in known}
+    own = misfits({"before": before.weighed, "after": after.weighed}, "after")
     refit = Refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
         score_test.common_misfit, score_test.common_freedom,
-        ended.share, start, len(ended.problem.asked), ended.fall(before), constants, weighed,
+        ended.share, start, len(after.problem.asked), ended.fall(before), constants, after.weighed,
         compared=own["after"], before=own["before"],
-        numbers=len(ended.problem.settings.parameters()) - len(before.problem.settings.parameters()),
-        sides=sides_of(ended.comparison), but_mesh=errors_but_mesh(ended.comparison),
+        numbers=len(settings.parameters()) - len(before.problem.settings.parameters()),
+        sides=sides_of(after), but_mesh=errors_but_mesh(after),
     )  # fmt: skip
     return refit, run
 
@@ -95,12 +95,9 @@ def refit_anywhere(before: Comparison, one: Ranked, threads: int) -> tuple[Refit
 
 @dataclass(frozen=True)
 class Ended:
-    """A model with one effect more, fitted and compared with everything."""
+    """A model with one effect more, fitted and compared with everything, and from which share of its size."""
 
-    problem: InverseProblem
-    last: Round
     comparison: Comparison
-    score_test: ScoreTest
     share: float
 
     def fall(self, before: Comparison) -> float:
@@ -137,8 +134,7 @@ def _fit(before: Comparison, one: Ranked, threads: int, share: float) -> tuple[E
         run += solve_missing(wider, [anchor_of(wider, end)], threads)
     finally:
         before.problem.asked.update(wider.asked)
-    comparison = comparison_of(wider, end, before.everything)
-    return Ended(wider, end, comparison, comparison.score_test, share), run
+    return Ended(comparison_of(wider, end, before.everything), share), run
 
 
 def followed(problem: InverseProblem, last: Round, folder: Path) -> tuple[InverseProblem, Everything]:

@@ -173,10 +173,11 @@ def partner_of(half: Ranked, known: Tested, threads: int, family: str = "") -> t
     It is looked for where the refit of the first one ended, as the next rung would, whose simulations these are. In
     space, where these take hours, by the slopes of the model without it.
     """
-    before = known.comparison
-    ended, run = ended_of(before, half, threads)
-    slopes, tried = known if in_space(before.problem) else None, dict[str, Refit]()
-    found = test_all(ended.problem, ended.last, before.everything, threads, slopes, family)
+    problem, everything = known.comparison.problem, known.comparison.everything
+    ended, run = ended_of(known.comparison, half, threads)
+    slopes, tried = known if in_space(problem) else None, dict[str, Refit]()
+    after = ended.comparison
+    found = test_all(after.problem, after.last, everything, threads, slopes, family)
     run += found.run
     if family:  # else the probe of that family is refitted: only what may explain the rest is worth it before
         found = replace(found, ranking=[one for one in found.ranking if one.refitted and one.refitted.share >= ENOUGH])
@@ -184,7 +185,7 @@ def partner_of(half: Ranked, known: Tested, threads: int, family: str = "") -> t
         tried[ranked.candidate.effect.name], run = refit, run + more
         if explains(refit):
             break
-    before.problem.asked.update(ended.problem.asked)
+    problem.asked.update(after.problem.asked)
     tried = by_one_likelihood(tried, found.comparison.weighed)
     return best_of(found.ranking, tried), run
 

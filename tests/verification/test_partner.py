@@ -30,16 +30,17 @@ def test_the_partner_of_a_slip_is_found_by_known_slopes(tmp_path):
     )
     ended, _ = ended_of(before, replace(slip, refitted=None), 1)
 
-    wider, left = ended.problem, [one for one in tested if makes_sense(one.effect, ended.problem)]
+    wider, last = ended.comparison.problem, ended.comparison.last
+    left = [one for one in tested if makes_sense(one.effect, wider)]
     assert {one.effect.name for one in left} == TRIED - {"base_slip"}
-    after = comparison_of(wider, ended.last, everything)
+    after = comparison_of(wider, last, everything)
     asked = set(wider.asked)
     known = best_places(rank_candidates(after, after.score_test, left, before.anchor))
     assert wider.asked == asked
     assert known[0].candidate.effect.name == "tilt"
 
-    own = [one for one in candidates(wider, finest(wider, ended.last).values)[0] if one.effect.name == "tilt"]
-    solve_missing(wider, [anchor_of(wider, ended.last), *(a for one in own for a in one.asked)], 1)
+    own = [one for one in candidates(wider, finest(wider, last).values)[0] if one.effect.name == "tilt"]
+    solve_missing(wider, [anchor_of(wider, last), *(a for one in own for a in one.asked)], 1)
     (again,) = best_places(rank_candidates(after, after.score_test, own))
     # slopes of another model rank, the refit decides: only the order of size has to be right
     assert 0.5 < known[0].finding.fall / again.finding.fall < 2.0
