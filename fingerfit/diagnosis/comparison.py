@@ -41,6 +41,8 @@ TOGETHER = 8
 """Answers to first order that have their models in memory at once."""
 ALIKE = 0.9
 """Correlation of that error between steps."""
+CHANCE = 2.0
+"""Standard deviations of the noise of a load that chance makes."""
 
 
 Everything = Data | Sequence[Data]
@@ -195,12 +197,36 @@ class Comparison:
 
         Noise of the pictures, and what the noise of the prescribed quantity moves.
         """
+        return np.hypot(self.residual.floor, self._by_control[0])
+
+    @cached_property
+    def error(self) -> np.ndarray:
+        """Root mean square difference of the pictures that their noise and that of the load do not make: (pictures,).
+
+        What a load as far off as `CHANCE` of its standard deviations makes of a picture counts as its noise does on
+        average.
+        """
+        made, off = self._by_control
+        rest = np.maximum(self.residual.error**2 - (made * off) ** 2, 0.0)
+        return np.asarray(np.sqrt(rest + made**2 * np.maximum(1.0, off**2 - CHANCE**2 + 1.0)))
+
+    @cached_property
+    def _by_control(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the noise of the prescribed quantity makes of each picture, and how many of its standard deviations are
+        in it, each of shape (pictures,)."""
         by_role = {asked.role: asked for asked in self.last.batch}
         ahead, behind = (self.pictures(by_role.get(sign + "control")) for sign in "+-")
         slope = difference(ahead, behind, lambda: self.pictures(self.problem.ask(best_values(self.last))))
         if slope is None:
-            return self.residual.floor
-        return np.hypot(self.residual.floor, self.residual.inside(slope) * self._control_noise[self.data.picture_step])
+            return np.zeros(len(self.data.picture_step)), np.zeros(len(self.data.picture_step))
+        noise = self._control_noise[self.data.picture_step]
+        size, off = self.residual.inside(slope), []
+        for left, along, way in zip(
+            self.data.measured - self.prediction.pictures, slope, self.residual.fits, strict=True
+        ):
+            along = along.ravel()[way.pixel]
+            off.append(float(left.ravel()[way.pixel] @ along) / max(float(along @ along), np.finfo(float).tiny))
+        return size * noise, np.divide(off, noise, out=np.zeros_like(size), where=noise > 0)
 
     def pictures(self, asked: Asked | None) -> np.ndarray | None:
         """Synthesized pictures of a simulation on the search mesh; None without one, or without a solution."""

@@ -20,7 +20,7 @@ def errors(comparison: Comparison) -> tuple[float, float | None]:
         return of_tests([errors(test) for test in comparison.every])
     if not len(comparison.data.picture_step):
         return _errors_by_step(comparison)
-    ratio = comparison.residual.error / comparison.floor
+    ratio = comparison.error / comparison.floor
     fitted = fitted_pictures(comparison.problem, comparison.data)
     held = ratio[~fitted]
     return root_mean_square(ratio[fitted]), root_mean_square(held) if len(held) else None

@@ -35,7 +35,7 @@ def errors_but_mesh(comparison: Comparison) -> tuple[float, float | None]:
     by_mesh, fitted = _in_pictures(comparison), fitted_pictures(comparison.problem, comparison.data)
     if by_mesh is None or not fitted.any():
         return errors(comparison)
-    error = comparison.residual.error / comparison.floor
+    error = comparison.error / comparison.floor
 
     def left(chosen: np.ndarray) -> float:
         square = np.maximum(error**2 - by_mesh**2, 0.0)[chosen].mean()

@@ -64,7 +64,7 @@ def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarra
     mesh = in_first_picture(problem.meshes[comparison.mesh], outcome)
     steps = data.entry_step[: shown(comparison)]
     left, noise = (parts_left(comparison, known) for known in (residual.vector, spread))
-    error, floor = residual.error, comparison.floor
+    error, floor = comparison.error, comparison.floor
     if not len(data.picture_step):  # of measured points: displacements, mm
         error, floor = (np.array([_typical(one) for one in each[DISPLACEMENT]]) for each in (left, noise))
     response, lateral = data.split(comparison.prediction.response)

@@ -15,7 +15,7 @@ def compared(error, fitted=None):
     """A model whose pictures have these errors, in units of the noise; all are fitted unless some are said to be."""
     steps = np.arange(len(error))
     test = SimpleNamespace(
-        residual=SimpleNamespace(error=FLOOR * np.array(error)),
+        error=FLOOR * np.array(error),
         floor=FLOOR,
         data=SimpleNamespace(picture_step=steps, entry_step=steps, step=steps + 1),
         problem=SimpleNamespace(settings=SimpleNamespace(fit=SimpleNamespace(steps=fitted))),
