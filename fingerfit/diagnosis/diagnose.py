@@ -22,13 +22,13 @@ from fingerfit.diagnosis.refit import LOUD, Refit, excess, explains
 from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
-    far_off,
     form_of,
     largest_part,
     loud_by_mesh,
     not_needed,
     of_family,
     perhaps,
+    some_far_off,
     too_coarse,
     traced,
     untried,
@@ -202,7 +202,7 @@ def diagnose(
         refits |= {one.candidate.effect.name: refit for one, refit in states}
         run += more
     needless = spare(problem, score_test, found.comparison.base.values) if verdict.kind == "adequate" else []
-    verdict = not_needed(far_off(verdict, found.comparison), needless)
+    verdict = not_needed(some_far_off(verdict, found.comparison), needless)
     maybe = not_excluded(ranking, score_test, refits, tests) if verdict.kind == "adequate" else []
     verdict = perhaps(verdict, [one.candidate.effect.title for one in maybe])
     untold = found.lacking, untestable(problem), left_out(problem)

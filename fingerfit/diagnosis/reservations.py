@@ -15,7 +15,7 @@ from fingerfit.diagnosis.refit import EXPLAINED, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, odds_after, threshold
-from fingerfit.fit.intervals import FAR_OFF
+from fingerfit.fit.far_off import far_off
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, Effect
 from fingerfit.study.several import AT
@@ -334,24 +334,19 @@ def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect
     return replace(verdict, sentence=f"{verdict.sentence}; {made}{CURE}{cure_of(effect)[1]}")
 
 
-def far_off(verdict: Verdict, comparison: Comparison) -> Verdict:
-    """The verdict, and which force (or displacement) is far off where no effect explains it.
+def far_off_of(test: Comparison) -> str:
+    """As `fingerfit.fit.far_off.far_off`, of one test."""
+    start, modelled = test.residual.value.size, test.prediction.response
+    control, mesh = test.slope("control")[start:], test.mesh_signal[start:]
+    return far_off(test.data, modelled, control, mesh, test.problem.test)
 
-    Among thousands of pixels or points one of them hardly raises the misfit.
-    """
+
+def some_far_off(verdict: Verdict, comparison: Comparison) -> Verdict:
+    """The verdict, and which force (or displacement) of each test is far off where no effect explains it."""
     if verdict.kind not in ("adequate", "unexplained"):
         return verdict
-    worst, text = FAR_OFF, ""
-    for test in comparison.every:
-        spread = np.sqrt(np.diag(test.covariance) + (test.nuisance() ** 2).sum(axis=1))
-        number = np.flatnonzero(test.residual.kept) - test.residual.value.size
-        rows = number >= 0
-        for n, ratio in zip(number[rows], np.abs(test.residual.vector[rows]) / spread[rows], strict=True):
-            if ratio > worst:
-                step, (kind, _) = test.data.step[test.data.response_step[n]], test.data.response_name(n)
-                name = f" of test {test.problem.test}" if test.problem.test else ""
-                worst, text = float(ratio), f"; the {kind} of step {step}{name} is {ratio:.0f} standard deviations off"
-    return replace(verdict, sentence=verdict.sentence + text)
+    said = "".join(f"; {text}" for text in map(far_off_of, comparison.every) if text)
+    return replace(verdict, sentence=verdict.sentence + said)
 
 
 def not_needed(verdict: Verdict, spare: Sequence[Effect]) -> Verdict:

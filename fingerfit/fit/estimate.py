@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import StateError
+from fingerfit.fit.far_off import far_off, response_by_mesh, where_to_look
 from fingerfit.fit.identified import seen_directions
-from fingerfit.fit.intervals import FAR_OFF, Uncertainty, as_json, bound_of, repeat, summarise, widths
+from fingerfit.fit.intervals import Uncertainty, as_json, bound_of, repeat, summarise, widths
 from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_search_mesh, partly_on_finer_mesh
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import told, weigh
@@ -88,7 +89,7 @@ def estimate_of(
             *_mesh_remarks(problem, mesh, partly),
             *_thickness_remarks(problem),
             *(f"{_of(test)}measurements: {line}" for test in problem.every for line in test.data.remarks.splitlines()),
-            *_far_off(problem, best),
+            *_far_off(problem, best, response_by_mesh(problem, last, best.base)),
             *_counted(problem, best),
         ],
         "score": {
@@ -179,33 +180,14 @@ def _of(test: InverseProblem) -> str:
     return f"{test.test}: " if test.test else ""
 
 
-def _far_off(problem: InverseProblem, best: Minimum) -> list[str]:
-    """A sentence on forces (or displacements) that the fit leaves ten standard deviations off, or more.
-
-    Beside thousands of pixels or points a few of them weigh little, so that the score alone does not tell.
-    """
+def _far_off(problem: InverseProblem, best: Minimum, by_mesh: Sequence[np.ndarray]) -> list[str]:
+    """A sentence on the force (or displacement) of each test that the fit leaves far off, and where to look."""
     found = []
-    for test, model in zip(problem.every, best.model.every, strict=True):
-        measured, noise = test.data.response
-        known = np.flatnonzero(np.isfinite(measured) & (noise > 0))
-        # a factor common to all forces is no fault of one of them, nor what the noise of the control moves
-        shared, size = test.data.response_gain * measured, np.abs(test.data.controlled)
-        share = np.divide(test.data.control_noise, size, out=np.zeros_like(size), where=size > 0)
-        spread = np.sqrt(noise**2 + shared**2 + model.by_control(share, test.data).response ** 2)
-        off = np.array([abs(model.base.response[n] - measured[n]) / spread[n] for n in known])
-        if not off.size or off.max() < FAR_OFF:
-            continue
-        n = int(known[off.argmax()])
-        (kind, unit), step = test.data.response_name(n), test.data.step[test.data.response_step[n]]
-        look = f"look at noise.{kind.partition('_')[0]}, at its unit, and at what the model lacks"
-        score = test.settings.fit.score
-        if test.data.control == "displacement" and score != "likelihood":  # nothing tells it how stiff the body is
-            look = f"the score {score} does not contain the force: score: likelihood does"
-        found.append(
-            f"{_of(test)}{kind} of step {step} is {off.max():.0f} standard deviations off:"
-            f" {measured[n]:.4g} {unit} measured, {model.base.response[n]:.4g} {unit} by the model;"
-            f" {look}"
-        )
+    for test, model, mesh in zip(problem.every, best.model.every, by_mesh, strict=True):
+        # `_repeated` has asked for the slope by what is prescribed, and needs it
+        control = model.control.response if model.control else np.zeros(len(mesh))
+        said = far_off(test.data, model.base.response, control, mesh, test.test)
+        found += [f"{said}; {where_to_look(test.data, test.settings.fit.score)}"] if said else []
     return found
 
 

@@ -34,8 +34,6 @@ and more in the phantom."""
 NORMAL = 1.96
 """Standard deviations from the middle to the ends of a 95 % interval, and the root of the rise of the misfit there
 (3.84, chi-square of one degree of freedom)."""
-FAR_OFF = 10.0
-"""Standard deviations from which a force that the fit leaves is said: no noise makes that. A choice."""
 
 
 def widths(parameters: Sequence[Parameter], moving: np.ndarray) -> np.ndarray:

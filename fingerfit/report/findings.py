@@ -18,8 +18,10 @@ from fingerfit.diagnosis.field import field_of
 from fingerfit.diagnosis.ranges import ranges, with_effects
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
 from fingerfit.diagnosis.refit import explains
+from fingerfit.diagnosis.reservations import far_off_of
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.diagnosis.worth import unseen
+from fingerfit.fit.far_off import where_to_look
 from fingerfit.fit.intervals import bound_of
 from fingerfit.forward.predict import in_first_picture
 from fingerfit.imaging.sections import border_triangles, parts_of
@@ -68,6 +70,7 @@ def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarra
     if not len(data.picture_step):  # of measured points: displacements, mm
         error, floor = (np.array([_typical(one) for one in each[DISPLACEMENT]]) for each in (left, noise))
     response, lateral = data.split(comparison.prediction.response)
+    off = far_off_of(comparison)
     beside = {"lateral_force": data.lateral_force, "lateral_force_model": lateral} if lateral.size else {}
     moved, force = (response, data.force) if data.control == "force" else (data.displacement, response)
     return {
@@ -99,6 +102,7 @@ def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarra
         "displacement_model": moved,
         "force_noise": np.array(data.force_noise),
         "displacement_noise": np.array(data.displacement_noise),
+        "far_off": np.array(f"{off}; {where_to_look(data, problem.settings.fit.score)}" if off else ""),
         **beside,
     }
 

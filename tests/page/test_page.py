@@ -7,17 +7,15 @@ import re
 import shlex
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fingerfit.core.errors import StateError
-from fingerfit.core.files import keep_json, read_json
+from fingerfit.core.files import keep_json, read_json, read_npz, write_npz
 from fingerfit.model.catalogue import catalogue
 from fingerfit.report.page import ladder_figure, panels, write_page
-from fingerfit.report.page.build import _far_off
 from fingerfit.report.page.figures import curve_panel, force_figure, stiffness_figure
 from fingerfit.report.page.inputs import Compare, Inputs, Model, read_compare, read_inputs
 from fingerfit.report.page.panels import Panels
@@ -491,14 +489,14 @@ def test_what_ended_at_its_bound_is_told(first):
     assert first.count("<br><small>slope at its lower bound</small>") == 1
 
 
-def test_a_force_that_is_far_off_is_said_beside_the_pictures():
-    compare = Compare(
-        step=np.array([1, 3]), response=np.array([0.1, -2.4]), response_noise=np.array([0.0, 0.1]),
-        control=np.array("displacement"),
-    )  # fmt: skip
-    assert _far_off(Model("base", {}, compare, {}, {})) == "The force of step 3 is 24 standard deviations off."
-    near = replace(compare, response=np.array([np.nan, 0.9]))
-    assert _far_off(Model("base", {}, near, {}, {})) == ""
+def test_a_force_that_is_far_off_is_said_beside_the_pictures(tmp_path):
+    """In the sentence of the comparison; of a model without one nothing is said."""
+    sample.write(tmp_path / "study")
+    file, said = tmp_path / "study/base/compare.npz", "force_x of step 3 is 24 standard deviations off: 3 N measured"
+    write_npz(file, {**read_npz(file), "far_off": np.array(said)})
+    write_page(tmp_path / "study", tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert text.count(f"<p>{said.capitalize()[:1]}{said[1:]}.") == text.count("standard deviations off") == 1
 
 
 def test_effects_that_config_yaml_leaves_out_are_told():

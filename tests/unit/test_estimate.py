@@ -83,10 +83,10 @@ def test_a_force_far_off_that_the_score_does_not_contain_is_told_so(score, contr
     )  # fmt: skip
     test = SimpleNamespace(test="", data=data, settings=SimpleNamespace(fit=SimpleNamespace(score=score)))
     model = SimpleNamespace(
-        base=SimpleNamespace(response=np.array([10.0, 199.6])),
-        by_control=lambda *_: SimpleNamespace(response=np.zeros(2)),
+        base=SimpleNamespace(response=np.array([10.0, 199.6])), control=SimpleNamespace(response=np.zeros(2))
     )
-    (told,) = _far_off(SimpleNamespace(every=[test]), SimpleNamespace(model=SimpleNamespace(every=[model])))
+    best = SimpleNamespace(model=SimpleNamespace(every=[model]))
+    (told,) = _far_off(SimpleNamespace(every=[test]), best, [np.zeros(2)])
     assert told.startswith(f"{name[0]} of step 4 is 1886 standard deviations off: 11 {name[1]} measured")
     assert told.endswith(f"; {look}")
 

@@ -17,7 +17,6 @@ from markupsafe import Markup
 from fingerfit import __version__
 from fingerfit.core.files import keep_text
 from fingerfit.core.folders import OURS
-from fingerfit.fit.intervals import FAR_OFF
 from fingerfit.model.effect import FAMILIES
 from fingerfit.report.drawing import COLOURS
 from fingerfit.report.page.inputs import Inputs, Model, read_inputs
@@ -161,7 +160,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "regions": regions,
         "rows": rows,
         "forces": _forces(model),
-        "far_off": _far_off(model),
+        "far_off": str(compare.far_off) if compare is not None else "",
         "has_map": panels.has("map", model.name),
         "has_force": panels.has("force", model.name),
         "force": panels.keys.get(f"force|{model.name}"),
@@ -239,19 +238,6 @@ def _steps(model: Model) -> list[dict[str, Any]]:
         found.append({"label": f"step {int(step)}", "seen": compare.seen_step(n), "left": number(left, 3),
                       "noise": number(noise, 3), "words": in_words(ratio), "ratio": number(ratio, 3)})  # fmt: skip
     return found
-
-
-def _far_off(model: Model) -> str:
-    """A sentence on the response that is most standard deviations off; empty where none is far off."""
-    compare = model.compare
-    if compare is None:
-        return ""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.nan_to_num(np.abs(compare.response) / compare.response_noise, posinf=0.0)
-    if ratio.max(initial=0.0) < FAR_OFF:
-        return ""
-    n, (name, _) = int(ratio.argmax()), compare.response_name
-    return f"The {name} of step {int(compare.step[n])} is {ratio[n]:.0f} standard deviations off."
 
 
 def _clean(values: np.ndarray) -> np.ndarray:

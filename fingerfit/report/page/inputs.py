@@ -78,8 +78,8 @@ class Compare:
         Residual of the response, and its standard error, N or mm.
     lateral_force, lateral_force_model : ndarray, shape (steps, axes)
         Forces of the indenter across the load, N; NaN where unknown.
-    control : ndarray of str, shape ()
-        The quantity that is prescribed, ``force`` or ``displacement``.
+    control, far_off : ndarray of str, shape ()
+        The quantity that is prescribed, ``force`` or ``displacement``; what is said of a force that is far off.
     step_fitted : ndarray of bool, shape (steps,)
         Whether the fit used the step.
     field_value, field_spread, field_seen : ndarray, shape (elements,)
@@ -124,6 +124,7 @@ class Compare:
     lateral_force: np.ndarray = field(default_factory=lambda: _empty(0, 0))
     lateral_force_model: np.ndarray = field(default_factory=lambda: _empty(0, 0))
     control: np.ndarray = field(default_factory=lambda: np.array("force"))
+    far_off: np.ndarray = field(default_factory=lambda: np.array(""))
     step_fitted: np.ndarray = field(default_factory=lambda: _empty(0, kind=bool))
     field_value: np.ndarray = field(default_factory=lambda: _empty(0))
     field_spread: np.ndarray = field(default_factory=lambda: _empty(0))
