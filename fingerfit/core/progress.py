@@ -18,6 +18,15 @@ def tell(text: str) -> None:
     _LOG.info(text)
 
 
+def counted(number: int, what: str) -> str:
+    """So many of something.
+
+    >>> counted(1, "simulation"), counted(0, "simulation")
+    ('1 simulation', '0 simulations')
+    """
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def say(*lines: str, error: bool = False) -> None:
     """Print lines on the standard output, or that of errors, and go on without a word once nobody reads it any more.
 

@@ -147,9 +147,13 @@ class FirstPass:
         """Values, or columns of them, in units of their noise; those that are fitted only."""
         return self._weights.whiten(columns[self.rows])
 
-    def left(self, read: np.ndarray) -> np.ndarray:
-        """What a model leaves whose solution is `read` so, in units of the noise."""
-        return self.whiten(self._left - (read - self._anchor))
+    def left(self, change: np.ndarray) -> np.ndarray:
+        """What a model leaves whose solution differs so from that of the fitted one, in units of the noise."""
+        return self.whiten(self._left - change)
+
+    def change(self, read: np.ndarray) -> np.ndarray:
+        """How a solution differs from that of the fitted model, shape (all,)."""
+        return read - self._anchor
 
 
 def widened(problem: InverseProblem, values: Mapping[str, float], one: Ranked, share: float = 1.0) -> InverseProblem:
@@ -285,14 +289,22 @@ class Way:
     def _solve(self, asked: Sequence[Asked]) -> None:
         self.run += solve_missing(self.problem, asked, self.owner.threads)
 
+    def change(self, values: Mapping[str, float]) -> np.ndarray | None:
+        """How a guess that was solved differs from the fitted model, shape (all,); None where it has no solution."""
+        return self._change(self._ask(values))
+
     def _left(self, asked: Asked, answer: Outcome | None = None) -> np.ndarray | None:
+        change = self._change(asked, answer)
+        return None if change is None else np.append(self.owner.left(change), self.priors.left(asked.values))
+
+    def _change(self, asked: Asked, answer: Outcome | None = None) -> np.ndarray | None:
         comparison = self.owner.comparison
         read = comparison.read(asked) if answer is None else comparison.read_answer(asked, answer)
         if read is None:
             return None
         for name, column in self._observed.items():
             read = read + column * (asked.values[name] - self._base[name])
-        return np.append(self.owner.left(read), self.priors.left(asked.values))
+        return self.owner.change(read)
 
 
 def _followed(comparison: Comparison) -> np.ndarray:

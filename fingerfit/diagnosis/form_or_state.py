@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from fingerfit.core.errors import StateError
-from fingerfit.core.progress import tell
+from fingerfit.core.progress import counted, tell
 from fingerfit.diagnosis.families import ENOUGH
-from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by
 from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_pass import refit_of, with_outline
@@ -196,6 +196,7 @@ def _refitted(found: Tested, chosen: Sequence[Ranked], threads: int) -> tuple[li
             continue
         effect, run = one.candidate.effect, run + more
         away = f"a side is {refit.sides.off:.2g} mm off" if refit.sides.off else "sides are where the picture has them"
-        tell(f"refitted {effect.name} ({effect.title}): {away}; {more} simulations run")
+        by, ran = said_by(REFIT, problem.settings.model.effects), counted(more, "simulation")
+        tell(f"{by}: {effect.name} ({effect.title}): {away}; {ran} run")
         states.append((one, refit))
     return states, run

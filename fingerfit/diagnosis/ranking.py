@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,8 +17,19 @@ from fingerfit.fit.problem import SEARCH
 from fingerfit.fit.rounds import Asked
 from fingerfit.model.effect import Effect
 
+FIRST_PASS, REFIT = "first pass", "refit"
+"""What says how much an effect explains, in words: never one of them where the other one is meant."""
 STARTS = 4
 """Places from which an effect is refitted in the first pass, at most. A choice."""
+
+
+def said_by(what: str, effects: Collection[str]) -> str:
+    """What tells of a model, and which effects the model has.
+
+    >>> said_by(REFIT, ()), said_by(REFIT, ("tilt", "skin"))
+    ('refit', 'refit beside tilt and skin')
+    """
+    return f"{what} beside {' and '.join(effects)}" if effects else what
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
-from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked, spread_of
 from fingerfit.diagnosis.refit import EXPLAINED, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
@@ -48,32 +48,38 @@ def of_family(
     named = next((one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects[:1]), None)
     family = named.family if named else ""
     if named and named.probe:
-        verdict = replace(verdict, sentence=verdict.sentence + _nearest(score_test, ranking, family))
+        verdict = replace(verdict, sentence=verdict.sentence + _nearest(score_test, ranking, refits, family))
     if verdict.kind != "unexplained" or score_test.freedom < 1:
         return replace(verdict, family=family)
     best = best_of(ranking, refits)
     if best is not None and best[1].gain(score_test.misfit) > verdict.threshold:
-        behind = [(best[0].candidate.effect.family, best[1].explained(score_test.misfit))]
+        behind = [best[0]]
     else:
-        left = score_test.beyond_noise
         odds = families(score_test, ranking).items()
-        behind = [(name, one.finding.fall / left) for name, (one, own) in odds if name != NUMERICS and own > SURE]
+        behind = [one for name, (one, own) in odds if name != NUMERICS and own > SURE]
     if not behind:
         return verdict
-    family, share = behind[0]
-    much = "most" if share >= 0.5 else "a part"
-    text = f"{verdict.sentence}; {much} of it may lie in {FAMILIES[family]} ({100 * min(1.0, share):.0f} %)"
+    family, (share, by) = behind[0].candidate.effect.family, _share(score_test, behind[0], refits)
+    text = f"{verdict.sentence}; {_percent(share)} of {BEYOND} may lie in {FAMILIES[family]} ({by})"
     return replace(verdict, family=family, sentence=text)
 
 
-def _nearest(score_test: ScoreTest, ranking: Sequence[Ranked], family: str) -> str:
+def _share(score_test: ScoreTest, one: Ranked, refits: Mapping[str, Refit]) -> tuple[float, str]:
+    """Share of the misfit beyond the noise that an effect explains, and what says so: refit, else first pass."""
+    refit = refits.get(one.candidate.effect.name)
+    if refit is not None:
+        return refit.explained(score_test.misfit), REFIT
+    return one.finding.fall / score_test.beyond_noise, FIRST_PASS
+
+
+def _nearest(score_test: ScoreTest, ranking: Sequence[Ranked], refits: Mapping[str, Refit], family: str) -> str:
     """The known effect of a family that explains most, in words; empty where none explains any."""
     members = [one for one in ranking if one.candidate.effect.family == family and not one.candidate.effect.probe]
-    best = max(members, key=lambda one: one.finding.fall, default=None)
-    share = best.finding.fall / score_test.beyond_noise if best else 0.0
+    best = max(members, key=lambda one: _share(score_test, one, refits)[0], default=None)
+    share, by = _share(score_test, best, refits) if best else (0.0, "")
     if best is None or round(100 * share) < 1:
         return ""
-    return f"; of known effects {best.candidate.effect.title} comes nearest ({100 * min(share, 1.0):.0f} %)"
+    return f"; of known effects {best.candidate.effect.title} comes nearest ({by}: {_percent(share)})"
 
 
 def largest_part(
@@ -126,9 +132,11 @@ def largest_part(
     part = beside and error > LOUD and min(falls) > MATTERS
     if not (beyond and (share > LARGEST or part) and leads(score_test, ranking, one, behind)):
         return verdict
-    what = "the largest part" if share > LARGEST else "a part"
     fell = f"the error falls from {error:.2g} to {own.fitted:.2g} times the noise level"
-    text = f"missing: {one.candidate.effect.title}; it is {what} ({fell}), more is missing"
+    # of a misfit that is no more than the noise's there are no shares
+    explained = _explained("it", own.explained(score_test.misfit), BEYOND)
+    explained = "it does not explain all" if explains(score_test) else explained
+    text = f"missing: {one.candidate.effect.title}; {explained} ({fell}), more is missing"
     return Verdict("missing", (one.candidate.effect.name,), text, verdict.threshold)
 
 
@@ -152,7 +160,11 @@ def _cured(effect: Effect, what: str, share: float, of: str) -> str:
 
 
 def _explained(what: str, share: float, of: str) -> str:
-    return f"{what} explains {100 * min(share, 1.0):.0f} % of {of}"
+    return f"{what} explains {_percent(share)} of {of}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * min(share, 1.0):.0f} %"
 
 
 def too_coarse(

@@ -9,10 +9,10 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
-from fingerfit.core.progress import tell
+from fingerfit.core.progress import counted, tell
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.likelihood import Weighed, misfits
-from fingerfit.diagnosis.ranking import Ranked, spread_of
+from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by, spread_of
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
@@ -49,6 +49,7 @@ def refits_of(
     """
     explained, by_series, named = -np.inf, False, set[str]()
     nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
+    done = dict(known or {})
     by_chance = False  # whether one of them leaves no more than chance does in patches, and hardly more in pictures
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
@@ -106,11 +107,14 @@ def refits_of(
                 least = min(least, refit.at_least)
             whole = explains(refit) and refit.fitted <= EXPLAINED
             by_chance |= whole and refit.misfit <= chance(refit.freedom)
-            share = min(1.0, max(0.0, refit.explained(found.score_test.misfit)))
+            done[effect.name] = refit
+            share = by_one_likelihood(done, found.weighed)[effect.name].explained(found.score_test.misfit)
             if whole and not effect.probe:
                 named.add(effect.family)
             left = [one for one in left if worth_it(one)]
-            tell(f"refitted {effect.name} ({effect.title}): explains {100 * share:.0f} %; {run} simulations run")
+            by, share = said_by(REFIT, problem.settings.model.effects), min(1.0, max(0.0, share))
+            ran = counted(run, "simulation")
+            tell(f"{by}: {effect.name} ({effect.title}) explains {100 * share:.0f} %; {ran} run")
             yield ranked, refit, run
         # the first one often makes all others needless, which would hold it up
         beside, each = (threads, 1) if flat else (1, threads)

@@ -12,11 +12,11 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
-from fingerfit.core.progress import tell
+from fingerfit.core.progress import counted, tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import SURE
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
-from fingerfit.diagnosis.ranking import Ranked, Refitted, elsewhere, other_places, spread_of
+from fingerfit.diagnosis.ranking import FIRST_PASS, Ranked, Refitted, elsewhere, other_places, said_by, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
 from fingerfit.diagnosis.worth import SEEN, threshold
 from fingerfit.fit.jobs import solve_missing
@@ -181,7 +181,12 @@ class _Trial:
         run, left = there.simulations, beyond_noise(self.base.misfit, self.base.count - len(self.base.values))
         there = replace(there, simulations=run + (before.simulations if before else 0))
         fall = max(0.0, self.base.misfit - there.misfit)
-        tell(f"tried {effect.name}: explains {min(100, 100 * fall / left):.0f} %; {there.simulations} simulations")
+        shown = f"explains {min(100, 100 * fall / left):.0f} %" if left > 1.0 else f"lowers the misfit by {fall:.3g}"
+        # from several places: which of them is told
+        began = ", ".join(f"{key.partition('.')[2]} {value:.3g}" for key, value in one.candidate.place.items())
+        who = f"{effect.name} ({began})" if began else effect.name
+        by = said_by(FIRST_PASS, problem.settings.model.effects)
+        tell(f"{by}: {who} {shown}; {counted(there.simulations, 'simulation')}")
         size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
         finding, there = replace(one.finding, fall=fall, size=size), replace(there, share=fall / left)
         found = replace(one, finding=finding, refitted=there, columns=np.zeros((0, 0)), also=())

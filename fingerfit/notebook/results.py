@@ -154,7 +154,10 @@ class Found:
 
     @property
     def candidates(self) -> pd.DataFrame:
-        """All candidates, the best first: family, explained share of the misfit beyond the noise, odds (logarithm)."""
+        """All candidates, the best first: family, explained share of the misfit beyond the noise, odds (logarithm).
+
+        The share by the first pass is ``explained``, that by the refit ``explained_by_refit``.
+        """
         import pandas as pd
 
         entries = summary(self.diagnosis.score_test, self.diagnosis.ranking)
@@ -164,7 +167,8 @@ class Found:
                 "family": one.candidate.effect.family,
                 "explained": entry["share_of_excess"],
                 "log_odds": entry["first_pass"]["log_odds"] if entry["first_pass"] else None,
-                "refitted": entry["effect"] in self.diagnosis.refits,
+                "refitted": (refit := self.diagnosis.refits.get(entry["effect"])) is not None,
+                "explained_by_refit": min(1.0, refit.explained(self.diagnosis.score_test.misfit)) if refit else None,
             }
             for entry, one in zip(entries, self.diagnosis.ranking, strict=True)
         ]

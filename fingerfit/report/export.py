@@ -324,13 +324,21 @@ def _residuals(found: Results) -> tuple[list[list[object]], list[list[object]]]:
 def _candidates(ranking: list[dict[str, Any]]) -> list[list[object]]:
     """Tested effects, the best first, and the misfits of their refits."""
     rows: list[list[object]] = [
-        ["effect", "predicted_fall", "share_of_excess", "misfit_refitted", "error_fitted", "error_held_out"]
+        [
+            "effect",
+            "predicted_fall",
+            "share_of_excess",
+            "misfit_refitted",
+            "share_refitted",
+            "error_fitted",
+            "error_held_out",
+        ]
     ]
     for one in ranking:
         refit = one["refit"] or {"misfit": None, "error": {"fitted": None, "held_out": None}}
         error = refit["error"]
         rows.append([one["name"], one["predicted_fall"], one["share_of_excess"], refit["misfit"],
-                     error["fitted"], error["held_out"]])  # fmt: skip
+                     refit.get("explained"), error["fitted"], error["held_out"]])  # fmt: skip
     return rows
 
 

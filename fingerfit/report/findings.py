@@ -13,6 +13,7 @@ from fingerfit.core.files import digest, keep_json, read_json, write_npz
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.diagnose import Diagnosis
 from fingerfit.diagnosis.errors import are_fitted, errors, fitted_steps
+from fingerfit.diagnosis.explained import explained
 from fingerfit.diagnosis.families import families
 from fingerfit.diagnosis.field import field_of
 from fingerfit.diagnosis.ranges import ranges, with_effects
@@ -174,9 +175,9 @@ def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:
     return next((name for name in order if np.nan_to_num(pattern[name]).any()), chosen)
 
 
-def _patterns(comparison: Comparison, one: Ranked) -> dict[str, dict[str, np.ndarray]]:
-    """What an effect would leave, by its parts, for each test by the ending of its names: none where there is one."""
-    every = by_test(comparison, one.columns @ one.finding.size)
+def _patterns(comparison: Comparison, values: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
+    """What an effect explains, by its parts, for each test by the ending of its names: none where there is one."""
+    every = by_test(comparison, values)
     names = [array_ending(test.problem.test) for test in comparison.every]
     return {name: parts_left(test, own) for name, test, own in zip(names, comparison.every, every, strict=True)}
 
@@ -207,9 +208,10 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
     """Verdict and ranking as JSON, patterns beside it as .npz; returns the former."""
     model = found.comparison.problem.settings.model
     hidden = {one.candidate.effect.name for one in unseen(found.score_test, found.ranking)}
-    kept = kept_ranking(found)
+    kept = {one.candidate.effect.name: one for one in kept_ranking(found)}
     # of the tests, the first in which an effect is seen says where it is shown
-    patterns = {one.candidate.effect.name: _patterns(found.comparison, one) for one in kept}
+    known = {name: explained(found.comparison, one, found.refits.get(name)) for name, one in kept.items()}
+    patterns = {name: _patterns(found.comparison, values) for name, (values, _) in known.items()}
     ranking = []
     for one, entry in zip(found.ranking, summary(found.score_test, found.ranking), strict=True):
         effect, refit = one.candidate.effect, found.refits.get(one.candidate.effect.name)
@@ -220,10 +222,13 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
                 "units": {p.name: p.unit for p in effect.parameters},
                 "imitated": effect.name in hidden,
                 "shows": _part_shown(effect, patterns[effect.name]) if effect.name in patterns else None,
+                "pattern_by": known[effect.name][1] if effect.name in known else None,
                 "refit": refit
                 and {
                     "misfit": refit.misfit,
                     "fall": refit.fall,
+                    "gain": refit.gain(found.score_test.misfit),
+                    "explained": min(1.0, refit.explained(found.score_test.misfit)),
                     "error": {"fitted": refit.fitted, "held_out": refit.held_out},
                     "parameters": {name: float(value) for name, value in refit.values.items()},
                     "at_bound": at_bounds(effect, refit.values),

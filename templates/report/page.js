@@ -109,6 +109,7 @@
     const effect = here.first_effect ? state.effect || here.first_effect : "";
     const kind = here.parts[effect] || "", curve = kind === "response";
     for (const part of all(".now-effect")) part.textContent = here.titles[effect] || effect;
+    for (const part of all(".now-by")) part.textContent = here.pattern_by[effect] ? ` (${here.pattern_by[effect]})` : "";
     for (const part of all(".when-step")) part.hidden = curve;
     for (const img of all("img[data-panel]")) {
       let panel = img.dataset.panel;

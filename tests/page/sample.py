@@ -93,7 +93,7 @@ def candidate(effect, title, share, refit, size, unit, shows=None, **more):
         "look": "a difference between left and right that grows with the indentation", "confirm": "put a level on the indenter",
         "acts": "displacement", "place": {}, "size": {effect: size}, "units": {effect: unit},
         "predicted_fall": 5200.0 * share, "share_of_excess": share, "visible": 0.9, "refit": refit, "shows": shows,
-        "imitated": False, "told": dict(KNOWN[effect].told) if effect in KNOWN else {}, **more,
+        "imitated": False, "pattern_by": "refit" if refit else "first pass", "told": dict(KNOWN[effect].told) if effect in KNOWN else {}, **more,
     }  # fmt: skip
 
 
@@ -120,7 +120,13 @@ def ladder(done=True):
 
 
 def diagnosis_of_base():
-    refit = {"misfit": 611.0, "error": {"fitted": 1.01, "held_out": 1.04}, "parameters": {"tilt": 2.02}}
+    refit = {
+        "misfit": 611.0,
+        "error": {"fitted": 1.01, "held_out": 1.04},
+        "parameters": {"tilt": 2.02},
+        "gain": 4701.0,
+        "explained": 0.87,
+    }
     ranking = [
         candidate("indenter_slip", "Indenter slips", 0.98, None, 0.3, "mm", "residual_displacement"),
         candidate("tilt", "Indenter tilt", 0.94, refit, 2.1, "deg", "residual_displacement"),

@@ -93,7 +93,8 @@ def test_a_verdict_has_the_family_of_what_it_names():
 
 
 @pytest.mark.parametrize(
-    ("share", "said"), [(0.4, "; of known effects slip or compliance at the base comes nearest (40 %)"), (0.0, "")]
+    ("share", "said"),
+    [(0.4, "; of known effects slip or compliance at the base comes nearest (first pass: 40 %)"), (0.0, "")],
 )
 def test_of_a_probe_the_nearest_known_effect_is_said(share, said):
     score_test, ranking = ranked(share)
@@ -101,15 +102,26 @@ def test_of_a_probe_the_nearest_known_effect_is_said(share, said):
     assert verdict.sentence == f"missing{said}"
 
 
+def test_where_there_is_a_refit_its_number_is_told():
+    score_test, ranking = ranked(0.4)
+    kept = Refit(score_test.misfit - 0.2 * score_test.beyond_noise, score_test.freedom, 2.0, 2.0, {})
+    verdict = of_family(Verdict("missing", ("base_probe",), "missing", 1.0), score_test, ranking, {"base_slip": kept})
+    assert verdict.sentence.endswith(f"comes nearest (refit: {100 * kept.explained(score_test.misfit):.0f} %)")
+    assert round(100 * kept.explained(score_test.misfit)) == 20
+    verdict = of_family(Verdict("unexplained", (), "unexplained", 1.0), score_test, ranking, {"base_slip": kept})
+    assert verdict.sentence == "unexplained; 20 % of the misfit beyond the noise may lie in the base (refit)"
+
+
 def test_what_is_unexplained_has_the_likeliest_family():
     score_test, ranking = ranked(0.5)
     unexplained = Verdict("unexplained", (), "unexplained", 1.0)
     verdict = of_family(unexplained, score_test, ranking, {})
     assert verdict.family == "base"
-    assert verdict.sentence == "unexplained; most of it may lie in the base (100 %)"
-    halved = [replace(one, finding=replace(one.finding, fall=0.27 * score_test.beyond_noise)) for one in ranking]
-    part = of_family(unexplained, score_test, halved, {})
-    assert part.sentence == "unexplained; a part of it may lie in the base (27 %)"
+    assert verdict.sentence == "unexplained; 100 % of the misfit beyond the noise may lie in the base (first pass)"
+    for share in (0.27, 0.49, 0.51):  # no other words on the other side of one half
+        less = [replace(one, finding=replace(one.finding, fall=share * score_test.beyond_noise)) for one in ranking]
+        said = f"{100 * share:.0f} % of the misfit beyond the noise may lie in the base (first pass)"
+        assert of_family(unexplained, score_test, less, {}).sentence == f"unexplained; {said}"
     noise, ranking = ranked(0.5, hidden=0.0)
     assert of_family(unexplained, noise, ranking, {}).family == ""
     assert of_family(Verdict("adequate", (), "adequate", 1.0), score_test, ranking, {}).family == ""
@@ -122,7 +134,9 @@ def test_refits_decide_which_family_is_behind_it(gain, family):
     refits = {"tilt": Refit(misfit, score_test.freedom, 1.0, 1.0, {})}
     verdict = of_family(Verdict("unexplained", (), "unexplained", 1.0), score_test, ranking, refits)
     assert verdict.family == family
-    assert ("the indenter and other boundaries (60 %)" in verdict.sentence) == (family == "indenter")
+    assert (
+        "; 60 % of the misfit beyond the noise may lie in the indenter and other boundaries (refit)" in verdict.sentence
+    ) == (family == "indenter")
 
 
 def test_odds_are_those_of_the_integrated_likelihood(rng):
@@ -206,7 +220,11 @@ def test_the_largest_part_is_named_where_its_family_leads(error, rival, kind):
         part = largest_part(nearest, score_test, ranking, refits, 5.0, None, held_out, beside)
         assert part.kind == ("missing" if kind == "missing" or (named and rival < 0.5) else "unexplained")
         if part.effects:
-            assert ("it is a part (the error falls from 5 to 4.5" in part.sentence) == (error > 4.0)
+            share = refits["base_slip"].explained(score_test.misfit)
+            fell = (
+                f"it explains {100 * share:.0f} % of the misfit beyond the noise (the error falls from 5 to {error:.2g}"
+            )
+            assert fell in part.sentence
     # nobody knows what else a family has that no probe stands for
     known = [one for one in ranking if not one.candidate.effect.probe]
     assert largest_part(nearest, score_test, known, refits, 5.0) is nearest

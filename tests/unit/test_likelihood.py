@@ -1,15 +1,18 @@
 """Models are compared by one likelihood: a covariance of its own must not make a worse model look better."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from seeds import generator
 
+from fingerfit.diagnosis import second_queue
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.second_queue import by_one_likelihood
 from fingerfit.diagnosis.verdict import MATTERS
+from fingerfit.model.catalogue import catalogue
 
 COUNT = 200
 
@@ -89,3 +92,34 @@ def test_a_better_mesh_is_not_held_against_an_effect():
     refit = by_one_likelihood({"effect": refit}, without)["effect"]
     # a pattern of three times the noise leaves 10 for each value, one of the noise 2, the noise alone 1
     assert refit.explained(own["without"]) == pytest.approx(8 / 9, abs=0.1)
+
+
+def test_the_log_tells_of_a_refit_what_verdict_and_page_will(monkeypatch):
+    """A refit with a wider covariance forgives itself much: its share is by the likelihood that is nearest so far."""
+    good, forgiving, without = model(0.0, 0.1), model(0.3, 10.0), model(0.6, 0.1)
+    made = {
+        "tilt": Refit(198.0, COUNT - 2, 0.85, 0.84, {}, weighed=good, numbers=1),
+        "skin": Refit(1.0, COUNT - 2, 1.4, 1.4, {}, weighed=forgiving, numbers=1),
+    }
+    misfit = misfits({"without": without}, "without")["without"]
+    effects = {name: catalogue()[name] for name in made}
+    ranking = [SimpleNamespace(candidate=SimpleNamespace(effect=one), refitted=None) for one in effects.values()]
+    score_test = SimpleNamespace(misfit=misfit, freedom=COUNT - 2)
+    found = SimpleNamespace(score_test=score_test, ranking=ranking, tests=1, made=dict(made), weighed=without)
+    settings = SimpleNamespace(model=SimpleNamespace(effects={"outline": {}}))
+    said = []
+    monkeypatch.setattr(second_queue, "to_refit", lambda *_: ranking)
+    monkeypatch.setattr(second_queue, "spread_of", lambda *_: 1.0)
+    monkeypatch.setattr(second_queue, "in_space", lambda _: False)
+    monkeypatch.setattr(second_queue, "tell", said.append)
+    for one in ranking:
+        one.odds = lambda _: 1.0
+    problem = SimpleNamespace(asked=set(), settings=settings)
+    list(second_queue.refits_of(problem, None, None, found, 1))
+    common, own = by_one_likelihood(made, without), made["skin"].explained(misfit)
+    shares = {name: 100 * one.explained(misfit) for name, one in common.items()}
+    assert 100 * own > shares["skin"] + 20
+    assert said == [
+        f"refit beside outline: {name} ({effects[name].title}) explains {shares[name]:.0f} %; 0 simulations run"
+        for name in made
+    ]

@@ -1,16 +1,21 @@
 """The first pass on a body that is far from the fitted model: slopes there say little, refits what is hidden."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from seeds import generator
 from small_body import alike_to, compared, fitted, to_first_order, written
 
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis import first_pass, trials
 from fingerfit.diagnosis.candidates import candidates
+from fingerfit.diagnosis.explained import SLOPES, explained
 from fingerfit.diagnosis.first_pass import FALL, NEAR, FirstPass, Way, widened
-from fingerfit.diagnosis.ranking import STARTS, alike, best_places, other_places, rank_candidates
+from fingerfit.diagnosis.likelihood import Weighed
+from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, STARTS, alike, best_places, other_places, rank_candidates
+from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
@@ -42,6 +47,64 @@ def test_the_hidden_effect_comes_first_and_explains_it(world):
     count = FirstPass(comparison).count
     assert best.refitted.misfit < count + 5 * np.sqrt(2 * count)
     assert all(one.refitted.share < best.refitted.share for one in ranking[1:])
+
+
+def test_what_an_effect_is_shown_to_explain_is_what_its_refit_changes(world):
+    """Subtracted from the residual it leaves the misfit of that refit; slopes at the size that was found do not."""
+    comparison, _, ranking = world
+    first = FirstPass(comparison)
+    inside = first.rows[comparison.residual.kept]
+
+    def left(change):
+        known = np.zeros(len(first.rows))
+        known[comparison.residual.kept] = comparison.residual.vector - change
+        return float((first.whiten(known) ** 2).sum())
+
+    assert inside.sum() == first.count
+    for one in ranking:
+        shown, by = explained(comparison, one)
+        assert by == FIRST_PASS
+        assert left(shown) == pytest.approx(one.refitted.misfit, rel=1e-6)
+    assert left(ranking[0].columns @ ranking[0].finding.size) > 2 * ranking[0].refitted.misfit
+
+
+def test_the_log_says_that_it_is_the_first_pass_and_from_which_place(world, monkeypatch):
+    comparison, ranking, _ = world
+    (moved,) = (one for one in ranking if one.candidate.effect.name == "misregistration")
+    said = []
+    monkeypatch.setattr(trials, "tell", said.append)
+    refit_all(comparison, [moved])
+    at = ", ".join(f"{key.partition('.')[2]} {value:.3g}" for key, value in moved.candidate.place.items())
+    assert said and all(
+        re.fullmatch(
+            rf"first pass: misregistration{f' [(]{at}[)]' if at else ''} explains \d+ %; \d+ simulations?", line
+        )
+        for line in said
+    )
+
+
+def test_without_a_refit_the_constants_follow_what_is_shown(world):
+    comparison, ranking, _ = world
+    score_test = comparison.score_test
+    for one in ranking:
+        shown, by = explained(comparison, one)
+        assert by == SLOPES
+        # nothing is left in it that the constants can take up, and nothing else is taken out of it
+        whitened, signature = score_test.whiten(shown), score_test.signature(one.columns @ one.finding.size)
+        assert whitened == pytest.approx(signature, abs=1e-6 * np.abs(signature).max())
+
+
+def test_a_refit_is_shown_by_what_it_leaves(world):
+    comparison, _, ranking = world
+    weighed = Weighed.of(comparison)
+    kept = weighed.kept & (generator(2).random(len(weighed.kept)) < 0.9)
+    rows = kept[weighed.kept]
+    less = replace(weighed, kept=kept, vector=0.4 * weighed.vector[rows])
+    refit = Refit(1.0, 1, 1.0, None, {}, weighed=less)
+    shown, by = explained(comparison, ranking[0], refit)
+    assert by == REFIT
+    assert shown[rows] == pytest.approx(0.6 * weighed.vector[rows])
+    assert np.isnan(shown[~rows]).all() and 0 < (~rows).sum() < len(rows)
 
 
 def test_the_refit_ends_at_the_minimum_of_what_it_fits(world):

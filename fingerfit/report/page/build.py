@@ -17,6 +17,8 @@ from markupsafe import Markup
 from fingerfit import __version__
 from fingerfit.core.files import keep_text
 from fingerfit.core.folders import OURS
+from fingerfit.diagnosis.explained import SLOPES
+from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT
 from fingerfit.model.effect import FAMILIES
 from fingerfit.report.drawing import COLOURS
 from fingerfit.report.page.inputs import Inputs, Model, read_inputs
@@ -39,8 +41,10 @@ from fingerfit.report.page.words import (
 
 FOLDER = OURS / "report"
 SHOWN_ROWS = 8
-FOR_SCRIPT = ("pictures", "regions", "first_effect", "parts", "titles")
+FOR_SCRIPT = ("pictures", "regions", "first_effect", "parts", "titles", "pattern_by")
 """What the page's script knows of a model."""
+PATTERN_BY = {REFIT: "by its refit", FIRST_PASS: "by the first pass", SLOPES: "by slopes at the fitted model"}
+"""What says how much of the residual an effect explains, in words."""
 
 
 def write_page(study: Path, out: Path) -> None:
@@ -148,7 +152,8 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         for place in places(compare):
             regions.append({"patches": place.patches, "elements": panels.elements(model, place.patches)})
             rows.append({"place": place, "label": compare.label(place.picture), "seen": compare.seen(place.picture)})
-    ranking = [_candidate(model, entry) for entry in diagnosis.get("ranking") or []]
+    entries = diagnosis.get("ranking") or []
+    ranking = [_candidate(model, entry) for entry in entries]
     effects, named = [str(name) for name in diagnosis.get("effects") or []], titles(diagnosis)
     return {
         "name": model.name,
@@ -182,6 +187,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "first_effect": next(iter(model.patterns), ""),
         "parts": {effect: part for effect, (part, _) in model.patterns.items()},
         "titles": named,
+        "pattern_by": {str(e.get("effect")): PATTERN_BY[e["pattern_by"]] for e in entries if e.get("pattern_by")},
         "named": [c for c in ranking if c["effect"] in effects],
         "commands": commands(effects[0]) if effects else (),
         "steps": _steps(model),
@@ -196,28 +202,33 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
 
 
 def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
-    units = entry.get("units") or {}
-    refit = entry.get("refit") or None
-    misfit = model.diagnosis.get("misfit")
-    achieved = misfit - refit["misfit"] if refit and misfit is not None and refit.get("misfit") is not None else None
-    share = entry.get("share_of_excess") if _exceeds(model.diagnosis) else None
+    effect, units, refit = str(entry.get("effect", "")), entry.get("units") or {}, entry.get("refit") or {}
+    first, again = entry.get("share_of_excess"), refit.get("explained")
+    if not _exceeds(model.diagnosis):
+        first = again = None
+    # numbers of the refit, where there is one
+    ended = {name.removeprefix(f"{effect}."): value for name, value in (refit.get("parameters") or {}).items()}
+    size, place = (
+        {name: ended.get(name, value) for name, value in (entry.get(key) or {}).items()} for key in ("size", "place")
+    )
     return {
-        "effect": str(entry.get("effect", "")),
-        "title": entry.get("title") or entry.get("effect", ""),
+        "effect": effect,
+        "title": entry.get("title") or effect,
         "texts": {key: entry.get(key) or "" for key in ("words", "look", "confirm", "acts")},
-        "place": place_words(entry.get("place") or {}, entry.get("told") or {}, model.diagnosis.get("layers") or []),
-        "size": [(name, with_unit(value, units.get(name, ""))) for name, value in (entry.get("size") or {}).items()],
-        "predicted": entry.get("predicted_fall"),
-        "achieved": achieved,
-        "share": share,
-        "bar": 0 if share is None else round(100 * min(1.0, max(0.0, share))),
+        "place": place_words(place, entry.get("told") or {}, model.diagnosis.get("layers") or []),
+        "size": [(name, with_unit(value, units.get(name, ""))) for name, value in size.items()],
+        "first": {"fall": entry.get("predicted_fall"), "share": first, "bar": _percent(first)},
+        "refit": {"fall": refit.get("gain"), "share": again, "bar": _percent(again)} if refit else None,
         "visible": not entry.get("imitated"),
-        "error": (refit or {}).get("error") or {},
-        "refit": refit is not None,
-        "ends": [f"{name} at its {which} bound" for name, which in ((refit or {}).get("at_bound") or {}).items()],
+        "error": refit.get("error") or {},
+        "ends": [f"{name} at its {which} bound" for name, which in (refit.get("at_bound") or {}).items()],
         "unended": (entry.get("first_pass") or {}).get("converged") is False,
         "drawn": entry.get("effect") in model.patterns,
     }
+
+
+def _percent(share: float | None) -> int:
+    return 0 if share is None else round(100 * min(1.0, max(0.0, share)))
 
 
 def _exceeds(diagnosis: dict[str, Any]) -> bool:
