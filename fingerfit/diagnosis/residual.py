@@ -15,7 +15,7 @@ from fingerfit.imaging.warp import BackwardMap
 from fingerfit.study.data import Data
 
 DISPLACEMENT, BRIGHTNESS, RESPONSE = "residual_displacement", "brightness", "response"
-"""Parts of what a model leaves, and of what an effect would leave: displacements and brightness of patches, and the
+"""Parts of what a model leaves, and of what an effect explains: displacements and brightness of patches, and the
 quantity of each step that is not prescribed."""
 PLACES = 32
 """Points of a patch in space at which solutions are read, at most."""

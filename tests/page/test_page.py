@@ -243,6 +243,29 @@ def test_every_picture_of_every_model_is_there_once(whole):
     assert all(uri.startswith("data:image/png;base64,") for uri in data["uris"])
 
 
+def test_the_residual_has_its_own_scale_whatever_effects_explain(tmp_path):
+    """One that goes beyond all bounds made it white; and the same residual has the same colours in both sections."""
+    sample.write(tmp_path / "study", done=False)
+
+    def panels_of():
+        return Panels(read_inputs(tmp_path / "study").models)
+
+    file = tmp_path / "study/base/diagnosis.npz"
+    found, before = read_npz(file), panels_of()
+    write_npz(file, {**found, "residual_displacement_skin": 1e20 * found["residual_displacement_skin"]})
+    after = panels_of()
+    for n in range(len(sample.PICTURES)):
+        there = after.uris[after.keys[f"there|base|{n}|residual_displacement"]]
+        assert there == before.uris[before.keys[f"there|base|{n}|residual_displacement"]]
+        assert there == after.uris[after.keys[f"map|base|{n}"]]
+
+
+def test_the_caption_of_the_constants_names_the_model_as_the_headline_does(whole):
+    assert (
+        "The model “base+tilt” explains" in whole and "<caption>Constants of the model “base+tilt”</caption>" in whole
+    )
+
+
 def test_the_worst_region_comes_first(whole):
     ratios = re.search(r'<div data-for="base">\s*<p>Residual displacement.*?</table>', whole, re.S)[0]
     found = [float(x) for x in re.findall(r"<small>([\d.]+) ×</small>", ratios)]

@@ -240,7 +240,7 @@ class Model:
     diagnosis : dict
         As in ``diagnosis.json``, empty when there is none.
     patterns : dict of (str, ndarray)
-        What effects would leave, the named ones first: by its name, the part of the residual in which it is shown
+        What effects explain, the named ones first: by its name, the part of the residual in which it is shown
         (``residual_displacement``, ``brightness`` or ``response``), and its values, shaped like those of `compare`.
     stiffness : ndarray, shape (places, dim + 2)
         Position in mm, predicted change of log mu, and the evidence for it in standard deviations.

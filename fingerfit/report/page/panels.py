@@ -165,7 +165,7 @@ class Panels:
         for part, panel in ((DISPLACEMENT, map_panel), (BRIGHTNESS, brightness_panel)):
             # of volumes one scale for all slices
             whole, drawn = getattr(model.compare, part), _drawn(model, part)
-            own = _limit([whole, *drawn.values()])
+            own = _limit([whole])  # that of the residual: what an effect explains is compared with it
             for n in range(len(whole) if drawn else 0):
                 drawing = panel(self._sheets, frame, patches, _in_plane(whole, view)[n], own)
                 self.keys[f"there|{name}|{n}{after}|{part}"] = self.keep(drawing)
@@ -174,7 +174,7 @@ class Panels:
                     self.keys[f"pattern|{name}|{n}{after}|{effect}"] = self.keep(drawing)
 
     def _draw_curves(self, model: Model, compare: Compare) -> None:
-        """Residual by step, where there is no other or an effect is shown so, and what effects would leave."""
+        """Residual by step, where there is no other or an effect is shown so, and what effects explain."""
         drawn = _drawn(model, RESPONSE)
         if not np.isfinite(compare.response).any() or (compare.views and not drawn):
             return
@@ -214,7 +214,7 @@ def _stiffness(compare: Compare, stiffness: np.ndarray) -> list[Figure]:
 
 
 def _drawn(model: Model, part: str) -> dict[str, np.ndarray]:
-    """What effects would leave of a part."""
+    """What effects explain of a part."""
     return {effect: values for effect, (own, values) in model.patterns.items() if own == part}
 
 
