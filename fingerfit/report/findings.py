@@ -227,7 +227,6 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
                 and {
                     "misfit": refit.misfit,
                     "fall": refit.fall,
-                    "gain": refit.gain(found.score_test.misfit),
                     "explained": min(1.0, refit.explained(found.score_test.misfit)),
                     "error": {"fitted": refit.fitted, "held_out": refit.held_out},
                     "parameters": {name: float(value) for name, value in refit.values.items()},

@@ -124,7 +124,6 @@ def diagnosis_of_base():
         "misfit": 611.0,
         "error": {"fitted": 1.01, "held_out": 1.04},
         "parameters": {"tilt": 2.02},
-        "gain": 4701.0,
         "explained": 0.87,
     }
     ranking = [

@@ -275,7 +275,11 @@ def test_the_worst_region_comes_first(whole):
 def test_nothing_is_explained_of_a_misfit_that_is_noise(whole):
     """The base model has a misfit to explain, the adequate one of 611 for 600 has none."""
     base, adequate = re.findall(r'<table class="candidates">.*?</table>', whole, re.S)
-    refits = base.count('<td data-label="Refit explains"><span')
+    refits = base.count('<td data-label="Refit explains"><span class="share">')
+    assert (
+        refits == 1
+        and "87 %" in base.split('<td data-label="Refit explains"><span class="share">')[1].partition("</td>")[0]
+    )
     assert base.count('<span class="track short">') == base.count('data-label="First pass explains"') + refits > 5
     assert '<td data-label="First pass explains">–' in adequate
 
