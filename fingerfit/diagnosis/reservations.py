@@ -10,7 +10,7 @@ import numpy as np
 from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
-from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked, spread_of
+from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
 from fingerfit.diagnosis.refit import EXPLAINED, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of

@@ -108,7 +108,7 @@ def refits_of(
             whole = explains(refit) and refit.fitted <= EXPLAINED
             by_chance |= whole and refit.misfit <= chance(refit.freedom)
             done[effect.name] = refit
-            share = by_one_likelihood(done, found.weighed)[effect.name].explained(found.score_test.misfit)
+            share = by_one_likelihood(done, found.comparison.weighed)[effect.name].explained(found.score_test.misfit)
             if whole and not effect.probe:
                 named.add(effect.family)
             left = [one for one in left if worth_it(one)]

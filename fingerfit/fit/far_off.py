@@ -6,7 +6,7 @@ import numpy as np
 
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
 from fingerfit.fit.minimum import left_over
-from fingerfit.fit.problem import REFINED, InverseProblem
+from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.forward.predict import response_of
@@ -96,7 +96,6 @@ def response_by_mesh(problem: InverseProblem, last: Round, base: Asked) -> list[
         made = test.outcome(own) if on_finer else as_on_finer_mesh(test, own, data)
         if made is None or min(coarse.steps, made.steps) < len(data.step):
             return np.zeros(len(data.response[0]))
-        share = left_over(test) + (0.0 if on_finer else 1.0)
-        return (response_of(made, data) - response_of(coarse, data)) * share
+        return (response_of(made, data) - response_of(coarse, data)) * left_over(test, REFINED if on_finer else SEARCH)
 
     return [by(test, own) for test, own in zip(problem.every, finer.every, strict=True)]
