@@ -5,6 +5,7 @@ import json
 import sys
 from collections import Counter
 
+import numpy as np
 import pytest
 from conftest import ROOT
 
@@ -24,6 +25,14 @@ from score import (
     wrong_family,
     wrong_member,
 )
+from shapes import MESHES, SHAPES, placed, write_mesh
+
+from fingerfit.deck.mesh_file import read_mesh
+from fingerfit.mesh.elements import rule as points_of
+from fingerfit.mesh.elements import shape as element_shape
+from fingerfit.mesh.flat import is_flat, is_stacked
+from fingerfit.prepare.prepare import make_mesh
+from fingerfit.study.study import Body, Layer, Noise, Study
 
 FOLDER = ROOT / "benchmarks/foreign"
 
@@ -52,6 +61,49 @@ def test_each_half_has_what_is_promised(halves):
         "points",
         "forces alone",
     }
+
+
+def test_bodies_of_other_shapes_hide_what_rectangles_do(halves):
+    shaped = {case.name: case for case in cases("study", shaped=True)}
+    plane = {c.name: c for c in halves["study"] if c.setting["dimension"] == 2 and c.family != "numerics"}
+    assert shaped.keys() == plane.keys()
+    assert {case.setting["shape"] for case in shaped.values()} == set(SHAPES)
+    for name, case in shaped.items():
+        assert case.hidden == plane[name].hidden
+        assert {**case.setting, "shape": None} == {**plane[name].setting, "shape": None}
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_its_mesh_is_that_body(shape, mesh, tmp_path):
+    """Its area is that of the fine outline but for what parabolas leave of its curves, and layers and ends are sets."""
+    names, heights = ["top", "bottom"], [4.0, 8.0]
+    setting = {"shape": shape, "width": 18.0, "heights": heights, "names": names}
+    file = tmp_path / "body.inp"
+    write_mesh(file, setting, *MESHES[mesh])
+    body = Body(tuple(Layer(name, elements=name.upper()) for name in names), mesh=file, thickness=20.0)
+    found = make_mesh(Study(file, "body", "force", (), None, Noise(), body, "held", "glued"), None)
+    t = np.linspace(0.0, 1.0, 4001)
+    ends = [placed(setting, x, y) for x, y in ((18 * t, 0 * t), (18 + 0 * t, 12 * t), (18 - 18 * t, 12 + 0 * t))]
+    x, y = np.concatenate([*ends, placed(setting, 0 * t, 12 - 12 * t)], axis=1)
+    assert volume(read_mesh(file)) == pytest.approx(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2, rel=1e-5)
+    assert is_flat(found, "TOP")
+    assert is_flat(found, "BOTTOM") is is_stacked(found, names) is (shape != "domed")
+    for side, places in (("BOTTOM", (0.0, 0.0)), ("TOP", (18.0, 12.0))):
+        assert np.linalg.norm(found.points[found.node_sets[side]] - placed(setting, *places), axis=1).min() < 1e-6
+
+
+def volume(mesh):
+    """Area of a plane mesh, mm^2; the Jacobian of each of its elements is above 0 everywhere."""
+    total = 0.0
+    for block in mesh.blocks:
+        xi, weights = points_of(block.element)
+        jacobian = np.linalg.det(
+            np.einsum("eni,gnj->egij", mesh.points[block.nodes], element_shape(block.element, xi)[1])
+        )
+        assert (jacobian > 0).all()
+        total += float((jacobian @ weights).sum())
+    return total
 
 
 def test_no_name_twice_and_halves_differ(halves):
