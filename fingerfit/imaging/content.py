@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
 from statistics import NormalDist
 
@@ -43,8 +43,18 @@ def repeated(pictures: Sequence[np.ndarray]) -> tuple[int, int] | None:
     return None
 
 
+def unlike(picture: np.ndarray, before: np.ndarray) -> float:
+    """Mean squared difference of a picture from the one before compression."""
+    return float(np.mean((picture - before) ** 2))
+
+
 def out_of_order(
-    before: np.ndarray, pictures: Sequence[np.ndarray], load: np.ndarray, noise: float, load_noise: float
+    before: np.ndarray,
+    away: Sequence[float],
+    load: np.ndarray,
+    noise: float,
+    load_noise: float,
+    picture: Callable[[int], np.ndarray],
 ) -> tuple[int, int] | None:
     """The two pictures that are most surely in the wrong order; None where noise may explain all.
 
@@ -56,31 +66,34 @@ def out_of_order(
     Parameters
     ----------
     before : ndarray
-    pictures : sequence of ndarray
-        Like `before`.
+    away : sequence of float
+        How `unlike` each picture is.
     load : ndarray, shape (pictures,)
         Prescribed quantity, N or mm.
     noise : float
         Standard deviation of the pictures, in their intensity.
     load_noise : float
         That of `load`: steps that do not differ by more have no order.
+    picture : callable
+        A picture, by its place in `away`, like `before`; asked only for pairs in the wrong order, so that no study has
+        to keep its pictures for this.
 
     Returns
     -------
     (int, int) or None
         The picture under less load, and the one under more load that is more like the first.
     """
-    pairs = list(combinations(range(len(pictures)), 2))
+    pairs = list(combinations(range(len(away)), 2))
     sure = surely(len(pairs))
-    unlike = [float(np.mean((picture - before) ** 2)) for picture in pictures]
     worst, found = sure, None
     for pair in pairs:
         less, more = sorted(pair, key=lambda n: load[n])
-        if load[more] - load[less] <= sure * np.sqrt(2) * load_noise or unlike[more] >= unlike[less]:
+        if load[more] - load[less] <= sure * np.sqrt(2) * load_noise or away[more] >= away[less]:
             continue
-        apart, both = pictures[less] - pictures[more], pictures[less] + pictures[more] - 2 * before
+        one, other = picture(less), picture(more)
+        apart, both = one - other, one + other - 2 * before
         spread = noise / apart.size * float(np.sqrt((2 * both**2 + 6 * apart**2).sum()))
-        excess = (unlike[less] - unlike[more]) / spread if spread else np.inf
+        excess = (away[less] - away[more]) / spread if spread else np.inf
         if excess > worst:
             worst, found = excess, (less, more)
     return found

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems
-from fingerfit.imaging.content import constant, out_of_order, pixels, repeated
+from fingerfit.imaging.content import constant, out_of_order, pixels, repeated, unlike
 from fingerfit.imaging.noise import estimate_noise, noise_of_repeats
 from fingerfit.imaging.outline import Outline, measure_outline
 from fingerfit.imaging.pictures import Picture, read_picture
@@ -100,7 +100,7 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
     _check_place(study, mesh, before)
     part = trimmed(before)
     said.append(_words_of_trim(study, before, part, crop))
-    pictures = _of_steps(study, study.before, used, before, part, trimmed)
+    pictures, away = _of_steps(study, study.before, used, before, part, trimmed)
     own = chain.gaussian is not None
     sigma = float(chain.gaussian) if chain.gaussian is not None else sigma
     low, size = scale_of(before.values) if chain.scale else (0.0, 1.0)
@@ -108,7 +108,7 @@ def prepare_pictures(study: Study, mesh: Mesh, used: list[int], sigma: float, cr
         spread = f"off, with intensities from {before.values.min():.4g} to {before.values.max():.4g}"
         raise InputError(study.path, "pictures.scale", spread, "range, or pictures with intensities from 0 to 1")
     noise = _noise(study, mesh, before)
-    remarks = _order_remarks(study, used, part, pictures, noise)
+    remarks = _order_remarks(study, part, away, noise, lambda path: trimmed(read_picture(path)).values)
 
     def prepared(part: Picture) -> Picture:
         picture = part if chain.resize is None else resize(part, chain.resize)
@@ -185,13 +185,14 @@ def _read_before(study: Study, path: Path, mesh: Mesh) -> Picture:
 
 def _of_steps(
     study: Study, first: Path, used: list[int], before: Picture, part: Picture, trimmed: Callable[[Picture], Picture]
-) -> list[Picture]:
+) -> tuple[list[Picture], dict[int, float]]:
     """What is left after trimming of the pictures of fitted steps; those of all steps are checked.
 
-    Pictures of steps that are held out, which the diagnosis compares, are read one at a time and not kept.
+    Pictures of steps that are held out, which the diagnosis compares, are read one at a time and not kept: how unlike
+    the one before compression each is, by the index of its step, is.
     """
     problems: list[FingerfitError] = []
-    fitted = []
+    fitted, away = list[Picture](), dict[int, float]()
     paths: dict[Path, int] = {}
     known = {pixels(part.values): first}
     if found := constant(part.values):
@@ -215,11 +216,12 @@ def _of_steps(
         elif (same := known.setdefault(pixels(picture.values), path)) != path:
             found = f"the pixels of {same.name}"
             problems.append(InputError(path, "picture", found, "a picture of its own for each step"))
+        away[index] = unlike(picture.values, part.values)
         if index in used:
             fitted.append(picture)
     if problems:
         raise Problems(problems)
-    return fitted
+    return fitted, away
 
 
 def _like(before: Picture, name: str, path: Path) -> Picture:
@@ -265,15 +267,22 @@ def _repetitions(before: Picture, name: str, paths: Iterable[Path]) -> list[Pict
     return pictures
 
 
-def _order_remarks(study: Study, used: list[int], before: Picture, pictures: list[Picture], noise: float) -> list[str]:
-    """Whether pictures become less like the one before compression as the prescribed quantity grows."""
-    load = np.array([getattr(study.steps[index], study.control) for index in used], dtype=float)
+def _order_remarks(
+    study: Study, before: Picture, away: Mapping[int, float], noise: float, read: Callable[[Path], np.ndarray]
+) -> list[str]:
+    """Whether pictures become less like the one before compression as the prescribed quantity grows.
+
+    Those of held-out steps count as well: the diagnosis compares them. `away` is how unlike each is, by the index of
+    its step; `read` gives the picture of a file.
+    """
+    steps = [(study.steps[index], path) for index in away if (path := study.steps[index].picture) is not None]
+    load = np.array([getattr(step, study.control) for step, _ in steps], dtype=float)
     given = getattr(study.noise, study.control)
     spread = given if isinstance(given, float) else 0.0
-    found = out_of_order(before.values, [picture.values for picture in pictures], load, noise, spread)
+    found = out_of_order(before.values, list(away.values()), load, noise, spread, lambda n: read(steps[n][1]))
     if found is None or study.before is None:
         return []
-    less, more = (study.steps[used[n]] for n in found)
+    less, more = (steps[n][0] for n in found)
     unit = {"force": "N", "displacement": "mm"}[study.control]
     sizes = [f"{getattr(step, study.control):.4g} {unit}" for step in (more, less)]
     names = [f"{step.picture.name} (step {step.number})" for step in (more, less) if step.picture]

@@ -347,35 +347,6 @@ def test_a_large_file_is_looked_through_in_blocks(place, monkeypatch):
             read_picture(path)
 
 
-def test_swapped_pictures_are_a_remark(place, capsys):
-    make(place, ".nii.gz")
-    one, two = (place / f"study/step_{n}.nii.gz" for n in (1, 2))
-    first, second = one.read_bytes(), two.read_bytes()
-    one.write_bytes(second)
-    two.write_bytes(first)
-    assert main(["check", "study"]) == 0
-    said = capsys.readouterr().out
-    assert (
-        "remark: step_2.nii.gz (step 2) at 14 N is more like before.nii.gz than step_1.nii.gz (step 1) at 7 N" in said
-    )
-    assert main(["prepare", "config.yaml", "--out", "data.npz", "--mesh", "mesh.inp"]) == 0
-    assert "remark: step_2.nii.gz (step 2)" in capsys.readouterr().out
-
-
-def test_noise_alone_is_no_remark():
-    """Pictures of nothing but noise have no order: less than 1 % of studies may be told, here of 400 with 5 pictures each."""
-    from fingerfit.imaging.content import FALSE_REMARKS, out_of_order
-
-    rng = generator(5)
-    body = 500 * np.sin(np.indices((20, 20)).sum(axis=0) / 3)
-    found = 0
-    for _ in range(400):
-        before, *pictures = body + rng.normal(0, 20, (6, 20, 20))
-        found += out_of_order(before, pictures, np.arange(5.0), 20.0, 0.0) is not None
-    # binomial with 1 %: 4 on average, 12 or more with a probability of 0.1 %
-    assert found <= 3 * 400 * FALSE_REMARKS
-
-
 @pytest.mark.parametrize("ending", [".nii", ".nii.gz", ".hdr", ".mha", ".nrrd", ".tif", ".bmp"])
 def test_whatever_bytes_there_are_it_is_one_line(place, ending):
     """Bytes of the header changed and ends cut at random: told as an error of the file, or not at all."""
