@@ -16,6 +16,7 @@ from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.mesh.check import faults_of_mesh
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import OUTLINE
+from fingerfit.prepare.finer import other_body
 from fingerfit.prepare.pictures import Prepared, outline_of, prepare_pictures
 from fingerfit.prepare.plausible import falls, refuse_depth
 from fingerfit.prepare.points import points_covariance, read_points
@@ -33,6 +34,8 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False, 
     ------
     InputError
         When the study's mesh lacks a set, or a region fits to no element.
+    Problems
+        Also when the study's finer mesh is one of another body than its mesh.
     """
     body = study.body
     if body.brick is not None and settings is not None:
@@ -54,14 +57,23 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False, 
             mesh = replace(mesh, points=_pictured(study).moved(mesh.points))
     elif body.mesh is not None:
         file = body.refined if finer and body.refined else body.mesh
-        mesh = _named(with_types(read_mesh(file), body.types, study.path), study, file)
-        if problems := list(wrong_axes(study, mesh.dim)):
-            raise Problems(problems)
+        mesh = _read(study, file)
+        if wrong := list(wrong_axes(study, mesh.dim)):
+            raise Problems(wrong)
         if mesh.dim == 2 and not body.thickness:
             raise InputError(study.path, "body.thickness", "nothing", "a number above 0, since the mesh is plane")
+        if file != body.mesh:
+            names = [name.upper() for name in study.layer_names]
+            if other := other_body(_read(study, body.mesh), mesh, names, file, body.mesh):
+                raise Problems(other)
     else:
         raise InputError(study.path, "body", "no shape", "layers with width and height, brick or mesh")
     return with_regions(study, mesh)
+
+
+def _read(study: Study, file: Path) -> Mesh:
+    """A mesh of the user's, as the study names its types and sets."""
+    return _named(with_types(read_mesh(file), study.body.types, study.path), study, file)
 
 
 def _pictured(study: Study) -> Outline:

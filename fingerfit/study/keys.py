@@ -227,7 +227,7 @@ class MeshKeys(Strict):
     mesh: Line = Field(
         description="File of the mesh: .inp, or what meshio reads, with node sets for base and indenter."
     )
-    refined: Line | None = Field(default=None, description="File of a finer mesh of the same body.")
+    refined: Line | None = Field(default=None, description="File of a finer mesh of the same body, with the same sets.")
     layers: list[MeshLayerKeys] = Field(
         min_length=1, description="Layers: parts of the body with constants of their own."
     )
