@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fingerfit.check.effects import own_effects
+from fingerfit.check.own import own_effects
 from fingerfit.core.keys import read_yaml
 from fingerfit.fit.check import check_data, check_effects
 from fingerfit.imaging.pictures import Picture, read_picture

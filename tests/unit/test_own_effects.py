@@ -8,14 +8,16 @@ import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 from conftest import ROOT
 
-from fingerfit.check.effects import own_effects
+from fingerfit.check.own import own_effects, refuse_when_absent
 from fingerfit.core.errors import FingerfitError
 from fingerfit.deck.context import deck_context
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.simulate import begin
+from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.model.formulas import evaluate, put_in
 from fingerfit.model.keys import read_effect
 from fingerfit.prepare.prepare import make_mesh
+from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import load_settings
 from fingerfit.study.reader import load_study
 
@@ -172,6 +174,40 @@ def test_a_formula_that_changes_the_deck_where_the_effect_is_absent(study):
         "changes the deck"
         in checked(study, parameters={"slope": number}, changes={"field": "(slope - 0.3) * x / width"})[0]
     )
+
+
+@pytest.mark.parametrize(
+    ("what", "wrong", "right"),
+    [
+        ("force", "force + 1 + slope", "force + slope - 0.3"),
+        ("displacement", "displacement * slope", "displacement * (0.7 + slope)"),
+        ("intensity", "intensity + slope * x / width", "intensity + (slope - 0.3) * x / width * (k > 0)"),
+        ("shift_x", "slope * now", "(slope - 0.3) * now"),
+        ("shift_y", "where(k < 1, slope, 0)", "where(k < 1, slope - 0.3, 0)"),
+        ("force", "where(k > 1, force * (1 + slope), force)", "force * exp(sin(slope) - sin(0.3))"),
+        ("force", "force * (1 + slope * (place - 1))", "force * (1 + (slope - 0.3) * (place - 1))"),
+    ],
+)
+def test_a_formula_that_changes_what_is_measured_where_the_effect_is_absent(study, what, wrong, right):
+    number = {"slope": {**OWN["parameters"]["slope"], "absent": 0.3}}
+    own = {"parameters": number, "changes": {}, "acts": "observation", "scan": {"place": [1, 2]}}
+    assert told(study, **own, observes={what: wrong}) == (
+        f"study/effects/mine.yaml: observes.{what}: found {wrong!r}, which changes what is measured at the absent values"
+        " slope 0.3; expected a formula that changes nothing there"
+    )
+    use = f"changes {what}" if what != "displacement" else "changes nothing in this study: not tested here"
+    assert checked(study, **own, observes={what: right}) == [f"effect mine: softer on one side; {use}"]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_effects_of_the_catalogue_change_nothing_that_is_measured_where_they_are_absent(study, dim):
+    mesh = brick((3.0, 2.0, 1.0), (2, 2, 1)) if dim == 3 else layered_block(12.0, (("body", 8.0),), 2, 2, "CPE4")
+    known = effects_of(Path("study"), whole=True).values()
+    tried = [one for one in known if one.observes and ("plane", "space")[3 - dim] not in one.needs]
+    for effect in tried:
+        refuse_when_absent(load_study(Path("study")), mesh, effect)
+    assert {"force_offset", "soft_frame", "intensity_drift"} <= {one.name for one in tried}
+    assert ("turned_in_space" if dim == 3 else "turned_pictures") in {one.name for one in tried}
 
 
 def test_a_file_that_would_be_overlooked(study):

@@ -13,7 +13,7 @@ from small_body import SMALL, fitted, written
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.anatomy.fixtures import add_fixtures
 from fingerfit.anatomy.shape import Anatomy
-from fingerfit.check.effects import own_effects
+from fingerfit.check.own import own_effects
 from fingerfit.core.errors import FingerfitError
 from fingerfit.core.folders import OURS
 from fingerfit.deck.context import deck_context

@@ -1,4 +1,4 @@
-"""Effects of a study's own folder: their formulas and parts tried in a deck, before anything runs."""
+"""Effects of a study's own folder, tried before anything runs: their formulas and parts at a small size, and absent."""
 
 from __future__ import annotations
 
@@ -29,6 +29,9 @@ from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import Settings
 from fingerfit.study.several import of_test
 from fingerfit.study.study import Study
+
+_ROUNDING = 1e-9
+"""Of what a formula gives, as a share of what it is given: double precision, with digits lost by differences in it."""
 
 
 def own_effects(settings: Settings, study: Study, mesh: Mesh) -> list[str]:
@@ -85,7 +88,7 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect, whole: 
     if changes_the_deck(settings, study, mesh, effect):
         found.append("the deck")
         _taken(settings, study, mesh, effect, values)
-        _absent(settings, study, mesh, effect)
+        _absent_in_deck(settings, study, mesh, effect)
     place_of(effect, values, mesh)
     seen = Observation.of([whole], values, mesh.body, study.course)
     if seen is not None:
@@ -93,6 +96,7 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect, whole: 
         seen.intensity(np.zeros(1), 1, *mesh.body[:1].T)
         for name in ("force", "displacement"):
             seen.response(np.zeros(len(study.steps)), name)
+    refuse_when_absent(study, mesh, whole)
     if effect.observes:
         found.append(", ".join(effect.observes))
     return f"changes {' and '.join(found)}" if found else "changes nothing in this study: not tested here"
@@ -127,7 +131,7 @@ def _taken(settings: Settings, study: Study, mesh: Mesh, effect: Effect, values:
         raise InputError(place, f"in the {refused.where}, {refused.field}", refused.found, refused.expected)
 
 
-def _absent(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> None:
+def _absent_in_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> None:
     """Refuse formulas that change the deck at the effect's absent values, where they are not used at all.
 
     So the first step away from there would be a jump. The deck with such a formula is compared with the one where it
@@ -135,11 +139,50 @@ def _absent(settings: Settings, study: Study, mesh: Mesh, effect: Effect) -> Non
     """
     known = effects_of(Path(settings.study))
     values = {**of_test(settings.starts(), study.test), **effect.places()[0], **effect.null()}
-    there = tuple(replace(p, null=math.nan) for p in effect.parameters)
     for what, formula in effect.changes.items():
-        ones = [replace(effect, parameters=there, changes={what: text}) for text in (formula, what)]
+        ones = [replace(_as_present(effect), changes={what: text}) for text in (formula, what)]
         decks = [make_deck(settings, study, mesh, "mesh", values, {**known, effect.name: one}) for one in ones]
         if decks[0] != decks[1]:
-            absent = ", ".join(f"{p.name} {p.null:g}" for p in effect.parameters)
-            found = f"{formula!r}, which changes the deck at the absent values {absent}"
-            raise InputError(f"effect {effect.name}", f"changes.{what}", found, "a formula that changes nothing there")
+            raise _not_absent(effect, f"changes.{what}", formula, "the deck")
+
+
+def refuse_when_absent(study: Study, mesh: Mesh, effect: Effect) -> None:
+    """Refuse formulas that change what is measured at the effect's absent values, where they are not used at all."""
+    for places in effect.places():
+        seen = Observation.of([_as_present(effect)], {**places, **effect.null()}, mesh.body, study.course)
+        if seen is None:
+            return
+        for what, formula in effect.observes.items():
+            for found, given, size in _seen(seen, what, mesh.body):
+                if (np.abs(found - given) > _ROUNDING * size).any():
+                    raise _not_absent(effect, f"observes.{what}", formula, "what is measured")
+
+
+def _seen(seen: Observation, what: str, at: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+    """What is measured at each step, of something, what that is made from, and its size."""
+    every = range(len(seen.course) + 1)  # the first picture is one before compression
+    if what == "intensity":
+        picture = np.linspace(0.0, 1.0, len(at))
+        yield from ((seen.intensity(picture, k, *at.T), picture, 1.0) for k in every)
+    elif what.startswith("shift_"):
+        size = float(np.ptp(at, axis=0).max())
+        yield from ((found, np.zeros(len(at)), size) for k in every for found in _along(seen.shift(k, at), what))
+    else:
+        response = np.arange(1.0, len(every))
+        yield seen.response(response, what), response, float(len(response))
+
+
+def _along(shift: np.ndarray, what: str) -> list[np.ndarray]:
+    """The axis that ``shift_x`` and so on is along; none of a body in the plane for the third one."""
+    return [part for axis, part in zip("xyz", shift.T, strict=False) if what[-1] == axis]
+
+
+def _as_present(effect: Effect) -> Effect:
+    """The effect as one that is there whatever its numbers are."""
+    return replace(effect, parameters=tuple(replace(p, null=math.nan) for p in effect.parameters))
+
+
+def _not_absent(effect: Effect, field: str, formula: str, what: str) -> InputError:
+    absent = ", ".join(f"{p.name} {p.null:g}" for p in effect.parameters)
+    found = f"{formula!r}, which changes {what} at the absent values {absent}"
+    return InputError(f"effect {effect.name}", field, found, "a formula that changes nothing there")
