@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fingerfit.core.units import as_written
+
 PIXEL = "pixel"
 AXES = ("x", "y", "z")
 MOTIONS = ("u", "v", "w")
@@ -116,10 +118,10 @@ def unit_of(cell: str) -> str:
 def unit_named(text: str) -> str:
     """A unit of length as it is named here; empty for what is none.
 
-    >>> unit_named("Pixels"), unit_named("µm"), unit_named("furlong")
-    ('pixel', 'um', '')
+    >>> unit_named("Pixels"), unit_named("µm"), unit_named("furlong"), unit_named("Mm")
+    ('pixel', 'um', '', '')
     """
-    return _LENGTHS.get(text.strip().lower(), "")
+    return as_written(text.strip(), _LENGTHS)
 
 
 def uncorrelated(layout: Layout, head: Sequence[str], column: Callable[[int], np.ndarray]) -> np.ndarray | bool:

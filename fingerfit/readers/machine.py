@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fingerfit.core.errors import InputError
-from fingerfit.core.units import UNITS
+from fingerfit.core.units import UNITS, as_written
 from fingerfit.readers.tables import read_table
 
 KINDS = {"force": "force", "displacement": "length", "time": "time", "step": ""}
@@ -88,13 +88,14 @@ def columns_of(head: Sequence[str]) -> tuple[dict[str, int], dict[str, str]]:
 def _unit(kind: str, text: str) -> str:
     """A unit as it is named here; empty for what is none of that kind."""
     own = UNITS.get(kind, {})
-    found = {unit.lower(): unit for unit in own} | _OTHER_NAMES
-    known = text if text in own else found.get(text.lower(), "")
+    known = as_written(text, {unit.lower(): unit for unit in own} | _OTHER_NAMES)
     return known if known in own else ""
 
 
 def refuse_unknown_units(path: Path, head: Sequence[str]) -> None:
-    """Refuse columns with a unit in brackets that is not known; a unit that is not in brackets may be a word.
+    """Refuse columns with a unit in brackets that is not known, and with a mega unit wherever it stands.
+
+    A unit that is not in brackets may be a word.
 
     Raises
     ------
@@ -102,7 +103,9 @@ def refuse_unknown_units(path: Path, head: Sequence[str]) -> None:
         For the first of them.
     """
     for name, place in columns_of(head)[0].items():
-        unit = _BRACKETED.search(head[place])
+        unit, loose = _BRACKETED.search(head[place]), _UNIT.search(head[place])
+        if unit is None and loose and not _unit(KINDS[name], loose[1]) and _unit(KINDS[name], loose[1].lower()):
+            unit = loose  # no word: a unit, but for its capitals
         if KINDS[name] and unit and not _unit(KINDS[name], unit[1]):
             raise InputError(path, head[place], f"the unit {unit[1]}", "one of " + ", ".join(UNITS[KINDS[name]]))
 

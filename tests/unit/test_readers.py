@@ -289,6 +289,10 @@ def test_a_unit_of_points_that_is_not_known_is_refused(tmp_path):
         in_mm(record, None, None, "here")
     assert "\n" not in str(found.value)
     assert in_mm(record, "pixel", 25.4, "here").places[0] == pytest.approx(25.4 * record.places[0])
+    for n, path in enumerate(sorted(tmp_path.iterdir())):
+        path.write_text(vic3d(n).replace('"X","Y"', '"X [Mm]","Y [Mm]"'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"frame_2.csv: unit: found Mm; expected one of pixel"):
+        in_mm(read_points(sorted(tmp_path.iterdir())), None, None, "here")
     savemat(tmp_path / "found.mat", ncorr(formatted=True, units="inches"))
     with pytest.raises(InputError, match=r"found.mat, frame 1: unit: found inches; expected one of pixel"):
         in_mm(read_points([tmp_path / "found.mat"]), None, None, "here")
@@ -413,6 +417,7 @@ def test_records_of_machines_in_one_unit(tmp_path, content, encoding):
             lambda t: t.replace("(N)", "(lbf)"),
             r"m.csv: Load \[lbf\]: found the unit lbf; expected one of mN, N, kN, gf, kgf",
         ),
+        (lambda t: t.replace("(N)", "(MN)"), r"Load \[MN\]: found the unit MN; expected one of mN, N, kN, gf, kgf"),
         (lambda t: t.replace("(mm)", "[%]"), r"Extension \[%\]: found the unit %; expected one of um, mm, cm, m"),
         (lambda t: t.replace("(N)", "(N/mm)"), r"Load \[N/mm\]: found the unit N/mm; expected one of mN, N"),
     ],

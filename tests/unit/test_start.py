@@ -36,6 +36,10 @@ TABLE = "Extension (mm);Load [N]\n0;0\n" + "".join(
         ("Frame\tF_mN\tDisplacement/mm\n1\t-2\t1\n", [2], [1], {"force": "mN", "length": "mm"}),
         ("displacement,Force N,time s\n0,0.1,0\n1,3,5\n", [3], [1], {"force": "N", "time": "s"}),
         ("force\n7\n", [7], None, {}),
+        ("FORCE [N],TRAVEL [MM],TIME [MS]\n7,1,3\n", [7], [1], {"force": "N", "length": "mm", "time": "ms"}),
+        ("force [mn],travel [M],time [S]\n7,1,3\n", [7], [1], {"force": "mN", "length": "m", "time": "s"}),
+        ("force [n],travel [MM],time [Min]\n7,1,3\n", [7], [1], {"force": "N", "length": "mm", "time": "min"}),
+        ("force [KN]\n7\n", [7], None, {"force": "kN"}),
     ],
 )
 def test_tables_of_machines_are_understood(tmp_path, text, force, displacement, units):
@@ -55,6 +59,12 @@ def test_tables_of_machines_are_understood(tmp_path, text, force, displacement, 
         ("force\n" + "1\n" * (MOST + 1), f"rows: found {MOST + 1}; expected 1 to {MOST}, one for each step: copy "),
         ("force\n1\nmuch\n", "row 3, force: found much; expected a number"),
         ("force (lbf)\n1\n", "force (lbf): found the unit lbf; expected one of mN, N, kN, gf, kgf"),
+        ("force [MN]\n1\n", "force [MN]: found the unit MN; expected one of mN, N, kN, gf, kgf"),
+        ("force [Mn]\n1\n", "force [Mn]: found the unit Mn; expected one of mN, N, kN, gf, kgf"),
+        ("Kraft/MN\n1\n", "Kraft/MN: found the unit MN; expected one of mN, N, kN, gf, kgf"),
+        ("F_MN\n1\n", "F_MN: found the unit MN; expected one of mN, N, kN, gf, kgf"),
+        ("force,displacement (Mm)\n1,1\n", "displacement (Mm): found the unit Mm; expected one of um, mm, cm, m"),
+        ("force,time Ms\n1,1\n", "time Ms: found the unit Ms; expected one of ms, s, min"),
         ("force\n" + "1" * 140_000, "table: found field larger than field limit (131072); expected a readable table"),
     ],
 )
