@@ -52,8 +52,13 @@ class Problems(FingerfitError):
 class SolverError(FingerfitError):
     """The solver could not be run at all (missing executable, licence, time limit), or what it left is damaged.
 
-    Not a diverged guess, which is an answer and is kept: this stops the fit, and nothing is kept.
+    Not a diverged guess, which is an answer and is kept: this stops the fit, and nothing is kept. A diagnosis goes on
+    without the candidate whose simulation it was.
     """
+
+
+class NoSolverError(SolverError):
+    """The solver is not there, cannot be started or gets no licence: no deck would be answered, whatever is in it."""
 
 
 class StateError(FingerfitError):

@@ -45,6 +45,7 @@ from fingerfit.diagnosis.verdict import (
     nearest,
 )
 from fingerfit.diagnosis.worth import LARGEST, too_small
+from fingerfit.fit.lost import Lost
 from fingerfit.fit.minimum import minimum
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
@@ -83,6 +84,8 @@ class Diagnosis:
         Effects that were not tried, by title, and what would have to be measured.
     left_out : list of str
         Titles of the effects that were not tried, as ``diagnosis`` in config.yaml says.
+    unsolved : dict
+        Effects that do not count, by title, since the solver ended their simulations without an answer: how it did.
     spare : list of Effect
         Effects of an adequate model that it may not need: as from `spare`.
     not_excluded : list of Ranked
@@ -101,6 +104,7 @@ class Diagnosis:
     lacking: dict[str, InputError]
     untestable: dict[str, InputError]
     left_out: list[str]
+    unsolved: dict[str, str]
     spare: list[Effect]
     not_excluded: list[Ranked]
 
@@ -126,7 +130,26 @@ def diagnose(
     intervals : mapping, optional
         Lower and upper end of the 95 % interval of each constant, as the estimate has them: what moves none of them out
         of it is a trace.
+
+    Raises
+    ------
+    SolverError
+        When the solver ends a simulation of the fitted model itself without an answer, or is not there.
     """
+    with Lost.noting([one.lost for one in (problem, *problem.every)]) as lost:
+        found = _diagnose(problem, last, everything, threads, intervals)
+        problem.asked.difference_update(lost.names)  # they have no answer, and are none of those that were run
+    return found
+
+
+def _diagnose(
+    problem: InverseProblem,
+    last: Round,
+    everything: Everything,
+    threads: int,
+    intervals: Mapping[str, Sequence[float]] | None,
+) -> Diagnosis:
+    """As `diagnose`, where simulations that the solver ends without an answer are noted."""
     found = test_all(problem, last, everything, threads)
     run, refits = found.run, dict[str, Refit]()
     fitted, held_out = errors(found.comparison)
@@ -206,10 +229,10 @@ def diagnose(
     maybe = not_excluded(ranking, score_test, refits, tests) if verdict.kind == "adequate" else []
     verdict = perhaps(verdict, [one.candidate.effect.title for one in maybe])
     untold = found.lacking, untestable(problem), left_out(problem)
-    verdict = untried(verdict, problem.settings.solver, list(found.lacking), len(untold[-1]))
+    verdict = untried(verdict, problem.settings.solver, list(found.lacking), len(untold[-1]), list(found.unsolved))
     return Diagnosis(
         found.comparison, score_test, ranking, refits, verdict, run, measurements, further, stiffness, *untold,
-        needless, maybe,
+        found.unsolved, needless, maybe,
     )  # fmt: skip
 
 

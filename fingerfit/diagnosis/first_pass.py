@@ -23,7 +23,7 @@ from fingerfit.fit.first_order import beside
 from fingerfit.fit.intervals import bound_of
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
-from fingerfit.fit.rounds import Asked
+from fingerfit.fit.rounds import Asked, simulations
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
 from fingerfit.imaging.registration import FARTHEST
 from fingerfit.model.effect import OBSERVATION, Effect
@@ -115,7 +115,7 @@ class FirstPass:
         Raises
         ------
         StateError
-            When the start has no solution.
+            When the start has no solution, or the solver ends one of its simulations without an answer.
         """
         from scipy.optimize import least_squares
 
@@ -287,7 +287,11 @@ class Way:
         return self._asked
 
     def _solve(self, asked: Sequence[Asked]) -> None:
-        self.run += solve_missing(self.problem, asked, self.owner.threads)
+        own = self.problem is self.owner.comparison.problem
+        self.run += solve_missing(self.problem, asked, self.owner.threads, needed=own)
+        # a refit whose moves or slopes are not to be had would end where it began, and seem to explain nothing
+        if why := self.problem.lost.why(one.sim for one in simulations(asked)):
+            raise StateError(f"a simulation of a refit cannot be had: {why}")
 
     def change(self, values: Mapping[str, float]) -> np.ndarray | None:
         """How a guess that was solved differs from the fitted model, shape (all,); None where it has no solution."""

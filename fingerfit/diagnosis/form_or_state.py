@@ -190,9 +190,11 @@ def _refitted(found: Tested, chosen: Sequence[Ranked], threads: int) -> tuple[li
     """Effects on the state in the picture before compression, refitted from where they bring the sides nearest."""
     states, run = list[tuple[Ranked, Refit]](), 0
     for one in chosen:
+        known = set(problem.asked)
         try:
             refit, more = refit_of(found.comparison, one, threads)
         except StateError:
+            found.ended(one, problem.lost.why(sorted(problem.asked - known)))
             continue
         effect, run = one.candidate.effect, run + more
         away = f"a side is {refit.sides.off:.2g} mm off" if refit.sides.off else "sides are where the picture has them"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.errors import errors, fitted_pictures, of_tests
 from fingerfit.diagnosis.joint import joined
@@ -93,6 +94,8 @@ def _changed(test: Comparison, threads: int) -> tuple[np.ndarray | None, int]:
     halved = problem.with_mesh(SEARCH, mesh)
     asked = halved.ask(test.base.values)
     run = solve_missing(halved, [asked], threads)
+    if why := problem.lost.why(asked.sim):
+        tell(f"half the element size: {why}; what it changes is not known")
     outcome = halved.outcome(asked)
     if outcome.status != CONVERGED or outcome.steps < len(test.data.step):
         return None, run

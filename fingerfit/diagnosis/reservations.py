@@ -375,9 +375,15 @@ def perhaps(verdict: Verdict, titles: Sequence[str]) -> Verdict:
     return replace(verdict, sentence=f"{verdict.sentence}; not excluded: {named}") if new else verdict
 
 
-def untried(verdict: Verdict, solver: str, titles: Sequence[str], left_out: int) -> Verdict:
-    """The verdict, and in its sentence what was not tried: what the solver cannot, and how many were left out."""
+def untried(
+    verdict: Verdict, solver: str, titles: Sequence[str], left_out: int, unsolved: Sequence[str] = ()
+) -> Verdict:
+    """The verdict, and in its sentence what was not tried, and what does not count for lack of an answer.
+
+    Not tried is what the solver cannot, and what was left out, of which the number is said.
+    """
     lacking = f"; not tried, since solver {solver} lacks what they need: {', '.join(titles)}" if titles else ""
     count = "1 effect was" if left_out == 1 else f"{left_out} effects were"
     chosen = f"; {count} not tried, as diagnosis in config.yaml says" if left_out else ""
-    return replace(verdict, sentence=verdict.sentence + lacking + chosen)
+    ended = f"; tried, but solver {solver} gave no answer, so that it does not count: {', '.join(unsolved)}"
+    return replace(verdict, sentence=verdict.sentence + lacking + chosen + (ended if unsolved else ""))

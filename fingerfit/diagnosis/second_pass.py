@@ -130,17 +130,35 @@ def ended_of(before: Comparison, one: Ranked, threads: int) -> tuple[Ended, int]
 def _fit(before: Comparison, one: Ranked, threads: int, share: float) -> tuple[Ended, int]:
     wider = widened(before.problem, minimum(before.problem, before.last).values, one, share)
     try:
-        end, run = run_fit(wider, threads)
-        run += solve_missing(wider, [anchor_of(wider, end)], threads)
+        end, run = _run(wider, threads)
     finally:
         before.problem.asked.update(wider.asked)
     return Ended(comparison_of(wider, end, before.everything), share), run
 
 
+def _run(wider: InverseProblem, threads: int) -> tuple[Round, int]:
+    """A fit, and its estimate on the mesh of the search.
+
+    Raises
+    ------
+    StateError
+        When there is no solution, or the solver ended a simulation without an answer: the fit may have missed its
+        minimum for that.
+    """
+    end, run = run_fit(wider, threads)
+    run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    if why := wider.lost.why(sorted(wider.asked)):
+        raise StateError(f"a simulation of a refit cannot be had: {why}")
+    return end, run
+
+
 def followed(problem: InverseProblem, last: Round, folder: Path) -> tuple[InverseProblem, Everything]:
     """The fit of a body with the sides that the first picture shows, and all its data; meshes in `folder`."""
     settings = extended(problem.settings, problem.effects[OUTLINE], {}, {}, minimum(problem, last).values)
-    return begin(settings, folder, problem.sims)
+    wider, everything = begin(settings, folder, problem.sims)
+    for one in (wider, *wider.every):
+        one.lost.note_with(problem.lost)
+    return wider, everything
 
 
 def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[ScoreTest | None, int]:
@@ -151,8 +169,7 @@ def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[Sc
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as folder:
         wider, everything = followed(problem, last, Path(folder))
         try:
-            end, run = run_fit(wider, threads)
-            run += solve_missing(wider, [anchor_of(wider, end)], threads)
+            end, run = _run(wider, threads)
             found = comparison_of(wider, end, everything).score_test
         except StateError:
             found, run = None, 0

@@ -95,6 +95,7 @@ def refits_of(
                 continue
             problem.asked.update(asked)
             if made is None:
+                found.ended(ranked, problem.lost.why(sorted(asked)))
                 continue
             (refit, run, place), effect = made, ranked.candidate.effect
             found.made[effect.name] = refit

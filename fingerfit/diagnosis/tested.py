@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.progress import tell
-from fingerfit.diagnosis.candidates import candidates, makes_sense, may_be
+from fingerfit.diagnosis.candidates import Candidate, candidates, makes_sense, may_be
 from fingerfit.diagnosis.comparison import Comparison, Everything, anchor_of
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.ranking import Ranked, best_places, rank_candidates
@@ -18,7 +19,7 @@ from fingerfit.diagnosis.trials import rank_again, refit_all
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH, InverseProblem
-from fingerfit.fit.rounds import Round
+from fingerfit.fit.rounds import Round, simulations
 from fingerfit.model.effect import OUTLINE, STATE
 
 
@@ -36,12 +37,20 @@ class Tested:
     outline: Sides
     made: dict[str, Refit] = field(default_factory=dict)
     """Refits that were made, by name of the effect."""
+    unsolved: dict[str, str] = field(default_factory=dict)
+    """Why effects do not count whose simulations the solver ended without an answer, by title."""
 
     def moved(self, one: Ranked, place: int) -> Ranked:
         """An effect in another of its places, the n-th of ``also``; it takes its place in the ranking, too."""
         there = one.also[place - 1]
         self.ranking[:] = [there if other is one else other for other in self.ranking]
         return there
+
+    def ended(self, one: Ranked, why: str) -> None:
+        """Say, where there is a reason, why an effect does not count whose refit has no solution."""
+        if why:
+            self.unsolved[one.candidate.effect.title] = why
+            tell(f"tried {one.candidate.effect.name}: {why}; does not count")
 
 
 def test_all(
@@ -80,11 +89,12 @@ def test_all(
         tell(f"slopes of {len({candidate.effect.name for candidate in found})} effects")
     asked = [a for one in found for a in one.asked if not (known and problem.is_solved(a))]
     without = known.comparison.anchor if known else None
-    run = solve_missing(problem, [anchor_of(problem, last)], threads)
+    run = solve_missing(problem, [anchor_of(problem, last)], threads, needed=True)
     comparison = comparison_of(problem, last, everything)
     run += solve_missing(problem, comparison.read_beside(asked, threads, without), threads)
     score_test, outline = comparison.score_test, sides_of(comparison)
     everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
+    unsolved = _unsolved(problem, found, everywhere)
     ranking = best_places(everywhere)
     if in_space(problem):
         ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
@@ -92,9 +102,25 @@ def test_all(
         # a body of another shape is fitted before anything else, but for the state it may be in
         another = outline.off and not explains(score_test) and problem.settings.tries(OUTLINE)
         first = STATE if another else ""
-        ranking, more = refit_all(comparison, ranking, threads, explains(score_test), everywhere, first)
+        sloped = explains(score_test)
+        ranking, more = refit_all(comparison, ranking, threads, sloped, everywhere, first, unsolved)
     run += more
-    return Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking, outline)
+    return Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking, outline, unsolved=unsolved)
+
+
+def _unsolved(problem: InverseProblem, found: Sequence[Candidate], solved: Sequence[Ranked]) -> dict[str, str]:
+    """Why effects do not count of whose simulations the solver ended some at each place, by title; told as well."""
+    counted, left = {one.candidate.effect.name for one in solved}, dict[str, str]()
+    for effect in {one.effect.name: one.effect for one in found}.values():
+        places = [one.asked for one in found if one.effect.name == effect.name]
+        told = [problem.lost.why(one.sim for one in simulations(asked)) for asked in places]
+        why = next(filter(None, told), "")
+        if why and effect.name not in counted:
+            left[effect.title] = why
+            tell(f"tried {effect.name}: {why}; does not count")
+        elif why:
+            tell(f"tried {effect.name}: {why}; {sum(map(bool, told))} of its {len(told)} places do not count")
+    return left
 
 
 def in_space(problem: InverseProblem) -> bool:

@@ -44,6 +44,7 @@ def refit_all(
     sloped: bool = False,
     everywhere: Sequence[Ranked] = (),
     family: str = "",
+    unsolved: dict[str, str] | None = None,
 ) -> tuple[list[Ranked], int]:
     """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
 
@@ -61,6 +62,8 @@ def refit_all(
         At all places, for those that the best one may be mistaken for.
     family : str
         Of which alone candidates are refitted.
+    unsolved : dict, optional
+        Is told, by title, why effects do not count whose simulations the solver ended without an answer.
 
     Returns
     -------
@@ -99,6 +102,9 @@ def refit_all(
             )
             found.append(replace(begun, also=tuple(also)))
             shares[one.candidate.effect.name] = tried.share
+        elif tried.why and unsolved is not None:
+            unsolved[one.candidate.effect.title] = tried.why
+            tell(f"tried {one.candidate.effect.name}: {tried.why}; does not count")
     found = by_odds()
     best = [(n, one.refitted) for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
     left = [n for n, refitted in best if not refitted.converged]
@@ -123,6 +129,7 @@ class _Tried:
     asked: frozenset[str]
     share: float
     also: tuple[Ranked, ...] = ()
+    why: str = ""
 
 
 def _misfit(tried: _Tried) -> float:
@@ -154,13 +161,13 @@ class _Trial:
 
     def _begun(self, one: Ranked) -> _Tried:
         """The first moves, from the nearest start that has a solution."""
-        asked = set[str]()
+        asked, why = set[str](), ""
         for share in NEARER:
             there = self._refit(one, share)
-            asked |= there.asked
+            asked, why = asked | there.asked, why or there.why
             if there.ranked:
                 break
-        return replace(there, asked=frozenset(asked))
+        return replace(there, asked=frozenset(asked), why=why)
 
     def gone_on(self, pair: tuple[Ranked, float]) -> _Tried:
         """The other moves of one that has not converged, and the share of the step at which it began."""
@@ -177,7 +184,7 @@ class _Trial:
                 near = bool(BY_PATH.search(wider.ask(before.values).every[0].deck))
                 there = self.first.refit(wider, before.values, effect, MOVES - FIRST_MOVES, near)
         except StateError:
-            return _Tried(None, frozenset(wider.asked), share)
+            return _Tried(None, frozenset(wider.asked), share, why=wider.lost.why(sorted(wider.asked)))
         run, left = there.simulations, beyond_noise(self.base.misfit, self.base.count - len(self.base.values))
         there = replace(there, simulations=run + (before.simulations if before else 0))
         fall = max(0.0, self.base.misfit - there.misfit)

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from fingerfit.core.errors import NoSolverError, SolverError
 from fingerfit.core.processes import side_by_side
 from fingerfit.fit.course import next_round
+from fingerfit.fit.lost import Lost
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round, simulations, write_folders
 from fingerfit.solvers.cost import BUILTIN, SHORT, expected_seconds
@@ -19,19 +21,28 @@ ITERATIONS = 10
 ended. A choice."""
 
 
-def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int) -> int:
-    """Solve what has no solution yet; returns how many that were."""
+def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int, needed: bool = False) -> int:
+    """Solve what has no solution yet; returns how many that were.
+
+    Raises
+    ------
+    SolverError
+        When the solver ends one without an answer, unless the problem notes what is lost and nobody needs it.
+    """
     every = simulations(asked)
     problem.asked.update(a.sim for a in every)
     missing = list({a.sim: a for a in every if not problem.is_solved(a)}.values())
     write_folders(problem.sims.parent, missing, problem.solver, problem.mesh_paths)
-    solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit)
+    lost = problem.lost if problem.lost.noted and not needed else None
+    solve = functools.partial(_solve, problem.sims, problem.settings.solver, problem.settings.time_limit, lost)
     # first those that others begin at
     for begins in (False, True):
         side_by_side(solve, [a for a in missing if not a.first_order and bool(a.nearby) is begins], threads)
     beside: dict[str, list[Asked]] = {}
     for a in missing:
-        if a.first_order:
+        if a.first_order and lost is not None and lost.why(a.nearby):
+            solve(a)
+        elif a.first_order:
             beside.setdefault(a.nearby, []).append(a)
     shares = [share for group in beside.values() for n in range(threads) if (share := group[n::threads])]
     answer = functools.partial(_solve_beside, problem.sims, problem.settings.solver)
@@ -40,10 +51,20 @@ def solve_missing(problem: InverseProblem, asked: Sequence[Asked], threads: int)
     return len(missing)
 
 
-def _solve(sims: Path, solver: str, limit: int | None, asked: Asked) -> None:
+def _solve(sims: Path, solver: str, limit: int | None, lost: Lost | None, asked: Asked) -> None:
     folder = sims / asked.sim
     nearby = sims / asked.nearby if asked.nearby else None
-    solve_deck(get_solver(solver, limit), folder / "deck.inp", 1, nearby).save(folder / "solution.npz")
+    if lost is not None and asked.nearby and (why := lost.why(asked.nearby)):
+        lost.note(asked.sim, why)
+        return
+    try:
+        solve_deck(get_solver(solver, limit), folder / "deck.inp", 1, nearby).save(folder / "solution.npz")
+    except NoSolverError:
+        raise
+    except SolverError as error:
+        if lost is None:
+            raise
+        lost.note(asked.sim, str(error))
 
 
 def _solve_beside(sims: Path, solver: str, asked: Sequence[Asked]) -> list[Asked]:

@@ -74,7 +74,7 @@ class JointProblem(InverseProblem):
         one = tests[0]
         # whoever asks for the data of all tests must ask each of them
         nothing: Any = None
-        return cls(one.settings, nothing, one.mesh_files, one.sims, tests=tuple(tests))
+        return cls(one.settings, nothing, one.mesh_files, one.sims, tests=tuple(tests), lost=one.lost)
 
     @property
     def every(self) -> tuple[InverseProblem, ...]:

@@ -19,6 +19,7 @@ from fingerfit.fit.discrepancy import Discrepancy
 from fingerfit.fit.identified import SURE
 from fingerfit.fit.kept import Kept
 from fingerfit.fit.linear import LinearModel
+from fingerfit.fit.lost import Lost
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import Priors, unit
 from fingerfit.fit.rounds import Asked, simulation_name
@@ -68,6 +69,8 @@ class InverseProblem:
         Whether the noise of the data is the one that they count with beside an error of the model.
     kept : Kept, optional
         Where predictions are kept that the next jobs need, too.
+    lost : Lost
+        Simulations without an answer.
     """
 
     settings: Settings
@@ -78,6 +81,7 @@ class InverseProblem:
     test: str = ""
     counted: bool = False
     kept: Kept | None = field(default=None, repr=False, compare=False)
+    lost: Lost = field(default_factory=Lost, repr=False, compare=False)
     _predictions: dict[str, Prediction] = field(default_factory=dict, repr=False, compare=False)
     _folded: dict[str, bool] = field(default_factory=dict, repr=False, compare=False)
     _names: dict[str, str] = field(default_factory=dict, repr=False, compare=False)
@@ -184,8 +188,7 @@ class InverseProblem:
     @cached_property
     def long(self) -> bool:
         """Whether a simulation takes longer than is worth a job of its own."""
-        mesh = self.meshes[SEARCH]
-        return expected_seconds(self.settings.solver, mesh.dim, len(mesh.points)) > SHORT
+        return expected_seconds(self.settings.solver, self.meshes[SEARCH].dim, len(self.meshes[SEARCH].points)) > SHORT
 
     @property
     def beside(self) -> int:
@@ -210,16 +213,15 @@ class InverseProblem:
 
     @cached_property
     def _absent(self) -> dict[str, float]:
-        lacking = (effect for effect in self.effects.values() if self.lacks(effect))
-        return {name: value for effect in lacking for name, value in effect.null().items()}
+        return {name: v for e in self.effects.values() if self.lacks(e) for name, v in e.null().items()}
 
     def lacks(self, effect: Effect) -> list[str]:
         """What an effect needs that the study, or its test, does not have, in words."""
         return unmet(effect, self.study, self.meshes[SEARCH], REFINED in self.mesh_files)
 
     def is_solved(self, asked: Asked) -> bool:
-        """Whether a guess has an answer, in each of the tests; that there is no equilibrium is one, too."""
-        return all((self.sims / one.sim / "solution.npz").exists() for one in asked.every)
+        """Whether a guess has an answer, in each of the tests; no equilibrium is one, and so is that it is lost."""
+        return all(self.lost.why(one.sim) or (self.sims / one.sim / "solution.npz").exists() for one in asked.every)
 
     def refusal(self, asked: Asked) -> InputError | None:
         """Why the solver does not take the deck of a guess; None where it does, or has solved it before."""
@@ -234,11 +236,11 @@ class InverseProblem:
         path = self.sims.parent / "meshes" / f"{digest(text)}.inp"
         write_text(path, text)
         files = {**self.mesh_files, name: path}
-        return InverseProblem(self.settings, self.data, files, self.sims, self.asked, self.test)
+        return InverseProblem(self.settings, self.data, files, self.sims, self.asked, self.test, lost=self.lost)
 
     def with_settings(self, settings: Settings) -> InverseProblem:
         """The fit of another model to the same measurements."""
-        return InverseProblem(settings, self.data, self.mesh_files, self.sims, test=self.test)
+        return InverseProblem(settings, self.data, self.mesh_files, self.sims, test=self.test, lost=self.lost)
 
     @cached_property
     def effects(self) -> dict[str, Effect]:
@@ -259,14 +261,14 @@ class InverseProblem:
         return self.seen_since(self.answer(asked.sim), asked)
 
     def answer(self, sim: str) -> Outcome:
-        """What the solver answered to a simulation.
+        """What the solver answered to a simulation; of one that is lost, that there is no equilibrium in any step.
 
         Raises
         ------
         StateError
             When it is missing or damaged.
         """
-        return Outcome.load(self.sims / sim / "solution.npz")
+        return self.lost.answer(sim, self.meshes[SEARCH].dim) or Outcome.load(self.sims / sim / "solution.npz")
 
     def seen_since(self, whole: Outcome, asked: Asked) -> Outcome:
         """The same of what a solver answers to the deck of a guess."""
@@ -369,8 +371,7 @@ class InverseProblem:
     @cached_property
     def unit(self) -> float:
         """What one unit of the log likelihood is in the score."""
-        how = self.settings.fit
-        return unit(how.score, self.data, how.smooth, how.bins)
+        return unit(self.settings.fit.score, self.data, self.settings.fit.smooth, self.settings.fit.bins)
 
     @property
     def sure(self) -> float:

@@ -261,6 +261,7 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
             for title, error in {**found.lacking, **found.untestable}.items()
         ],
         "left_out": found.left_out,
+        "unsolved": [{"title": title, "why": why} for title, why in found.unsolved.items()],
         "spare": [effect.name for effect in found.spare],
         "add": f"fingerfit add {verdict.effects[0]}" if verdict.effects else "",
         "simulations": found.run,

@@ -150,8 +150,9 @@ class Settings(Choices, Keys):
         default=None,
         ge=1,
         description="Time for one simulation of a solver that runs a program, in s: a longer one is ended and stops the"
-        " fit with an error, and no answer is kept. Left out: 3600 for calculix, 14400 for abaqus (waiting for a"
-        " licence included). It changes no answer, so that another limit makes nothing run again.",
+        " fit with an error (in the diagnosis its candidate does not count), and no answer is kept. Left out: 3600 for"
+        " calculix, 14400 for abaqus (waiting for a licence included). It changes no answer, so that another limit"
+        " makes nothing run again.",
     )
     model: ModelSettings = Field(description="The model of the body.")
     fit: FitSettings = Field(description="How the model is fitted.")

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.core.errors import InputError, SolverError
+from fingerfit.core.errors import InputError, NoSolverError, SolverError
 from fingerfit.deck.cards import Card, read_cards
 from fingerfit.deck.content import Deck
 from fingerfit.deck.dialect import to_abaqus
@@ -113,14 +113,17 @@ class AbaqusSolver:
                 code, output = run(command, folder, self.time_limit, what=what)
             except SolverError as error:
                 waiting = _waits("".join(read_left(folder / log, what) for log in (LOG, "deck.log")))
-                raise SolverError(f"{error}, while it waited for a licence: {waiting}" if waiting else error) from None
+                if not waiting:
+                    raise
+                raise NoSolverError(f"{error}, while it waited for a licence: {waiting}") from None
             status = read_left(folder / "deck.sta", what)
             said = output + "".join(read_left(folder / f"deck.{end}", what) for end in ("msg", "dat")) + status
             written = has_left(folder / "deck.fil", what)
             diverged = any(sign in said.upper() for sign in _DIVERGED)
             # some scripts around ABAQUS end with 0 whatever it said
             if code < 0 or (not diverged and (code > 0 or (not written and _told(said)))):
-                raise SolverError(f"{what}: {_reason(said, code)}")
+                kind = NoSolverError if _waits(said) else SolverError
+                raise kind(f"{what}: {_reason(said, code)}")
             try:
                 found = read_fil(folder / "deck.fil").last() if written else []
             except InputError as error:
@@ -150,13 +153,13 @@ class AbaqusSolver:
         try:
             parts = [part.format(job="deck", threads=threads) for part in shlex.split(self.command)]
         except (KeyError, IndexError, ValueError) as error:
-            raise SolverError(
+            raise NoSolverError(
                 f"solver abaqus: command {self.command}: {error}; it may name {{job}}, {{threads}}"
             ) from None
         program = shutil.which(parts[0]) if parts else None
         if program is None:
             name = parts[0] if parts else "(empty)"
-            raise SolverError(f"solver abaqus: no executable {name}; install ABAQUS or set FINGERFIT_ABAQUS")
+            raise NoSolverError(f"solver abaqus: no executable {name}; install ABAQUS or set FINGERFIT_ABAQUS")
         # it runs in a folder of its own; links stay, as their names may matter
         return [os.path.abspath(program), *parts[1:]]  # noqa: PTH100
 
@@ -234,5 +237,5 @@ def _version(program: str) -> str:
     found = re.search(r"\b(20\d\d(?:\.\w+)*|6\.\d+(?:-\d+)?)\b", output)
     if not found:
         told = f"information=release names no release, found {output.strip()[:60]!r}"
-        raise SolverError(f"solver abaqus: {program}: {told}: is it ABAQUS?")
+        raise NoSolverError(f"solver abaqus: {program}: {told}: is it ABAQUS?")
     return found.group(1)

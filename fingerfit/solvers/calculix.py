@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.core.errors import SolverError
+from fingerfit.core.errors import NoSolverError, SolverError
 from fingerfit.deck.cards import Card, read_cards, squeeze
 from fingerfit.deck.content import Deck
 from fingerfit.deck.reader import read_deck
@@ -237,7 +237,7 @@ def _executable() -> str:
     name = os.environ.get("FINGERFIT_CCX", "ccx")
     found = shutil.which(name)
     if found is None:
-        raise SolverError(
+        raise NoSolverError(
             f"solver calculix: no executable {name}; install CalculiX (Debian: calculix-ccx) or set FINGERFIT_CCX"
         )
     return os.path.abspath(found)  # noqa: PTH100 - it runs in a folder of its own; links stay, as their names may matter
@@ -250,5 +250,5 @@ def _version(executable: str) -> str:
     found = re.search(r"[Vv]ersion\s+([\w.]+)", output)
     if not found:
         said = output.strip()[:60]
-        raise SolverError(f"solver calculix: {executable}: its -v names no version, found {said!r}: is it CalculiX?")
+        raise NoSolverError(f"solver calculix: {executable}: its -v names no version, found {said!r}: is it CalculiX?")
     return found.group(1)

@@ -160,8 +160,9 @@ class Solver(Protocol):
     def solve(self, deck: Path, workdir: Path, threads: int = 1) -> Outcome:
         """Run the deck in a folder of its own.
 
-        Raises SolverError when it could not be run at all, was stopped, or left a damaged answer
-        (`fingerfit.solvers.answer` helps to tell). An adapter that runs a program has an attribute `time_limit`, in s.
+        Raises NoSolverError when no deck could be run, as without a licence; SolverError when this one was stopped, was
+        refused, or left a damaged answer (`fingerfit.solvers.answer` helps to tell). An adapter that runs a program has
+        an attribute `time_limit`, in s.
         """
 
 

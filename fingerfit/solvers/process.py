@@ -12,7 +12,7 @@ import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from fingerfit.core.errors import InputError, SolverError
+from fingerfit.core.errors import InputError, NoSolverError, SolverError
 from fingerfit.core.files import check_regular, free_memory, read_bytes
 from fingerfit.deck.cards import Card
 
@@ -91,8 +91,10 @@ def run(
 
     Raises
     ------
+    NoSolverError
+        When it cannot be started.
     SolverError
-        When it cannot be started, exceeds the limit, or takes its output away.
+        When it exceeds the limit, or takes its output away.
     """
     log = folder / LOG
     try:
@@ -108,7 +110,7 @@ def run(
                 preexec_fn=_die_with_parent,
             )
     except OSError as error:
-        raise SolverError(f"{what}: {command[0]}: cannot be started: {error.strerror}") from error
+        raise NoSolverError(f"{what}: {command[0]}: cannot be started: {error.strerror}") from error
     main = threading.current_thread() is threading.main_thread()
     handler = signal.signal(signal.SIGTERM, lambda number, frame: _stop(number)) if main else None
     try:

@@ -157,6 +157,12 @@ def _not_shown(diagnosis: dict[str, Any]) -> str:
     return found + (f" Not tried, for lack of what they need: {', '.join(untried)}." if untried else "")
 
 
+def unsolved(diagnosis: dict[str, Any]) -> str:
+    """Effects that do not count, since the solver ended their simulations without an answer."""
+    told = [f"{e.get('title')} ({e.get('why')})" for e in diagnosis.get("unsolved") or []]
+    return f" Tried, but without an answer of the solver, so that it does not count: {'; '.join(told)}." if told else ""
+
+
 def headline(inputs: Inputs) -> dict[str, Any]:
     """What was found and what to do next."""
     last = inputs.models[-1]
@@ -206,6 +212,7 @@ def headline(inputs: Inputs) -> dict[str, Any]:
     if cure := _cure(last):
         found = f"The model “{last.name}” does not explain the measurements: {last.sentence.partition(':')[0]}."
         following = f"Take {cure}, and fit again."
+    following += unsolved(last.diagnosis)
     if left_out:
         following += f" Not tried, as diagnosis in config.yaml says: {listed(left_out, MOST)}."
     return {"found": found, "falls": falls, "next": following, "add": add, "sentence": last.sentence,
