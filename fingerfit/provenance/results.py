@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import json
 import os
 import re
 from collections.abc import Iterator
@@ -15,8 +16,9 @@ from fingerfit.core.contents import Contents
 from fingerfit.core.errors import FingerfitError, InputError, StateError
 from fingerfit.core.files import keep_json, read_json, write_json
 from fingerfit.core.folders import OURS, PACKAGE, template_folders
+from fingerfit.core.plain import to_plain
 from fingerfit.fit.rounds import included_files, is_named
-from fingerfit.settings.choices import read_checked
+from fingerfit.settings.choices import KNOWN, read_checked
 from fingerfit.settings.config import CONFIG, PLAIN, Settings
 from fingerfit.solvers.registry import get_solver
 
@@ -35,6 +37,8 @@ KEPT = (
     *DIAGNOSED, "simulations.json",
 )  # fmt: skip
 """Results of a model that can be told from damaged ones."""
+FITTED = ("rounds/*.json", "estimate.json", "table.txt", "figures/*.png", *DIAGNOSED, "simulations.json")
+"""Results that the effects of a study go into, which the search and the diagnosis know."""
 
 
 def study_folder(settings: Settings) -> Path:
@@ -142,7 +146,8 @@ def hold(settings: Settings) -> IO[str]:
 def mend(settings: Settings, contents: Contents, remove: bool) -> list[str]:
     """Remove what is damaged of the results of a model, so that it is made again; a line for each.
 
-    So are rounds that asked another solver than the one that is here, and settings that another version wrote.
+    So are rounds that asked another solver than the one that is here, settings that another version wrote, and what was
+    made with other effects than the study knows now.
     Snakemake would know it by the code that made them, but only in the folder where it made them.
 
     Parameters
@@ -169,6 +174,13 @@ def mend(settings: Settings, contents: Contents, remove: bool) -> list[str]:
         if remove:
             written.unlink(missing_ok=True)
         lines.append(f"{written}: of another version; {done} and made again")
+    elif contents.intact(written) and _of_other_effects(settings, written):
+        made = [path for name in ("settings.json", *FITTED) for path in model_folder(settings).glob(name)]
+        for path in made if remove else ():
+            path.unlink(missing_ok=True)
+        lines.append(
+            f"{written}: knows other effects than there are now; it and what follows from it: {done} and made again"
+        )
     for path, *beside in _damaged(settings, contents):
         try:
             # of a link into Snakemake's cache, what it leads to as well
@@ -268,6 +280,13 @@ def _is_of_here(settings: Settings, written: Path) -> bool:
         return False
     found, wanted = read_json(written), settings.model_dump(mode="json")
     return all(found[part].keys() == wanted[part].keys() for part in ("model", "fit"))
+
+
+def _of_other_effects(settings: Settings, written: Path) -> bool:
+    """Whether settings were written with other effects than are known now; where it says which."""
+    if not written.exists() or KNOWN not in (found := read_json(written)):
+        return False
+    return bool(found[KNOWN]["effects"] != json.loads(json.dumps(to_plain(settings.known_effects()))))
 
 
 def _is_numbered(path: Path) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,7 @@ from fingerfit.provenance import results, stages
 from fingerfit.provenance.size import Size, size_of
 from fingerfit.settings.config import CONFIG, RUNS, Settings
 from fingerfit.settings.runs import load_runs
+from fingerfit.solvers.registry import get_solver
 
 Parts = dict[str, dict[str, str]]
 
@@ -180,6 +182,18 @@ def _refuse_same_place(runs: Sequence[Run]) -> None:
         elif one == two or one in two.parents or two in one.parents:
             found = f"{two} for {last.settings.study}, and {one} for {other.settings.study}"
             raise InputError(last.where, "results", found, "folders of which none is or lies in the other one")
+
+
+def time_limit(runs: Sequence[Run], study: str, model: str = "") -> int:
+    """Time for one simulation of a model, s; without one that of a study's models, of which each may ask for it.
+
+    A simulation that several models ask for is solved once: so the longest of their limits holds, that of the solver
+    itself where a model has none. 0 is the solver's own.
+    """
+    asking = [run for run in runs if run.study == study and model in ("", run.model)]
+    own = [getattr(get_solver(run.settings.solver), "time_limit", 0) for run in asking]
+    limits = [limit if run.time_limit is None else run.time_limit for run, limit in zip(asking, own, strict=True)]
+    return math.ceil(max(limits)) if any(run.time_limit is not None for run in asking) else 0
 
 
 def damaged(runs: Sequence[Run]) -> list[str]:

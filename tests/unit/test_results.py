@@ -1,5 +1,6 @@
 """Results know their study, and nothing damaged is taken for a result."""
 
+import json
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -7,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from blocks import STEPS, STUDY
 
 from fingerfit.core.contents import Contents
 from fingerfit.core.errors import InputError, StateError
@@ -278,3 +280,34 @@ def test_the_figures_that_there_are_stand_beside_the_table(tmp_path):
     for name in ("search", "force"):
         write_text(tmp_path / f"base/figures/{name}.png", "a figure\n")
     assert shown([run])[1:] == [f"table: {tmp_path}/base/table.txt; figures: {tmp_path}/base/figures (force, search)"]
+
+
+def test_results_made_with_other_effects_are_made_again(folder, place):
+    """As those of results that were copied without what Snakemake knows of them, once the catalogue is another one."""
+    write_text(place / settings().study / "study.yaml", yaml.safe_dump(STUDY))
+    write_text(place / settings().study / "steps.csv", STEPS)
+    (place / settings().study / "effects").mkdir()
+    own = place / settings().study / "effects/mine.yaml"
+    effect = {
+        "title": "t",
+        "acts": "structure",
+        "words": "w",
+        "look": "l",
+        "confirm": "c",
+        "changes": {"field": "size"},
+    }
+    number = {"unit": "1", "absent": 0, "lower": -2, "upper": 2, "step": 0.2}
+    path = folder / "base/settings.json"
+    write_text(own, json.dumps({**effect, "parameters": {"size": number}}))
+    write_settings(settings(), path, with_study=True)
+    assert mended() == []
+    write_text(own, json.dumps({**effect, "parameters": {"size": {**number, "upper": 1}}}))
+    line = f"{path}: knows other effects than there are now; it and what follows from it:"
+    assert mended(remove=False) == [f"{line} it will be removed and made again"]
+    assert path.exists()
+    assert mended() == [f"{line} removed and made again"]
+    left = {str(one.relative_to(folder)) for one in folder.rglob("*") if one.is_file()}
+    assert left >= {"base/prepared.npz", "base/mesh.inp", "base/refined.inp", f"{SIM}/solution.npz", "ladder.json"}
+    made = {"settings", "rounds", "estimate", "compare", "diagnosis", "rung", "simulations"}
+    assert not {name for name in left if name.startswith("base/") and name.split("/")[1].partition(".")[0] in made}
+    assert mended() == []

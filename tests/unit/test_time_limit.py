@@ -7,6 +7,7 @@ import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 
 from fingerfit.cli import main
+from fingerfit.provenance.runs import planned, time_limit
 from fingerfit.provenance.stages import STAGES, settings_of
 from fingerfit.settings.config import load_settings
 from fingerfit.solvers.calculix import TIME_LIMIT
@@ -71,3 +72,21 @@ def test_what_is_no_limit_is_refused(tmp_path, limit):
 
     with pytest.raises(Problems, match="time_limit: found"):
         load_settings(settings(tmp_path, time_limit=limit))
+
+
+def test_each_of_several_models_has_its_own(tmp_path, monkeypatch):
+    """A simulation, which several models may ask for, has the longest of theirs; without one the solver's own counts."""
+    monkeypatch.chdir(tmp_path)
+    shared = settings(tmp_path)
+    for limits, of_models, of_all in (
+        ((10, 7200), (10, 7200), 7200),
+        ((None, 7200), (0, 7200), 7200),  # CalculiX has an hour of its own
+        ((None, 10), (0, 10), int(TIME_LIMIT)),
+        ((None, None), (0, 0), 0),
+    ):
+        own = [{"model": {"name": f"m{n}"}, "time_limit": limit} for n, limit in enumerate(limits)]
+        runs = planned({**shared, "runs": own}, whole=False)
+        assert [run.model for run in runs] == ["m0", "m1"]
+        study = runs[0].study
+        assert tuple(time_limit(runs, study, run.model) for run in runs) == of_models
+        assert time_limit(runs, study) == of_all

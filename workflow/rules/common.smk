@@ -248,9 +248,8 @@ def sims(wildcards):
 
 
 def time_limit(wildcards):
-    """Time for one simulation, s: the longest of the models of a study; 0 for the solver's own."""
-    limits = [run.time_limit for run in RUNS if run.study == wildcards.study]
-    return 0 if None in limits else max(limits)
+    """Time for one simulation of a model, s, or of any that asks for it; 0 for the solver's own."""
+    return runs.time_limit(RUNS, wildcards.study, getattr(wildcards, "model", ""))
 
 
 def solves_inside(wildcards):
