@@ -188,7 +188,7 @@ def _chance(one: ScoreTest, other: Refit) -> float:
 
 def _refitted(found: Tested, chosen: Sequence[Ranked], threads: int) -> tuple[list[tuple[Ranked, Refit]], int]:
     """Effects on the state in the picture before compression, refitted from where they bring the sides nearest."""
-    states, run = list[tuple[Ranked, Refit]](), 0
+    problem, states, run = found.comparison.problem, list[tuple[Ranked, Refit]](), 0
     for one in chosen:
         known = set(problem.asked)
         try:
@@ -198,7 +198,7 @@ def _refitted(found: Tested, chosen: Sequence[Ranked], threads: int) -> tuple[li
             continue
         effect, run = one.candidate.effect, run + more
         away = f"a side is {refit.sides.off:.2g} mm off" if refit.sides.off else "sides are where the picture has them"
-        by, ran = said_by(REFIT, found.comparison.problem.settings.model.effects), counted(more, "simulation")
+        by, ran = said_by(REFIT, problem.settings.model.effects), counted(more, "simulation")
         tell(f"{by}: {effect.name} ({effect.title}): {away}; {ran} run")
         states.append((one, refit))
     return states, run
