@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -36,7 +37,9 @@ SMOOTH = 0.25
 ACROSS, ACROSS_POINTS = 10, 6
 """Patches over the width of the body that pictures show, and of the region where points alone were measured."""
 NEAR = 0.1
-"""Share of its step at which a law of the material is tried to first order (decision 15)."""
+"""Share of its step at which a law of the material, and whatever acts on bodies that touch, is tried to first order
+(decision 15)."""
+_TOUCHES = re.compile(r"^\*CONTACT PAIR", re.MULTILINE)
 TOGETHER = 8
 """Answers to first order that have their models in memory at once."""
 ALIKE = 0.9
@@ -128,10 +131,11 @@ class Comparison:
     def _nearer(self, asked: Asked) -> tuple[Asked, float]:
         """A candidate's simulation nearer to the anchor, and which share of its step is left.
 
-        Of laws of the material, whose energies are far from linear within a step.
+        Of laws of the material, whose energies are far from linear within a step, and where bodies touch: over a whole
+        step others do.
         """
         key, effect = asked.role, self._effect(asked)
-        if effect.acts != "material":
+        if effect.acts != "material" and not _TOUCHES.search(asked.deck):
             return asked, 1.0
         absent = effect.null()[key]
         value = absent + NEAR * (asked.values[key] - absent)
