@@ -98,11 +98,8 @@ class RigidContact:
         nodes = np.unique(sampling.indices)
         columns = [(nodes[:, None] * dim + np.arange(dim)).ravel()]
         relative = kron(sampling[:, nodes], eye_array(dim))
-        self.pushed = np.empty(0, dtype=int)
-        """Degrees of freedom of the surface, where it is pushed by a force."""
         if reference is not None:
             columns.append(reference * dim + np.arange(dim))
-            self.pushed = columns[-1] if driven else self.pushed
             relative = hstack([relative, kron(-np.ones((len(areas), 1)), eye_array(dim))])
         self._columns = np.concatenate(columns)
         self._relative = csr_matrix(relative)

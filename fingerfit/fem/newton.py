@@ -9,6 +9,7 @@ import numpy as np
 
 from fingerfit.fem.factor import CLOSE, LARGE, inner
 from fingerfit.fem.system import Evaluation, System
+from fingerfit.fem.touching import meet
 
 TOLERANCE = 1e-8
 """Largest residual force, relative to the largest internal force. Far below what is compared: displacements of the
@@ -20,11 +21,6 @@ _PATIENCE = ((4, 0.5), (8, 0.1))
 """Iterations after which at most this share of the first residual force may be left, for a body in contact: else
 contact opens and closes from iteration to iteration, and a shorter increment is cheaper. Tried on fingers
 (docs/decisions/0006-large-systems.md)."""
-_HELD = 3
-"""Iterations at most in which a surface that is pushed keeps its predicted place, so that the nodes that touch are
-found as under a prescribed displacement (docs/decisions/0006-large-systems.md); their number is a choice."""
-_SETTLED = 0.1
-"""Error of the body, relative as `TOLERANCE`, below which such a surface is let go; a choice."""
 _SECANTS, _FLAT = 3, 0.3
 """Secants at most in search of the least energy along a step, and the share of the first slope that ends it. An
 evaluation costs a tenth of an iteration (docs/decisions/0006-large-systems.md); the share is a choice."""
@@ -125,13 +121,7 @@ class Newton:
         iterations : int
         """
         system, q, known = self.system, predicted, None
-        held = np.zeros(len(system.free), dtype=bool)
-        held[system.pushed] = True
-        if q is not None and system.driven:
-            known = self._forces(system.expand(q, load.given))
-            if known is None:
-                q = self._nearest(state.q, q, load)
-        elif q is not None:
+        if q is not None:
             known = self._forces(system.expand(q, load.given))
             q = None if known is None else q
         if q is None:
@@ -148,13 +138,9 @@ class Newton:
             if evaluation is None:
                 return None, iteration
             internal = evaluation.internal
-            residual = self._residual(internal, load, held)
+            residual = system.reduce(internal - load.force)
             scale = max(evaluation.largest, np.abs(load.force).max(), self.floor)
             error = np.abs(residual).max() / scale if len(residual) else 0.0
-            if held.any() and (error < _SETTLED or iteration > _HELD):
-                held[:] = False
-                residual = self._residual(internal, load, held)
-                error = np.abs(residual).max() / scale
             # in N: of a surface that was pushed in too deep, the largest force falls with the residual
             left = error * scale
             first = first or left
@@ -167,31 +153,23 @@ class Newton:
                 evaluation = system.evaluate(u, led=True)
                 if evaluation is None:
                     return None, iteration
-                matrix = system.matrix(evaluation)
+                matrix = None
             # what is solved more exactly than Newton's method converges is of no use
             close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), _ROUGHEST)
-            step = system.solve(matrix, -residual, close, np.flatnonzero(held))
+            if matrix is not None:
+                step = system.solve(matrix, -residual, close)
+            else:
+                step, matrix = self._linear(u, evaluation, residual, load, close)
             if step is None:
                 return None, iteration
             # an indefinite tangent points uphill in energy: turn it round
             if inner(step, residual) > 0 and error > _UPHILL:
                 step = -step
-            moved = self._search(q, step, residual, load, held)
+            moved = self._search(q, step, residual, load)
             if moved is None:
                 return None, iteration
             q, known = moved
         return None, ITERATIONS
-
-    def _nearest(self, start: np.ndarray, q: np.ndarray, load: Load) -> np.ndarray | None:
-        """The place of least energy on the way to predicted unknowns: what is pushed into contact goes too far."""
-        best, least = None, np.inf
-        for share in (1.0, 0.5, 0.25, 0.0):
-            trial = start + share * (q - start)
-            energy = self._potential(self.system.expand(trial, load.given), load)
-            if not energy < least:
-                break
-            best, least = trial, energy
-        return best
 
     def _tangent_start(self, state: State, before: Load, load: Load) -> tuple[np.ndarray, Evaluation] | None:
         """First step from the last state with its own tangent, the prescribed displacements moved along; and forces."""
@@ -199,9 +177,12 @@ class Newton:
         evaluation = system.evaluate(state.u)
         if evaluation is None:
             return None
-        move = system.along(state.u, load.given - before.given)
-        residual = system.reduce(system.push(evaluation, move) - load.force)
-        step = system.solve(system.matrix(evaluation), -residual)
+        change = load.given - before.given
+        if system.touches:
+            step = meet(system, state.u, evaluation, change, load.force, _ROUGHEST)[0]
+        else:
+            residual = system.reduce(system.push(evaluation, system.along(state.u, change)) - load.force)
+            step = system.solve(system.matrix(evaluation), -residual)
         if step is None:
             return None
         q = state.q + step
@@ -211,14 +192,18 @@ class Newton:
     def _forces(self, u: np.ndarray) -> Evaluation | None:
         return self.system.evaluate(u, tangent=False)
 
-    def _residual(self, internal: np.ndarray, load: Load, held: np.ndarray) -> np.ndarray:
-        """Forces on the unknowns that are not in equilibrium, N; none on those that are held."""
-        residual = self.system.reduce(internal - load.force)
-        residual[held] = 0.0
-        return residual
+    def _linear(
+        self, u: np.ndarray, evaluation: Evaluation, residual: np.ndarray, load: Load, close: float
+    ) -> tuple[np.ndarray | None, Any]:
+        """A step by the tangent, of contact as it will be after the step; and the tangent."""
+        system = self.system
+        if system.touches:
+            return meet(system, u, evaluation, np.zeros(system.size), load.force, close)
+        matrix = system.matrix(evaluation)
+        return system.solve(matrix, -residual, close), matrix
 
     def _search(
-        self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load, held: np.ndarray
+        self, q: np.ndarray, step: np.ndarray, residual: np.ndarray, load: Load
     ) -> tuple[np.ndarray, Evaluation | None] | None:
         """Shorten a step until it lowers the residual or the potential energy; its end, and forces where known."""
         system = self.system
@@ -232,7 +217,7 @@ class Newton:
             there = self._forces(u)
             if there is None:
                 continue
-            ahead = self._residual(there.internal, load, held)
+            ahead = system.reduce(there.internal - load.force)
             good = np.abs(ahead).max() < enough * norm
             if good and not (system.touches and inner(step, ahead) > _PAST * abs(slope)):
                 return trial, there
@@ -242,12 +227,10 @@ class Newton:
                 good = self._potential(u, load) < start + _ENOUGH * 0.5**cut * slope
             if good:
                 slopes = 0.5**cut * slope, inner(trial - q, ahead)
-                return q + self._least(q, trial - q, slopes, load, held) * (trial - q), None
+                return q + self._least(q, trial - q, slopes, load) * (trial - q), None
         return None
 
-    def _least(
-        self, q: np.ndarray, step: np.ndarray, slopes: tuple[float, float], load: Load, held: np.ndarray
-    ) -> float:
+    def _least(self, q: np.ndarray, step: np.ndarray, slopes: tuple[float, float], load: Load) -> float:
         """Share of a step where the energy is least, by secants between its slopes at both ends.
 
         Where contact opens or closes on the way a whole step goes too far, and the next one too far back. Friction has
@@ -262,7 +245,7 @@ class Newton:
             there = self._forces(self.system.expand(q + share * step, load.given))
             if there is None:
                 return high
-            slope = inner(step, self._residual(there.internal, load, held))
+            slope = inner(step, self.system.reduce(there.internal - load.force))
             if slope < 0:
                 low, falls = share, slope
             else:

@@ -19,10 +19,6 @@ _ROUGH = 1e-2
 closes without friction: the path does not matter there (docs/decisions/0006-large-systems.md)."""
 _HERTZ = 2.0 / 3.0
 """Power of the force with which a round body goes deeper (Hertz 1882; docs/decisions/0006-large-systems.md)."""
-_TOUCH = (0.125, 0.5)
-"""First increment, as a share of the step, of a surface that must find the body first: moved, or pushed by a force. A
-whole step by force failed after nine iterations each time (docs/decisions/0006-large-systems.md); the eighth is a
-choice."""
 _KEEP = 2
 """Increments of the same length after one that failed, before the next one is twice as long; a choice."""
 CUTS = 7
@@ -108,8 +104,6 @@ class LoadPath:
         how = increments if isinstance(increments, Increments) else Increments(first=increments)
         path = _line(self.load, target) if isinstance(target, Load) else target
         share, size, total = 0.0, min(how.first, how.largest), 0
-        if self.system.slides and self._before is None and not how.fixed:
-            size = min(size, _TOUCH[self.system.driven])
         length = float(np.linalg.norm(path(1.0).away(self.load)))
         if self._pace is not None and not how.fixed and length > 0:
             size = min(size, max(self._pace / length, 0.5**CUTS))
@@ -137,7 +131,7 @@ class LoadPath:
             self._earlier, self._before = self._before, (self.state, self.load)
             self.state, self.load, share = state, load, end
             # with friction, an increment fails for what begins to slip in it, not for what comes after
-            if failed and self.system.slides:
+            if failed and self.system.slides and not self.system.remembers:
                 self._pace = size * length
             keep -= 1
             size = how.first if how.fixed else min(size if keep > 0 else 2 * size, how.largest)

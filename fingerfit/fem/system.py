@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -107,7 +107,8 @@ class System:
     ) -> None:
         self.bodies, self.size, self.terms, self.rigid = bodies, size, list(terms), list(rigid)
         self.driven = any(getattr(term, "driven", False) for term in terms)
-        self.touches = any(hasattr(term, "law") for term in terms)
+        self._contacts = [n for n, term in enumerate(terms) if hasattr(term, "law")]
+        self.touches = bool(self._contacts)
         self.slides = any(getattr(term, "slides", False) for term in terms)
         self.remembers = any(not getattr(term, "slides", True) for term in terms)
         turning = [int(dof) for body in self.rigid for dof in body.dofs.ravel()]
@@ -125,9 +126,6 @@ class System:
             for slave, masters in resolved.items():
                 self.master[slave], self.factor[slave] = masters[0]
         self.unknown = number[self.master]
-        pushed = [dof for term in terms for dof in getattr(term, "pushed", ())]
-        self.pushed = np.unique(self.unknown[pushed]) if pushed else np.empty(0, dtype=int)
-        self.pushed = self.pushed[self.pushed >= 0]
         self._map: tuple[Any, Any] | None = None
         self._angles = np.zeros(size)
         positions = None
@@ -243,12 +241,15 @@ class System:
         if self.rigid and not np.array_equal(self._angles, full):
             self._angles, self._map = full.copy(), None
 
-    def along(self, u: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """Change of all displacements, to first order, with a change of the given ones at displacements `u`."""
+    def along(self, u: np.ndarray, change: np.ndarray, step: np.ndarray | None = None) -> np.ndarray:
+        """Change of all displacements, to first order, with a change of those given and a step of those unknown."""
+        step = np.zeros(len(self.free)) if step is None else step
         if not self.rigid:
-            return self.expand(np.zeros(len(self.free)), change)
+            return self.expand(step, change)
         self._turn_to(u)
-        return self._maps()[0] @ change
+        full = change.copy()
+        full[self.free] = step
+        return self._maps()[0] @ full
 
     def reduce(self, full: np.ndarray) -> np.ndarray:
         """Forces on all degrees of freedom to forces on the unknowns."""
@@ -331,6 +332,27 @@ class System:
         from scipy.sparse import csc_matrix
 
         return csc_matrix((data, self._row, self._pointers), shape=(self._count, self._count))
+
+    def touching(self, u: np.ndarray, tangent: bool = True) -> list[Contribution]:
+        """Forces of the contacts alone."""
+        return [found for n in self._contacts if (found := self.terms[n].forces(u, tangent)) is not None]
+
+    def none(self) -> list[Contribution]:
+        """Contacts without any forces."""
+        empty = np.empty(0, dtype=int)
+        return [Contribution(np.zeros(self.size), empty, empty, np.empty(0)) for _ in self._contacts]
+
+    def replaced(self, evaluation: Evaluation, touching: list[Contribution]) -> Evaluation:
+        """An evaluation with other forces of the contacts."""
+        internal, extra = evaluation.internal.copy(), list(evaluation.extra)
+        for n, other in zip(self._contacts, touching, strict=True):
+            internal += other.force - extra[n].force
+            extra[n] = other
+        return replace(evaluation, internal=internal, extra=extra)
+
+    def product(self, matrix: csc_matrix | np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Forces on the unknowns by a step of theirs."""
+        return np.asarray((self._sparse(matrix) if isinstance(matrix, np.ndarray) else matrix) @ step)
 
     def push(self, evaluation: Evaluation, move: np.ndarray) -> np.ndarray:
         """Internal forces continued along a displacement of all degrees of freedom, to first order."""

@@ -444,6 +444,31 @@ def test_a_force_with_friction_takes_about_as_many_iterations_as_a_displacement(
     assert sum(one.iterations for one in pushed) < 1.5 * sum(one.iterations for one in moved)
 
 
+def test_a_round_tool_deep_in_a_coarse_block_takes_few_iterations(run):
+    """With friction, 1.5 of 5 mm in five steps: 87 and 106 before contact was met within an iteration (decision 33)."""
+    mesh = layered_block(10.0, [("a", 5.0)], 20, 10, "CPE4")
+
+    def press(lines, held=""):
+        return run(
+            mesh,
+            x=5.0,
+            y=5.0,
+            slave=upper_faces(mesh),
+            profile="START, 2.5, 7.5\nCIRCL, 7.5, 7.5, 5., 7.5",
+            pair="SURFACE TO SURFACE",
+            stiffness=20.0,
+            friction="*FRICTION\n0.3, 20.",
+            material="*HYPERELASTIC, OGDEN, N=1\n0.02, 1.4, 5.",
+            held=f"BOTTOM, 1, 2\n9000, 1{held}",
+            steps="\n".join(step(line, increment="1., 1.") for line in lines),
+        )[1]
+
+    moved = press([f"*BOUNDARY\n9000, 2, 2, {-0.3 * n}" for n in range(1, 6)], "\n9000, 2")
+    pushed = press([f"*CLOAD\n9000, 2, {one.internal[-1, 1]}" for one in moved])
+    assert [one.displacement[-1, 1] for one in pushed] == pytest.approx([-0.3 * n for n in range(1, 6)], abs=1e-6)
+    assert max(sum(one.iterations for one in steps) for steps in (moved, pushed)) <= 40
+
+
 @pytest.mark.parametrize("pull, slips", [(0.59, False), (0.61, True)], ids=["sticks", "slips"])
 def test_a_block_sticks_and_slips_at_the_right_force(run, pull, slips):
     """Pressed on a plane by 2 N with mu = 0.3, pulled by just less and just more than 0.6 N.
