@@ -54,9 +54,7 @@ class LinearSolver:
         self._asked = False
         self._last: Apply | None = None
 
-    def solve(
-        self, matrix: csc_matrix, right: np.ndarray, close: float = CLOSE, held: np.ndarray | None = None
-    ) -> np.ndarray | None:
+    def solve(self, matrix: csc_matrix, right: np.ndarray, close: float = CLOSE) -> np.ndarray | None:
         """Solution, or None where the matrix is singular.
 
         Parameters
@@ -65,27 +63,23 @@ class LinearSolver:
         right : ndarray, shape (n,)
         close : float
             Residual that is wanted where it is iterated.
-        held : ndarray of int or None
-            Unknowns that are to stay zero; the right side has zeros there.
         """
         if not len(right):
             return right
-        held = np.empty(0, dtype=int) if held is None else held
         large = len(right) >= LARGE
         if self._last is not None:
-            found = conjugate_gradients(matrix, right, _holding(self._last, held, len(right)), close)
+            found = conjugate_gradients(matrix, right, self._last, close)
             if found is not None:
                 return found
             self._last = None
         apply = self.factor(matrix)
         if apply is None:
             return None
-        solution = _holding(apply, held, len(right))(right)
+        solution = apply(right)
         if not np.isfinite(solution).all():
             return None
         if large:
             residual = matrix @ solution - right
-            residual[held] = 0.0
             if np.abs(residual).max() > _RESIDUAL * np.abs(right).max():
                 return None
         if large and self._in_space is not None and self.symmetric:
@@ -166,17 +160,6 @@ def conjugate_gradients(
 def inner(a: np.ndarray, b: np.ndarray) -> float:
     """Scalar product that does not depend on the number of threads, as that of BLAS does."""
     return float(np.einsum("i,i->", a, b))
-
-
-def _holding(apply: Apply, held: np.ndarray, size: int) -> Apply:
-    """Solution of the equations that are left when some unknowns are zero, by that of all."""
-    if not len(held):
-        return apply
-    forces = np.zeros((len(held), size))
-    forces[np.arange(len(held)), held] = 1.0
-    moves = np.stack([apply(force) for force in forces])
-    back = np.linalg.inv(moves[:, held]).T
-    return lambda right: (found := apply(right)) - (back @ found[held]) @ moves
 
 
 _SYMMETRIC: dict[str, Any] = {"diag_pivot_thresh": 0.001, "options": {"SymmetricMode": True}}

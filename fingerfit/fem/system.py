@@ -369,9 +369,7 @@ class System:
         matrix = self.matrix(evaluation)
         return self._linear.factor(self._sparse(matrix) if isinstance(matrix, np.ndarray) else matrix)
 
-    def solve(
-        self, matrix: csc_matrix | np.ndarray, right: np.ndarray, close: float = CLOSE, held: np.ndarray | None = None
-    ) -> np.ndarray | None:
+    def solve(self, matrix: csc_matrix | np.ndarray, right: np.ndarray, close: float = CLOSE) -> np.ndarray | None:
         """Solution of the unknowns, see `fingerfit.fem.factor.LinearSolver.solve`; small systems by levels."""
         if self._levels is not None and isinstance(matrix, np.ndarray):
             found = self._levels.solve(matrix, right)
@@ -379,4 +377,4 @@ class System:
                 return found
             # a block may be singular where the whole is not
             matrix = self._sparse(matrix)
-        return self._linear.solve(matrix, right, close, held)
+        return self._linear.solve(matrix, right, close)

@@ -49,7 +49,8 @@ def meet(
     Returns
     -------
     step : ndarray or None
-        As near as was found; None where the tangent is singular.
+        As near as was found, with friction the first of the iterations where none comes near; None where the tangent is
+        singular.
     matrix : as of `System.matrix`
         The last tangent.
     """
@@ -61,7 +62,7 @@ def meet(
     touching = system.touching(here)
     residual = fixed + system.reduce(_force(touching, system.size))
     enough = (max(close, _RUBBED) if system.remembers else close) * np.abs(residual).max()
-    total = np.zeros(len(residual))
+    total, first = np.zeros(len(residual)), None
     for _ in range(_ROUNDS):
         matrix = system.matrix(system.replaced(evaluation, touching))
         step = system.solve(matrix, -residual, close)
@@ -76,9 +77,13 @@ def meet(
         line = _Line(here, fixed, way, bends)
         share, residual = _ahead(system, line, step, falls)
         total, here, fixed = total + share * step, here + share * way, fixed + share * bends
+        first = step if first is None else first
         if np.abs(residual).max() <= enough:
             break
         touching = system.touching(here)
+    else:
+        # points that slip and stick in turn have no equilibrium with a linear body
+        total = first if system.remembers and first is not None else total
     return total, matrix
 
 

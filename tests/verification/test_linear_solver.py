@@ -243,19 +243,3 @@ def test_small_systems_do_not_need_scipy(write_deck):
     )
     done = subprocess.run([sys.executable, "-c", program, deck], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["converged", "False"]
-
-
-@pytest.mark.parametrize("n", [5, 11], ids=["small", "large"])
-def test_unknowns_that_are_held_stay_zero(rng, n):
-    """Direct and with an old factorisation: as if their rows and columns were struck out."""
-    matrix, positions = cube(n)
-    solver, held = LinearSolver(positions, True), np.array([4, 31])
-    rest = np.setdiff1d(np.arange(matrix.shape[0]), held)
-    for scale in (1.0, 1.1):
-        right = rng.normal(size=matrix.shape[0])
-        right[held] = 0.0
-        found = solver.solve(matrix, right, 1e-10, held)
-        assert np.abs(found[held]).max() < 1e-12
-        assert matrix[rest][:, rest] @ found[rest] == pytest.approx(right[rest], abs=1e-7)
-        assert solver.solve(matrix, right)[held] != pytest.approx(np.zeros(2), abs=1e-3)
-        matrix = (scale * matrix + diags_array(np.linspace(0, 0.1, matrix.shape[0]))).tocsc()
