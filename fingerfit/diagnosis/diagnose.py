@@ -154,13 +154,13 @@ def _diagnose(
     run, refits = found.run, dict[str, Refit]()
     fitted, held_out = errors(found.comparison)
     but_mesh = errors_but_mesh(found.comparison)
-    at_least = but_mesh[0]
+    at_least, held = but_mesh
     if at_least > LOUD:  # that something is missing is known: nothing is named by chance because much was tried
         found = replace(found, tests=1)
     score_test, ranking, tests = found.score_test, found.ranking, found.tests
     halves, ended = set[str](), dict[str, Refit]()
     outline = found.outline
-    verdict = decide(score_test, ranking, {}, tests, held_out=held_out)
+    verdict = decide(score_test, ranking, {}, tests, held_out=held)
     unexplained = not explains(score_test)
     # before any effect is blamed: what a mesh leaves may be no more than the noise, and still be most of what is seen
     blames = unexplained or verdict.kind != "adequate"
@@ -173,27 +173,27 @@ def _diagnose(
     no_refits = coarse or (outline.off and unexplained) or too_small(score_test, ranking, at_least)
     # a probe is likelier than its members, but two of these may be what it imitates
     nothing = dict[str, Refit](), None, 0
-    pair, partner, more = nothing if no_refits or probed else pair_of(found, held_out, threads)
+    pair, partner, more = nothing if no_refits or probed else pair_of(found, held, threads)
     run += more
     halves.update(pair)
     if partner is not None:
-        verdict = decide(score_test, ranking, pair, tests, partner, held_out)
+        verdict = decide(score_test, ranking, pair, tests, partner, held)
         refits = ended = pair if verdict.kind == "missing" else {}
     for _ in range(0 if no_refits or refits else BATCHES):
         run += refit_best(found, refits, threads)
         refits = by_one_likelihood({**pair, **refits}, found.comparison.weighed)
-        well = ended_well(score_test, refits, fitted)
+        well = ended_well(score_test, refits, at_least)
         ended, missed = nearest(well), refits.keys() - well.keys()
-        verdict = doubted(decide(score_test, ranking, ended, tests, None, held_out, missed), at_least)
-        half = half_explained(score_test, ranking, generalising(score_test, ended, held_out), tests)
+        verdict = doubted(decide(score_test, ranking, ended, tests, None, held, missed), at_least)
+        half = half_explained(score_test, ranking, generalising(score_test, ended, held), tests)
         # a probe has as many numbers as several effects: no partner is looked for beside it
         if half is not None and not (probed or half.candidate.effect.probe or half.candidate.effect.name in halves):
             halves.add(half.candidate.effect.name)
             partner, more = partner_of(half, found, threads)
-            verdict, run = decide(score_test, ranking, ended, tests, partner, held_out), run + more
+            verdict, run = decide(score_test, ranking, ended, tests, partner, held), run + more
         if verdict.kind != "unexplained":
             break
-    general, beside = generalising(score_test, ended, held_out), bool(problem.settings.model.effects)
+    general, beside = generalising(score_test, ended, held), bool(problem.settings.model.effects)
     verdict = largest_part(verdict, score_test, ranking, general, fitted, refits, held_out, beside)
     estimate = minimum(problem, last).values
     constants = problem.settings.model.parameters

@@ -98,7 +98,7 @@ def decide(
         Where the best effect does not explain enough, or less than a probe does: the one that explains most of what it
         leaves, and the refit of both.
     held_out : float, optional
-        Error of the model on held-out steps, where there are some.
+        Error of the model on held-out steps, where there are some, without what its mesh makes of it.
     missed : collection of str
         Effects whose refit ended worse than the model without them: it has missed its minimum, and says nothing.
     """
@@ -165,14 +165,15 @@ def decide(
     return Verdict("missing", (named,), text, limit)
 
 
-def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], fitted: float) -> dict[str, Refit]:
-    """Refits that are no worse than the model on the steps that both have fitted, where its error was `fitted`.
+def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], at_least: float) -> dict[str, Refit]:
+    """Refits that are no worse than the model on the steps that both have fitted, where its error was `at_least`.
 
     A model with an effect more has that model in it: one that ends worse has missed its minimum, whatever its own
-    covariance says of its misfit.
+    covariance says of its misfit. What the mesh of each makes is taken off: one may end on the coarser mesh, where the
+    finer one has no answer.
     """
-    limit = fitted + _worse(score_test)
-    return {name: refit for name, refit in refits.items() if not refit.fitted > limit}
+    limit = at_least + _worse(score_test)
+    return {name: refit for name, refit in refits.items() if not refit.at_least > limit}
 
 
 def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:
@@ -191,12 +192,15 @@ def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:
 
 
 def generalising(score_test: ScoreTest, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:
-    """Refits that are no worse than the model on the steps that no fit has seen, whose error with it was `held_out`."""
+    """Refits that are no worse than the model on the steps that no fit has seen, whose error with it was `held_out`.
+
+    What the mesh of each makes of them is taken off.
+    """
     return {name: refit for name, refit in refits.items() if _generalises(score_test, refit, held_out)}
 
 
 def _generalises(score_test: ScoreTest, refit: Refit, held_out: float | None) -> bool:
-    return held_out is None or refit.held_out is None or refit.held_out <= held_out + _worse(score_test)
+    return held_out is None or refit.held_at_least is None or refit.held_at_least <= held_out + _worse(score_test)
 
 
 def _worse(score_test: ScoreTest) -> float:
