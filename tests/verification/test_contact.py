@@ -418,9 +418,10 @@ def test_a_line_along_a_cylinder_is_a_plane(run):
     assert -steps[-1].internal[-1, 2] == pytest.approx(1000 * 3.0 * (0.1 + u[top, 2].mean()), rel=1e-6)
 
 
-def test_a_force_with_friction_takes_about_as_many_iterations_as_a_displacement(run):
-    """A round tool pressed in five steps into a block that sticks and slips, far from where it first touches."""
-    mesh = layered_block(10.0, [("a", 5.0)], 20, 10, "CPE8")
+def by_both(run, element, friction, deep):
+    """Steps in which a round tool is pressed by five equal ways into a block that sticks and slips, far from where it
+    first touches, and those in which the forces of that are prescribed."""
+    mesh = layered_block(10.0, [("a", 5.0)], 20, 10, element)
 
     def press(lines, held=""):
         return run(
@@ -431,42 +432,27 @@ def test_a_force_with_friction_takes_about_as_many_iterations_as_a_displacement(
             profile="START, 2.5, 7.5\nCIRCL, 7.5, 7.5, 5., 7.5",
             pair="SURFACE TO SURFACE",
             stiffness=20.0,
-            friction="*FRICTION\n0.5, 20.",
+            friction=f"*FRICTION\n{friction}, 20.",
             material="*HYPERELASTIC, OGDEN, N=1\n0.02, 1.4, 5.",
             held=f"BOTTOM, 1, 2\n9000, 1{held}",
             steps="\n".join(step(line, increment="1., 1.") for line in lines),
         )[1]
 
-    moved = press([f"*BOUNDARY\n9000, 2, 2, {-0.2 * n}" for n in range(1, 6)], "\n9000, 2")
+    moved = press([f"*BOUNDARY\n9000, 2, 2, {-deep * n}" for n in range(1, 6)], "\n9000, 2")
     pushed = press([f"*CLOAD\n9000, 2, {one.internal[-1, 1]}" for one in moved])
-    assert [one.displacement[-1, 1] for one in pushed] == pytest.approx([-0.2 * n for n in range(1, 6)], abs=1e-6)
+    assert [one.displacement[-1, 1] for one in pushed] == pytest.approx([-deep * n for n in range(1, 6)], abs=1e-6)
+    return moved, pushed
+
+
+def test_a_force_with_friction_takes_about_as_many_iterations_as_a_displacement(run):
+    moved, pushed = by_both(run, "CPE8", 0.5, 0.2)
     # 85 against 34 when each increment after the first failure was short (decision 33)
     assert sum(one.iterations for one in pushed) < 1.5 * sum(one.iterations for one in moved)
 
 
 def test_a_round_tool_deep_in_a_coarse_block_takes_few_iterations(run):
-    """With friction, 1.5 of 5 mm in five steps: 87 and 106 before contact was met within an iteration (decision 33)."""
-    mesh = layered_block(10.0, [("a", 5.0)], 20, 10, "CPE4")
-
-    def press(lines, held=""):
-        return run(
-            mesh,
-            x=5.0,
-            y=5.0,
-            slave=upper_faces(mesh),
-            profile="START, 2.5, 7.5\nCIRCL, 7.5, 7.5, 5., 7.5",
-            pair="SURFACE TO SURFACE",
-            stiffness=20.0,
-            friction="*FRICTION\n0.3, 20.",
-            material="*HYPERELASTIC, OGDEN, N=1\n0.02, 1.4, 5.",
-            held=f"BOTTOM, 1, 2\n9000, 1{held}",
-            steps="\n".join(step(line, increment="1., 1.") for line in lines),
-        )[1]
-
-    moved = press([f"*BOUNDARY\n9000, 2, 2, {-0.3 * n}" for n in range(1, 6)], "\n9000, 2")
-    pushed = press([f"*CLOAD\n9000, 2, {one.internal[-1, 1]}" for one in moved])
-    assert [one.displacement[-1, 1] for one in pushed] == pytest.approx([-0.3 * n for n in range(1, 6)], abs=1e-6)
-    assert max(sum(one.iterations for one in steps) for steps in (moved, pushed)) <= 40
+    """With friction, 1.5 of 5 mm: 87 and 106 before contact was met within an iteration (decision 33)."""
+    assert max(sum(one.iterations for one in steps) for steps in by_both(run, "CPE4", 0.3, 0.3)) <= 40
 
 
 @pytest.mark.parametrize("pull, slips", [(0.59, False), (0.61, True)], ids=["sticks", "slips"])
