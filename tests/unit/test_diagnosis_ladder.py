@@ -289,7 +289,9 @@ def test_effects_are_listed_with_their_numbers(capsys):
     assert blocks["tilt"][0] == "tilt: tilt of the indenter"
     assert "    slope: -0.6 to 0.6 of height / width, absent at 0" in blocks["tilt"]
     assert "    confirm: A photograph of the indenter's edge, or a spirit level on it." in blocks["tilt"]
-    assert "    needs: pictures or measured points, a block of layers, a body in the plane" in blocks["tilt"]
+    assert (
+        "    needs: pictures or measured points, a flat side under the indenter, a body in the plane" in blocks["tilt"]
+    )
     assert blocks["inclusion_in_space"][0] == "inclusion_in_space: inclusion in space"
     assert "    thickness: tried at 0.0416667, 0.0833333 of height; fitted from 0.0166667 to 0.208333" in blocks["skin"]
     assert "    layer: tried at 1, 2, 3, 4, 5, 6; not fitted" in blocks["split_layer"]

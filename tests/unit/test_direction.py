@@ -14,6 +14,7 @@ from fingerfit.core.files import write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck
+from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import catalogue
 from fingerfit.prepare.prepare import make_mesh, prepare
@@ -150,13 +151,14 @@ def test_effects_in_place_of_a_glued_indenter_need_one_that_is_not_on_a_rail(tmp
         "down": load_study(written(tmp_path, steps)),
         "oblique": load_study(written(tmp_path, steps, boundary=OBLIQUE)),
     }
-    assert not any(needed in unmet(slip, study, 2, False) for study in studies.values())
+    mesh = layered_block(12.0, [(name, 1.0) for name in studies["down"].layer_names], 4, 2, "CPE4")
+    assert not any(needed in unmet(slip, study, mesh, False) for study in studies.values())
     railed = replace(studies["oblique"], control="force")
-    assert needed in unmet(slip, railed, 2, False)
+    assert needed in unmet(slip, railed, mesh, False)
     for axis in "xy":
         aside = replace(catalogue()["sideways"], changes={f"displacement_{axis}": f"displacement_{axis} + moved"})
-        assert needed in unmet(aside, railed, 2, False)
-        assert needed not in unmet(aside, studies["oblique"], 2, False)
+        assert needed in unmet(aside, railed, mesh, False)
+        assert needed not in unmet(aside, studies["oblique"], mesh, False)
 
 
 def moved_aside(folder, **effects):

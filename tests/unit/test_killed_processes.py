@@ -11,6 +11,7 @@ import pytest
 
 from fingerfit.core.errors import FingerfitError
 from fingerfit.fit import jobs
+from fingerfit.fit.lost import Lost
 from fingerfit.fit.rounds import Asked
 
 
@@ -24,6 +25,7 @@ def test_a_killed_solve_is_told(tmp_path, monkeypatch):
         mesh_paths={},
         solver={},
         is_solved=lambda asked: False,
+        lost=Lost(),
         settings=SimpleNamespace(solver="builtin", time_limit=None),
     )
     signal.alarm(60)  # the default action ends a test that waits for ever; seconds, many times what it takes

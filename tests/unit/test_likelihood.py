@@ -105,8 +105,10 @@ def test_the_log_tells_of_a_refit_what_verdict_and_page_will(monkeypatch):
     effects = {name: catalogue()[name] for name in made}
     ranking = [SimpleNamespace(candidate=SimpleNamespace(effect=one), refitted=None) for one in effects.values()]
     score_test = SimpleNamespace(misfit=misfit, freedom=COUNT - 2)
-    found = SimpleNamespace(score_test=score_test, ranking=ranking, tests=1, made=dict(made), weighed=without)
+    found = SimpleNamespace(score_test=score_test, ranking=ranking, tests=1, made=dict(made))
     settings = SimpleNamespace(model=SimpleNamespace(effects={"outline": {}}))
+    problem = SimpleNamespace(asked=set(), settings=settings)
+    found.comparison = SimpleNamespace(problem=problem, weighed=without)
     said = []
     monkeypatch.setattr(second_queue, "to_refit", lambda *_: ranking)
     monkeypatch.setattr(second_queue, "spread_of", lambda *_: 1.0)
@@ -114,8 +116,7 @@ def test_the_log_tells_of_a_refit_what_verdict_and_page_will(monkeypatch):
     monkeypatch.setattr(second_queue, "tell", said.append)
     for one in ranking:
         one.odds = lambda _: 1.0
-    problem = SimpleNamespace(asked=set(), settings=settings)
-    list(second_queue.refits_of(problem, None, None, found, 1))
+    list(second_queue.refits_of(found, 1))
     common, own = by_one_likelihood(made, without), made["skin"].explained(misfit)
     shares = {name: 100 * one.explained(misfit) for name, one in common.items()}
     assert 100 * own > shares["skin"] + 20

@@ -36,7 +36,7 @@ def test_all_others_follow(layers):
     def misfit(log_mu, top):
         asked = layers.problem.ask({"mu_top": top, "mu_bottom": float(np.exp(log_mu))})
         solve_missing(layers.problem, [asked], 1)
-        return float(np.sum(first.left(layers.read(asked)) ** 2))
+        return float(np.sum(first.left(first.change(layers.read(asked))) ** 2))
 
     for n in (2, 5):
         top, bottom = found.guesses[n]["mu_top"], np.log(found.guesses[n]["mu_bottom"])

@@ -13,7 +13,6 @@ from fingerfit.diagnosis import first_pass, trials
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.explained import SLOPES, explained
 from fingerfit.diagnosis.first_pass import FALL, NEAR, FirstPass, Way, widened
-from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, STARTS, alike, best_places, other_places, rank_candidates
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.trials import refit_all
@@ -96,7 +95,7 @@ def test_without_a_refit_the_constants_follow_what_is_shown(world):
 
 def test_a_refit_is_shown_by_what_it_leaves(world):
     comparison, _, ranking = world
-    weighed = Weighed.of(comparison)
+    weighed = comparison.weighed
     kept = weighed.kept & (generator(2).random(len(weighed.kept)) < 0.9)
     rows = kept[weighed.kept]
     less = replace(weighed, kept=kept, vector=0.4 * weighed.vector[rows])
