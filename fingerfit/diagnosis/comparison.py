@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -37,9 +36,7 @@ SMOOTH = 0.25
 ACROSS, ACROSS_POINTS = 10, 6
 """Patches over the width of the body that pictures show, and of the region where points alone were measured."""
 NEAR = 0.1
-"""Share of its step at which a law of the material, and whatever acts on bodies that touch, is tried to first order
-(decision 15)."""
-_TOUCHES = re.compile(r"^\*CONTACT PAIR", re.MULTILINE)
+"""Share of its step at which a law of the material is tried to first order (decision 15)."""
 TOGETHER = 8
 """Answers to first order that have their models in memory at once."""
 ALIKE = 0.9
@@ -131,11 +128,10 @@ class Comparison:
     def _nearer(self, asked: Asked) -> tuple[Asked, float]:
         """A candidate's simulation nearer to the anchor, and which share of its step is left.
 
-        Of laws of the material, whose energies are far from linear within a step, and where bodies touch: over a whole
-        step others do.
+        Of laws of the material, whose energies are far from linear within a step.
         """
         key, effect = asked.role, self._effect(asked)
-        if effect.acts != "material" and not _TOUCHES.search(asked.deck):
+        if effect.acts != "material":
             return asked, 1.0
         absent = effect.null()[key]
         value = absent + NEAR * (asked.values[key] - absent)
