@@ -226,7 +226,7 @@ def _mesh_remarks(problem: InverseProblem, mesh: str, partly: Minimum | None) ->
     if REFINED not in problem.mesh_files:
         key = "body.refined" if problem.every[0].study.body.mesh else "model.refined"
         return [f"no finer mesh was given ({key}): standard errors and intervals do not contain the error of the mesh"]
-    lacks = "the finer mesh has no solution at the best guess, or one in which the body goes through itself or a plate"
+    lacks = "the finer mesh has no solution at the best guess, or one in which the body goes through itself"
     error = "follows from the steps before that" if partly else "is not known"
     return [f"{lacks}: the estimate is that of the search mesh, whose mesh error {error}"]
 

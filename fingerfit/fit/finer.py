@@ -84,7 +84,7 @@ def _reached(problem: InverseProblem, asked: Asked) -> Outcome | None:
 
 
 def _usable(problem: InverseProblem, asked: Asked, fine: Outcome, data: Data) -> int:
-    """Steps before the first one that was not reached, or in whose picture the body goes through itself or a plate."""
+    """Number of steps before the first one that was not reached, or in whose picture the body goes through itself."""
     predictor, seen = Predictor(data, problem.meshes[REFINED]), problem.seen(asked.values)
     for step in data.picture_step:
         if step < fine.steps and predictor.map_at(fine, int(step), seen).folded:

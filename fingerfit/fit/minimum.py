@@ -271,7 +271,7 @@ def diverged(problem: InverseProblem, asked: Asked) -> bool:
 
 
 def unusable(problem: InverseProblem, asked: Asked) -> bool:
-    """Whether a guess on the finer mesh has no solution, or one in which the body goes through itself or a plate.
+    """Whether a guess on the finer mesh has no solution, or one in which the body goes through itself.
 
     At glued corners a fine mesh lets the free side fold over the edge where a coarse one does not.
     """

@@ -293,7 +293,7 @@ class InverseProblem:
         return self._predictions[key]
 
     def folds(self, asked: Asked) -> bool:
-        """Whether the body goes through itself or a plate in the pictures of a guess that has a solution: none does."""
+        """Whether the body goes through itself in the pictures of a guess that has a solution: no body does."""
         key = _key(asked)
         if key not in self._folded:
             self.prediction(asked)

@@ -10,7 +10,6 @@ import numpy as np
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.warp import BackwardMap, Probe, backward_map, warp
-from fingerfit.mesh.flat import goes_through, plates_of
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import CONVERGED, Outcome
@@ -51,7 +50,7 @@ class Synthesis:
 
     @property
     def folded(self) -> bool:
-        """Whether the body has gone through itself, or a plate, in a picture."""
+        """Whether the body has gone through itself in a picture."""
         return any(way.folded for way in self.maps)
 
 
@@ -70,7 +69,6 @@ class Predictor:
         self.data, self.mesh = data, mesh
         self._probe = Probe(mesh, data.points)
         self._frame = Picture(data.before, data.spacing, data.origin, data.direction)
-        self._plates = plates_of(mesh)
 
     def predict(self, outcome: Outcome, seen: Observation | None = None) -> Synthesis | None:
         """Prediction of a solution, or None when it did not reach the last step.
@@ -118,10 +116,7 @@ class Predictor:
         mesh, shown = in_first_picture(self.mesh, outcome), outcome.displacement[step]
         if seen is not None:  # a displaced picture shows the body as if it had moved so
             shown = shown + seen.shift(step + 1, mesh.points + shown)
-        found = backward_map(mesh, shown, self._frame, MARGIN)
-        # a plate holds what would go through it, and the deck knows no contact with it
-        beyond = goes_through(mesh, outcome.displacement[step], self._plates) > float(np.min(self.data.spacing))
-        return replace(found, folded=True) if beyond else found
+        return backward_map(mesh, shown, self._frame, MARGIN)
 
 
 def response_of(outcome: Outcome, data: Data) -> np.ndarray:

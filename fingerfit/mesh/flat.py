@@ -1,9 +1,9 @@
-"""Whether sides of a body are flat, whether its layers lie flat on top of each other, and what goes through a plate."""
+"""Whether sides of a body are flat, and whether its layers lie flat on top of each other."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -45,24 +45,3 @@ def is_stacked(mesh: Mesh, layers: Sequence[str]) -> bool:
         ends.append((height.min(), height.max()))
     allowed = LEVEL * float(np.ptp(mesh.body[:, 0]))
     return all(below[1] <= above[0] + allowed for above, below in itertools.pairwise(ends))
-
-
-def plates_of(mesh: Mesh) -> dict[str, int]:
-    """Base and indenter that are plates with all of the body between them, by their node sets: -1 below it, 1 above."""
-    height = mesh.body[:, -1]
-    found = {}
-    for name, side in (("BOTTOM", -1), ("TOP", 1)):
-        end, inside = (side * height).max(), LEVEL * np.ptp(height)
-        if is_flat(mesh, name) and np.sum(side * height > end - inside) == len(mesh.node_sets[name]):
-            found[name] = side
-    return found
-
-
-def goes_through(mesh: Mesh, moved: np.ndarray, plates: Mapping[str, int]) -> float:
-    """How far a deformed body reaches beyond its plates, mm; `moved` are displacements of its nodes, (nodes, dim)."""
-    used = np.unique(np.concatenate([block.nodes.ravel() for block in mesh.blocks]))
-    height = mesh.points[:, -1] + moved[: len(mesh.points), -1]
-    beyond = [
-        (side * height[used]).max() - (side * height[mesh.node_sets[name]]).max() for name, side in plates.items()
-    ]
-    return float(max(beyond, default=0.0))

@@ -8,7 +8,7 @@ from conftest import LAYERS, MU, phantom
 
 from fingerfit.deck.context import deck_context
 from fingerfit.mesh.blocks import brick, layered_block
-from fingerfit.mesh.flat import LEVEL, goes_through, is_flat, is_stacked, plates_of
+from fingerfit.mesh.flat import LEVEL, is_flat, is_stacked
 from fingerfit.mesh.mesh import Block, Mesh
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import catalogue
@@ -104,26 +104,3 @@ def test_a_wall_faces_all_of_a_bulging_side_and_nothing_else(way):
     assert len(plain["faces"]) == 2 * len(LAYERS)
     assert round_one["faces"] == plain["faces"]
     assert round_one["x"] == pytest.approx(6 + way * 6.5) and plain["x"] == pytest.approx(6 + way * 6)
-
-
-def test_plates_have_all_of_the_body_between_them():
-    assert plates_of(mapped(none, none)) == {"BOTTOM": -1, "TOP": 1}
-    assert plates_of(mapped(bulge, lambda s, t: 4 * s * (1 - s) * (1 - t))) == {"TOP": 1}
-    mesh = mapped(none, none)
-    narrow = mesh.node_sets["TOP"][mesh.points[mesh.node_sets["TOP"], 0] < 7.0]
-    # beside a narrower indenter the body may rise, so that it is no plate for it
-    assert plates_of(replace(mesh, node_sets={**mesh.node_sets, "TOP": narrow})) == {"BOTTOM": -1}
-
-
-@pytest.mark.parametrize(("rolled", "beyond"), [(0.0, 0.0), (-0.5, 0.0), (-1.5, 0.5)])
-def test_a_side_that_rolls_over_the_edge_goes_through_the_plate(rolled, beyond):
-    mesh = mapped(none, none)
-    moved = np.zeros_like(mesh.points)
-    moved[:, 1] = -2.0 * mesh.points[:, 1] / HEIGHT
-    side = (mesh.points[:, 0] == 0.0) & (np.abs(mesh.points[:, 1] - 1.0) < 0.6)
-    moved[side, 1] = rolled
-    lowest = (mesh.points + moved)[side, 1].min()
-    assert goes_through(mesh, moved, plates_of(mesh)) == pytest.approx(max(0.0, -lowest))
-    assert (lowest < 0) == (beyond > 0)
-    # both plates move on, and the body with them
-    assert goes_through(mesh, moved - [0.0, 3.0], plates_of(mesh)) == pytest.approx(max(0.0, -lowest))
