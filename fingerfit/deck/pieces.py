@@ -51,8 +51,8 @@ def pieces_of(
         count = np.array([len(inside[member]) for member in members])
         place = np.concatenate([inside[member] for member in members])
         # whole elements reach beyond these points: the layer's own top and bottom come from its nodes
-        nodes = np.concatenate([np.ravel(_nodes_of(mesh, member)) for member in members])
-        bottom, top = mesh.points[nodes, -1].min(), mesh.points[nodes, -1].max()
+        heights = mesh.points[mesh.nodes_of(members), -1]
+        bottom, top = heights.min(), heights.max()
         names = {
             **places(place, low, high),
             **_from_indenter(place, mesh),
@@ -138,11 +138,3 @@ def _from_indenter(points: np.ndarray, mesh: Mesh) -> dict[str, np.ndarray]:
         return {}
     found = points - comes_down(mesh)
     return {"aside_x": found[:, 0], "aside_y": found[:, 1], "beneath": -found[:, 2]}
-
-
-def _nodes_of(mesh: Mesh, element: int) -> np.ndarray:
-    for block in mesh.blocks:
-        if element < len(block.nodes):
-            return block.nodes[element]
-        element -= len(block.nodes)
-    raise IndexError(element)

@@ -42,7 +42,7 @@ TOGETHER = 8
 ALIKE = 0.9
 """Correlation of that error between steps."""
 CHANCE = 2.0
-"""Standard deviations of the noise of a load that chance makes."""
+"""Standard deviations of the noise of a load that chance makes: 95 of 100 loads are within. A choice (decision 19)."""
 
 
 Everything = Data | Sequence[Data]
@@ -188,8 +188,7 @@ class Comparison:
     @cached_property
     def _control_noise(self) -> np.ndarray:
         """Noise of the prescribed quantity as a share of it, shape (steps,)."""
-        size = np.abs(self.data.controlled)
-        return np.divide(self.data.control_noise, size, out=np.zeros_like(size), where=size > 0)
+        return self.data.control_share
 
     @cached_property
     def floor(self) -> np.ndarray:

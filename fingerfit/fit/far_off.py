@@ -34,8 +34,7 @@ def response_spread(data: Data, control: np.ndarray, mesh: np.ndarray) -> np.nda
         Expected error of the mesh.
     """
     measured, noise = data.response
-    size = np.abs(data.controlled)
-    share = np.divide(data.control_noise, size, out=np.zeros_like(size), where=size > 0)[data.response_step]
+    share = data.control_share[data.response_step]
     shared = data.response_gain * np.nan_to_num(measured)
     return np.sqrt(noise**2 + shared**2 + (share * control) ** 2 + TWICE * mesh**2)
 

@@ -36,9 +36,8 @@ class Observed:
         self._data, self._model = data, model
         self._scale = np.sqrt(2.0) * data.picture_noise or 1.0
         self.number, self._others = np.flatnonzero(which), np.flatnonzero(~which)
-        size, steps = np.abs(data.controlled), len(data.step)
-        noise = np.divide(data.control_noise, size, out=np.zeros(steps), where=size != 0)
-        unknown = [model.by_control(share, data) for share in np.diag(noise)]
+        steps = len(data.step)
+        unknown = [model.by_control(share, data) for share in np.diag(data.control_share)]
         changes = self._changes([*(model.slopes[n] for n in self.number), *unknown])
         likely = np.concatenate([np.zeros((steps, len(self.number))), np.eye(steps)], axis=1)
         self._columns = np.concatenate([changes, likely])

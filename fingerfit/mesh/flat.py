@@ -35,13 +35,7 @@ def is_stacked(mesh: Mesh, layers: Sequence[str]) -> bool:
     """Whether layers, from the indenter down, lie flat on top of each other: none reaches into another's height."""
     ends = []
     for name in layers:
-        members = np.zeros(mesh.element_count, dtype=bool)
-        members[mesh.element_sets[name.upper()]] = True
-        heights, first = [], 0
-        for block in mesh.blocks:
-            heights.append(mesh.points[block.nodes[members[first : first + len(block.nodes)]], -1].ravel())
-            first += len(block.nodes)
-        height = np.concatenate(heights)
+        height = mesh.points[mesh.nodes_of(mesh.element_sets[name.upper()]), -1]
         ends.append((height.min(), height.max()))
     allowed = LEVEL * float(np.ptp(mesh.body[:, 0]))
     return all(below[1] <= above[0] + allowed for above, below in itertools.pairwise(ends))

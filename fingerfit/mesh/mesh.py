@@ -69,6 +69,15 @@ class Mesh:
             taken[members] = True
         return {name: chosen[name] for name in self.element_sets if len(chosen[name])}
 
+    def nodes_of(self, elements: np.ndarray) -> np.ndarray:
+        """Nodes that elements have, each once, in order."""
+        chosen, used, first = np.zeros(self.element_count, dtype=bool), np.zeros(len(self.points), dtype=bool), 0
+        chosen[elements] = True
+        for block in self.blocks:
+            used[block.nodes[chosen[first : first + len(block.nodes)]]] = True
+            first += len(block.nodes)
+        return np.flatnonzero(used)
+
     @property
     def element_count(self) -> int:
         """Number of elements of all blocks."""

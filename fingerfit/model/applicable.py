@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from fingerfit.mesh.flat import is_flat, is_stacked
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import ASIDE, Effect
@@ -32,31 +34,27 @@ def cure_of(effect: Effect) -> tuple[str, str]:
     return effect.fault or effect.title, effect.cure or "other settings of the solver"
 
 
-def what_is_there(study: Study, mesh: Mesh, refined: bool) -> set[str]:
-    """Which needs of effects a study with a mesh meets; `refined`: whether there is a finer one."""
+def _is_met(need: str, study: Study, mesh: Mesh, refined: bool) -> bool:
+    """Whether a study with a mesh meets a need of effects; `refined`: whether there is a finer one."""
     pictured = any(step.picture for step in study.steps)
-    return {
-        name
-        for name, there in (
-            ("time", all(step.time is not None for step in study.steps)),
-            ("pictures", pictured),
-            ("displacements", pictured or any(step.points for step in study.steps)),
-            ("block", study.body.mesh is None),
-            ("layers", is_stacked(mesh, study.layer_names)),
-            ("base", is_flat(mesh, "BOTTOM")),
-            ("indenter", is_flat(mesh, "TOP")),
-            ("plane", mesh.dim == 2),
-            ("space", mesh.dim == 3),
-            ("refined", refined),
-        )
-        if there
+    met: dict[str, Callable[[], bool]] = {
+        "time": lambda: all(step.time is not None for step in study.steps),
+        "pictures": lambda: pictured,
+        "displacements": lambda: pictured or any(step.points for step in study.steps),
+        "block": lambda: study.body.mesh is None,
+        "layers": lambda: is_stacked(mesh, study.layer_names),
+        "base": lambda: is_flat(mesh, "BOTTOM"),
+        "indenter": lambda: is_flat(mesh, "TOP"),
+        "plane": lambda: mesh.dim == 2,
+        "space": lambda: mesh.dim == 3,
+        "refined": lambda: refined,
     }
+    return met[need]()
 
 
 def unmet(effect: Effect, study: Study, mesh: Mesh, refined: bool) -> list[str]:
     """Needs of an effect that a study does not meet, in words; none where the effect makes sense in it."""
-    there = what_is_there(study, mesh, refined)
-    found = [IN_WORDS[need] for need in effect.needs if need not in there]
+    found = [IN_WORDS[need] for need in effect.needs if not _is_met(need, study, mesh, refined)]
     if effect.control and effect.control != study.control:
         found.append(f"a prescribed {effect.control}")
     numbers = {p.name for p in effect.parameters}

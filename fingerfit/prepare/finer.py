@@ -80,14 +80,7 @@ def _nodes(mesh: Mesh, kind: str, name: str) -> np.ndarray:
     """Nodes of a set, or of all elements where no kind of sets is named."""
     if kind == "node_sets":
         return np.unique(mesh.node_sets[name])
-    chosen = np.full(mesh.element_count, not kind)
-    if kind:
-        chosen[mesh.element_sets[name]] = True
-    first, found = 0, [np.zeros(0, int)]
-    for block in mesh.blocks:
-        found.append(block.nodes[chosen[first : first + len(block.nodes)]].ravel())
-        first += len(block.nodes)
-    return np.unique(np.concatenate(found))
+    return mesh.nodes_of(mesh.element_sets[name] if kind else np.arange(mesh.element_count))
 
 
 def _elsewhere(mesh: Mesh, finer: Mesh, kind: str, name: str, other: Path) -> tuple[str, str] | None:

@@ -159,8 +159,7 @@ def load_at_end(model: Model, step: DeckStep) -> Load:
 def _has_no_path(model: Model) -> bool:
     """Whether an equilibrium depends on the load alone, and displacements of nodes say all: nothing sticks, relaxes or
     turns."""
-    sticks = any(not getattr(term, "slides", True) for term in model.terms)
-    return not (sticks or model.rigid or any(step.viscous or step.fixed for step in model.deck.steps))
+    return not (model.sticks or model.rigid or any(step.viscous or step.fixed for step in model.deck.steps))
 
 
 def _beside(loading: LoadPath, nearby: np.ndarray, number: int) -> np.ndarray:

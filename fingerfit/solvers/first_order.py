@@ -176,6 +176,5 @@ def _read(path: Path, text: str, averaged: bool) -> _Moved | None:
         model, watched = model_of(deck, path, averaged), Watched.of(deck, path)
     except InputError:
         return None  # the simulation says why
-    alone = not model.rigid and all(body.history is None for body in model.bodies)
-    alone = alone and all(getattr(term, "slides", True) for term in model.terms)
+    alone = not (model.sticks or model.rigid) and all(body.history is None for body in model.bodies)
     return _Moved(model, watched) if alone else None

@@ -71,6 +71,11 @@ class Model:
             return node * self.dim + axis
         return self._extra.get((node, axis), -1)
 
+    @property
+    def sticks(self) -> bool:
+        """Whether something is held by friction or glue where it has come to touch: then the way there matters."""
+        return any(not getattr(term, "slides", True) for term in self.terms)
+
     def system(self, prescribed: np.ndarray) -> System:
         """Equations with some displacements prescribed."""
         try:

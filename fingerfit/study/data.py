@@ -133,6 +133,12 @@ class Data:
         return self.force if self.control == "force" else self.displacement
 
     @property
+    def control_share(self) -> np.ndarray:
+        """Noise of the prescribed quantity as a share of it, shape (steps,); 0 where nothing is prescribed."""
+        size = np.abs(self.controlled)
+        return np.divide(self.control_noise, size, out=np.zeros_like(size), where=size > 0)
+
+    @property
     def response(self) -> tuple[np.ndarray, np.ndarray]:
         """Measured quantities that the control leaves free, and their standard deviations, shapes (responses,).
 

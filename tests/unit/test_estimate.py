@@ -78,7 +78,7 @@ def test_a_constant_within_its_bounds_has_no_remark(tmp_path, monkeypatch):
 def test_a_force_far_off_that_the_score_does_not_contain_is_told_so(score, control, look):
     measured, name = np.array([10.0, 11.0]), ("displacement", "mm") if control == "force" else ("force", "N")
     data = SimpleNamespace(
-        response=(measured, np.full(2, 0.1)), response_gain=0.0, controlled=np.ones(2), control_noise=np.zeros(2),
+        response=(measured, np.full(2, 0.1)), response_gain=0.0, control_share=np.zeros(2),
         response_name=lambda _: name, step=np.array([1, 4]), response_step=np.array([0, 1]), control=control,
     )  # fmt: skip
     test = SimpleNamespace(test="", data=data, settings=SimpleNamespace(fit=SimpleNamespace(score=score)))

@@ -379,7 +379,7 @@ def one_picture(measured, noise):
         picture_noise=noise,
         step=one,
         controlled=one,
-        control_noise=0 * one,
+        control_share=0 * one,
         picture_step=np.array([0]),
         response_step=np.array([0]),
         points_step=np.zeros(0, dtype=int),
