@@ -138,18 +138,16 @@ def on_viscoelastic(reading: Reading, card: Card) -> None:
     material = reading.materials.get(reading.material)
     if material is None:
         raise card.error("no elastic constants", "*HYPERELASTIC or *ELASTIC before it")
-    g, tau = [], []
+    g, k, tau = list[float](), list[float](), list[float]()
     for line, row in card.rows():
         values = [card.number(v, line) if v else 0.0 for v in row]
-        if len(values) != 3 or values[0] < 0 or values[2] <= 0:
-            raise card.error(row, "g, k and tau: g from 0 to 1, tau above 0", line)
-        if values[1] != 0:
-            raise card.error(row, "k = 0: the volumetric part does not relax here", line)
-        g.append(values[0])
-        tau.append(values[2])
-    if not g or sum(g) >= 1:
-        raise card.error(g, "moduli g whose sum is below 1")
-    prony = Prony(tuple(g), tuple(tau), material.prony is not None)
+        if len(values) != 3 or min(values[:2]) < 0 or values[2] <= 0:
+            raise card.error(row, "g, k and tau: g and k from 0 to 1, tau above 0", line)
+        for series, value in zip((g, k, tau), values, strict=True):
+            series.append(value)
+    if not g or max(sum(g), sum(k)) >= 1:
+        raise card.error([g, k], "moduli g and k whose sums are below 1")
+    prony = Prony(tuple(g), tuple(tau), material.prony is not None, tuple(k) if any(k) else ())
     reading.materials[reading.material] = replace(material, prony=prony)
     if reading.material in reading.warmed:
         warmed = reading.warmed[reading.material]

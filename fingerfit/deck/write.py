@@ -309,4 +309,4 @@ def _material(material: Any, warmed: Sequence[tuple[float | None, Any]]) -> Iter
             yield from _wrapped([*_hyperelastic(one)[1], *([] if temperature is None else [temperature])], 8)
     if prony is not None and prony.g:
         yield "*VISCOELASTIC, TIME=PRONY"
-        yield from (_row(g, 0.0, tau) for g, tau in zip(prony.g, prony.tau, strict=True))
+        yield from map(_row, prony.g, prony.k or [0.0] * len(prony.g), prony.tau)

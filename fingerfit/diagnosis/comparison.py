@@ -37,8 +37,8 @@ ACROSS, ACROSS_POINTS = 10, 6
 """Patches over the width of the body that pictures show, and of the region where points alone were measured."""
 NEAR = 0.1
 """Share of its step at which a law of the material is tried to first order (decision 15)."""
-TOGETHER = 8
-"""Answers to first order that have their models in memory at once."""
+TOGETHER = {2: 32, 3: 8}
+"""Answers to first order that have their models in memory at once, in the plane and in space."""
 ALIKE = 0.9
 """Correlation of that error between steps."""
 CHANCE = 2.0
@@ -116,7 +116,8 @@ class Comparison:
             read = [(self.read_answer(one, answer) if answer else None, share) for (one, share), answer in found]
             return [None if one is None or null is None else null + (one - null) / share for one, share in read]
 
-        parts = [near[n : n + TOGETHER] for n in range(0, len(near), TOGETHER)]
+        together = TOGETHER[self.problem.meshes[SEARCH].dim]
+        parts = [near[n : n + together] for n in range(0, len(near), together)]
         read = [one for part in side_by_side(answered, parts, threads) for one in part]
         self._read |= {one.sim: answer for one, answer in zip(near, read, strict=True) if answer is not None}
         return [one for one in asked if one.sim not in self._read]

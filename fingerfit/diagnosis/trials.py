@@ -24,7 +24,7 @@ from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.fit.slopes import moved
 from fingerfit.model.effect import NUMERICS
-from fingerfit.solvers.contract import BY_PATH
+from fingerfit.solvers.contract import BY_PATH, IN_TIME
 
 FIRST_MOVES, FEWEST = 4, 6
 """After the first few moves only a third of the candidates goes on, but so many at least (successive halving: Jamieson
@@ -180,8 +180,10 @@ class _Trial:
             if before is None:
                 there = self.first.refit(wider, wider.settings.starts(), effect, FIRST_MOVES, near=True)
             else:
-                # decks that nobody answers to first order: of a field of stiffness there would be 30 slopes to simulate
-                near = bool(BY_PATH.search(wider.ask(before.values).every[0].deck))
+                # decks that nobody answers to first order, or not at once: of a field of stiffness there would be 30
+                # slopes to simulate
+                deck = wider.ask(before.values).every[0].deck
+                near = any(keyword.search(deck) for keyword in (BY_PATH, IN_TIME))
                 there = self.first.refit(wider, before.values, effect, MOVES - FIRST_MOVES, near)
         except StateError:
             return _Tried(None, frozenset(wider.asked), share, why=wider.lost.why(sorted(wider.asked)))

@@ -117,11 +117,13 @@ class Body:
         self._responses: list[Response] = []
         self._lead: Lead | None = None
         self._settled: Lead | None = None
-        self.history = None
+        self.history = self._pressures = None
         if material.prony is not None:
             from fingerfit.material.prony import History
 
-            self.history = History(material.prony, self.weight.size)
+            self.history = History(material.prony, (self.weight.size, 3, 3))
+            volume = None if kind.nodal else material.prony.of_volume
+            self._pressures = None if volume is None else History(volume, (self.weight.size,))
         self.begin(0.0)
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
@@ -129,7 +131,10 @@ class Body:
         self._states, self._responses = [], []
         self._lead = self._settled
         if self.history is not None:
-            self.points.increment = self.history.begin(dt, relaxed)
+            from fingerfit.material.prony import Increment
+
+            volume = () if self._pressures is None else self._pressures.begin(dt, relaxed)
+            self.points.increment = Increment(*self.history.begin(dt, relaxed), *volume)
 
     def swell(self, stretch: np.ndarray) -> None:
         """Let the points swell by a stretch, shape (elements * points,)."""
@@ -141,17 +146,29 @@ class Body:
         self.points.material = material
         self._states, self._responses = [], []
 
-    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
-        """Take the end of an increment into the history."""
+    def settle(self, u: np.ndarray) -> None:
+        """Take the end of an increment as what the pressure of the next one is foretold from."""
         found = self._response(u)
         if found is not None and found.volume is not None:
             self._settled = Lead(u[self.dofs], found.volume)
+
+    def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
+        """Take the end of an increment into the history.
+
+        Raises
+        ------
+        ValueError
+            For an inverted element of a material that relaxes.
+        """
         if self.history is not None:
             strain = self._strain(u)
             if strain is None or strain.frame is None:
                 raise ValueError("an increment cannot end with an inverted element")
-            stress = self.points.elastic_deviator(strain.squared.reshape(-1, 3), strain.frame)
-            self.history.commit(stress, dt, relaxed)
+            squared = strain.squared.reshape(-1, 3)
+            self.history.commit(self.points.elastic_deviator(squared, strain.frame), dt, relaxed)
+            if self._pressures is not None:
+                volume = self._project(np.sqrt(squared.prod(axis=-1)))
+                self._pressures.commit(self.points.elastic_pressure(volume), dt, relaxed)
 
     def _strain(self, u: np.ndarray) -> Strain | None:
         """Deformation; None where J <= 0. The last two are kept: a line search compares its start with a trial."""

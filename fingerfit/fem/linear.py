@@ -48,6 +48,9 @@ class LinearBody:
     def begin(self, dt: float, relaxed: bool = False) -> None:
         """Nothing: small strain has no history here."""
 
+    def settle(self, u: np.ndarray) -> None:
+        """Nothing: no pressure is foretold."""
+
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Nothing."""
 

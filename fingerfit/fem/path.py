@@ -86,7 +86,12 @@ class LoadPath:
         self.load = Load(np.where(system.prescribed, self.state.u, 0.0), self.load.force)
         self._before = self._earlier = None
 
-    def advance(self, target: Load | Callable[[float], Load], increments: Increments | float = 1.0) -> tuple[bool, int]:
+    def advance(
+        self,
+        target: Load | Callable[[float], Load],
+        increments: Increments | float = 1.0,
+        watch: Callable[[float, float, np.ndarray], None] | None = None,
+    ) -> tuple[bool, int]:
         """Go to a load, in one increment or as many as it needs.
 
         Parameters
@@ -95,6 +100,9 @@ class LoadPath:
             A load is approached on a straight line.
         increments : Increments or float
             A number is the first increment.
+        watch : function, optional
+            Called at the end of each increment, before it is taken into the history: share of the step, length in s (0
+            where no time passes), and displacements, shape (size,), mm.
 
         Returns
         -------
@@ -127,6 +135,9 @@ class LoadPath:
                     return False, total
                 failed, keep = True, _KEEP
                 continue
+            if watch is not None:
+                watch(end, dt, state.u)
+            self.system.settle(state.u)
             self.system.commit(state.u, dt, how.relaxed)
             self._earlier, self._before = self._before, (self.state, self.load)
             self.state, self.load, share = state, load, end
@@ -159,6 +170,7 @@ class LoadPath:
         state, used = self._newton.equilibrium(self.state, self.load, load, u[self.system.free], TOLERANCE)
         if state is None:
             return False, used
+        self.system.settle(state.u)
         self.system.commit(state.u, 0.0, relaxed)
         self._earlier, self._before = self._before, (self.state, self.load)
         self.state, self.load = state, load

@@ -87,7 +87,8 @@ class Points:
         else:
             total = self.increment.scale * self.material.deviatoric_energy(stretch)
             if self.whole:
-                total = total + self.material.volumetric(stretch.prod(axis=-1))[0]
+                jacobian = stretch.prod(axis=-1)
+                total = total + self._in_time(self.material.volumetric(jacobian), jacobian)[0]
         if self.directed and frame is not None:
             total = total + self.directions(squared, frame).energy
         return total
@@ -102,7 +103,7 @@ class Points:
         second = second * self.increment.scale[:, None, None]
         if self.whole:
             jacobian = stretch.prod(axis=-1)
-            _, pressure, bulk = self.material.volumetric(jacobian)
+            _, pressure, bulk = self._in_time(self.material.volumetric(jacobian), jacobian)
             first += (pressure * jacobian)[:, None]
             second += (pressure * jacobian + bulk * jacobian**2)[:, None, None]
         return first, second
@@ -113,7 +114,22 @@ class Points:
 
     def volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Energy density U of the volumetric part in MPa with its derivatives by the volume ratio, all of (points,)."""
-        return swollen(self.material, jacobian, np.asarray(self.swelling) ** 3)
+        return self._in_time(swollen(self.material, jacobian, np.asarray(self.swelling) ** 3), jacobian)
+
+    def elastic_pressure(self, jacobian: np.ndarray) -> np.ndarray:
+        """Derivative of the volumetric energy by the volume ratio without memory, shape (points,), MPa.
+
+        By the ratio less that of swelling where the points have this part themselves.
+        """
+        volume = np.asarray(self.swelling) ** 3
+        pressure = self.material.volumetric(jacobian / volume)[1]
+        return np.asarray(pressure if self.whole else pressure / volume)
+
+    def _in_time(
+        self, volumetric: tuple[np.ndarray, np.ndarray, np.ndarray], jacobian: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        now = self.increment
+        return volumetric if now is None else remembered(volumetric, jacobian, now.bulk, now.pressure)
 
     def directions(self, squared: np.ndarray, frame: np.ndarray) -> Directed:
         """Parts with directions; `frame` has the principal directions as columns, shape (points, 3, 3)."""
@@ -167,6 +183,17 @@ class Points:
             if np.abs(step).max() > 1e-10:
                 return None
         return np.exp(2 * logarithm)
+
+
+def remembered(
+    volumetric: tuple[np.ndarray, np.ndarray, np.ndarray],
+    jacobian: np.ndarray,
+    bulk: np.ndarray | float,
+    pressure: np.ndarray | float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Energy of the volumetric part and its derivatives in a time increment: as of `Increment`."""
+    energy, first, second = volumetric
+    return bulk * energy + pressure * jacobian, bulk * first + pressure, bulk * second
 
 
 def swollen(

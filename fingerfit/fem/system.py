@@ -263,6 +263,11 @@ class System:
         for part in (*self.bodies, *self.terms):
             part.begin(dt, relaxed)
 
+    def settle(self, u: np.ndarray) -> None:
+        """Take the end of an increment as what the next one begins with."""
+        for body in self.bodies:
+            body.settle(u)
+
     def commit(self, u: np.ndarray, dt: float, relaxed: bool) -> None:
         """Take the end of an increment into the history of everything."""
         for part in (*self.bodies, *self.terms):

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from fingerfit.fem.assembly import Body
-from fingerfit.fem.response import swollen
+from fingerfit.fem.response import remembered, swollen
 from fingerfit.fem.system import Contribution
+from fingerfit.material.prony import History
 from fingerfit.material.spread import spread, warmed
 
 
@@ -53,6 +54,12 @@ class AveragedVolume:
         self.share = csr_matrix((share, (at.ravel(), element)), shape=(len(unique), elements))
         self.patch = np.asarray(self.share.sum(axis=1)).ravel()
         self.swelling = np.ones(len(unique))
+        self._histories: list[History | None] = []
+        for one, own in self.material:
+            series = one.prony.of_volume if one.prony is not None else None
+            self._histories.append(History(series, (len(own),)) if series is not None else None)
+        self._bulk, self._memory = np.ones(len(unique)), np.zeros(len(unique))
+        self.begin(0.0)
 
     @property
     def dofs(self) -> np.ndarray:
@@ -60,10 +67,28 @@ class AveragedVolume:
         return np.unique(self._dofs)
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
-        """Nothing: the volumetric part does not relax."""
+        """Get ready for a time increment of `dt` s; with `relaxed`, for an infinitely slow one."""
+        for history, (_, own) in zip(self._histories, self.material, strict=True):
+            if history is not None:
+                self._bulk[own], self._memory[own] = history.begin(dt, relaxed)
 
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
-        """Nothing."""
+        """Take the end of an increment into the history.
+
+        Raises
+        ------
+        ValueError
+            For an inverted element of a material that relaxes.
+        """
+        if not any(self._histories):
+            return
+        found = self._deformation(u)
+        if found is None:
+            raise ValueError("an increment cannot end with an inverted element")
+        _, pressure, _ = self._elastic(found[2])
+        for history, (_, own) in zip(self._histories, self.material, strict=True):
+            if history is not None:
+                history.commit(pressure[own], dt, relaxed)
 
     def swell(self, stretch: np.ndarray) -> None:
         """Let the elements swell, shape (elements,)."""
@@ -86,6 +111,10 @@ class AveragedVolume:
         return None if not min(area.min(), around.min()) > 0 else (f, around, area * around)
 
     def _volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        ratio = (self.share @ jacobian) / self.patch
+        return remembered(self._elastic(jacobian), ratio, self._bulk, self._memory)
+
+    def _elastic(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         ratio = (self.share @ jacobian) / self.patch
         result = np.zeros((3, len(ratio)))
         for material, chosen in self.material:

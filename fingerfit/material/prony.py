@@ -1,9 +1,10 @@
-"""Relaxation of the deviatoric stress by a Prony series at finite strain.
+"""Relaxation of the stress by a Prony series at finite strain.
 
-G(t) = G0 (1 - sum_i g_i (1 - exp(-t / tau_i))). The second Piola-Kirchhoff stress of the deviatoric C is convolved
-and its deviator taken at the end (Simo, Comput. Methods Appl. Mech. Eng. 60, 1987; ABAQUS Theory Guide 4.8.2). With a
-stress that is linear in time over an increment, the convolution is exact (Taylor, Pister and Goudreau 1970), and the
-increment has a potential: the deviatoric energy times `Increment.scale`, plus half of `Increment.memory` : C.
+G(t) = G0 (1 - sum_i g_i (1 - exp(-t / tau_i))), and the bulk modulus with k_i for g_i. The second Piola-Kirchhoff
+stress of the deviatoric C is convolved and its deviator taken at the end (Simo, Comput. Methods Appl. Mech. Eng. 60,
+1987; ABAQUS Theory Guide 4.8.2). With a stress that is linear in time over an increment, the convolution is exact
+(Taylor, Pister and Goudreau 1970), and the increment has a potential: the deviatoric energy times `Increment.scale`,
+plus half of `Increment.memory` : C. So it is with the pressure and the change of volume.
 """
 
 from __future__ import annotations
@@ -25,20 +26,28 @@ class Prony:
         Relaxation times, s.
     instantaneous : bool
         Whether the elastic constants are those of a fast load (ABAQUS: MODULI=INSTANTANEOUS), or of a slow one.
+    k : tuple of float, or of arrays of shape (points,)
+        The same as `g` for the bulk modulus; none where the volume does not relax.
     """
 
     g: tuple[float, ...]
     tau: tuple[float, ...]
     instantaneous: bool = False
+    k: tuple[float, ...] = ()
+
+    @property
+    def of_volume(self) -> Prony | None:
+        """The series of the bulk modulus, as `g` of another one; None where the volume does not relax."""
+        return Prony(self.k, self.tau, self.instantaneous) if self.k else None
 
     @property
     def rest(self) -> np.ndarray:
-        """Factor of the given deviatoric stress after a long time."""
+        """Factor of the given stress after a long time."""
         total = sum((np.asarray(g) for g in self.g), np.zeros(()))
         return 1 - total if self.instantaneous else np.ones_like(total)
 
     def weights(self) -> list[np.ndarray]:
-        """Factor of the given deviatoric stress that each term adds at first."""
+        """Factor of the given stress that each term adds at first."""
         total = sum((np.asarray(g) for g in self.g), np.zeros(()))
         return [np.asarray(g) if self.instantaneous else np.asarray(g) / (1 - total) for g in self.g]
 
@@ -54,7 +63,7 @@ class Prony:
 
 @dataclass(frozen=True)
 class Increment:
-    """Potential of a time increment: scale * W_dev + memory : C / 2 with the deviatoric C.
+    """Potential of a time increment: scale * W_dev + memory : C / 2 with the deviatoric C, and bulk * U + pressure * J.
 
     Parameters
     ----------
@@ -62,46 +71,54 @@ class Increment:
         Factor of the deviatoric energy.
     memory : ndarray, shape (points, 3, 3)
         MPa, symmetric, in the reference state's axes.
+    bulk : ndarray, shape (points,)
+        Factor of the volumetric energy U.
+    pressure : ndarray, shape (points,)
+        MPa, positive in tension.
     """
 
     scale: np.ndarray
     memory: np.ndarray
+    bulk: np.ndarray | float = 1.0
+    pressure: np.ndarray | float = 0.0
 
 
 class History:
-    """Internal variables of a body's integration points.
+    """Internal variables of points: of the deviatoric stress, or of the pressure.
 
     Parameters
     ----------
     prony : Prony
-        Constants.
-    points : int
-        Number of integration points.
+        Constants: its `g`.
+    shape : tuple of int
+        Of the stress: (points, 3, 3), or (points,) of the pressure.
     """
 
-    def __init__(self, prony: Prony, points: int) -> None:
+    def __init__(self, prony: Prony, shape: tuple[int, ...]) -> None:
         self.prony = prony
-        self.stress = np.zeros((points, 3, 3))
-        self.terms = [np.zeros((points, 3, 3)) for _ in prony.g]
+        self.stress = np.zeros(shape)
+        self.terms = [np.zeros(shape) for _ in prony.g]
 
-    def begin(self, dt: float, relaxed: bool = False) -> Increment:
-        """Potential of an increment of `dt` s; with `relaxed`, of an infinitely slow one."""
-        points = len(self.stress)
-        scale, memory = np.broadcast_to(self.prony.rest, points).astype(float), np.zeros((points, 3, 3))
+    def begin(self, dt: float, relaxed: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Factor of the elastic stress in an increment of `dt` s, shape (points,), and what is added to it, MPa.
+
+        With `relaxed`, in an infinitely slow one.
+        """
+        scale, memory = np.broadcast_to(self.prony.rest, len(self.stress)).astype(float), np.zeros_like(self.stress)
         if relaxed:
-            return Increment(scale, memory)
+            return scale, memory
         for term, weight, (left, share) in zip(self.terms, self.prony.weights(), self.prony.decays(dt), strict=True):
             scale = scale + weight * share
             memory += _times(weight * left, term) - _times(weight * share, self.stress)
-        return Increment(scale, memory)
+        return scale, memory
 
     def commit(self, stress: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Go on to the end of an increment.
 
         Parameters
         ----------
-        stress : ndarray, shape (points, 3, 3)
-            Deviatoric elastic stress there: J^(2/3) times the second Piola-Kirchhoff stress, MPa.
+        stress : ndarray
+            Elastic stress there, MPa: of the deviator J^(2/3) times the second Piola-Kirchhoff stress.
         dt : float
             Length of the increment, s.
         relaxed : bool
@@ -113,4 +130,5 @@ class History:
 
 
 def _times(factor: np.ndarray, tensor: np.ndarray) -> np.ndarray:
-    return np.asarray(factor)[..., None, None] * tensor
+    factor = np.asarray(factor)
+    return factor.reshape(factor.shape + (1,) * (tensor.ndim - 1)) * tensor

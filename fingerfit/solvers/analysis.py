@@ -86,6 +86,32 @@ class StepResult:
     iterations: int
 
 
+@dataclass(frozen=True)
+class IncrementEnd:
+    """End of an increment, before it is taken into the history.
+
+    Parameters
+    ----------
+    system : System
+    step : int
+        From 0.
+    share : float
+        Of the step.
+    time : float
+        Length in s; 0 where no time passes.
+    load : Load
+    u : ndarray, shape (size,)
+        Displacements, mm.
+    """
+
+    system: System
+    step: int
+    share: float
+    time: float
+    load: Load
+    u: np.ndarray
+
+
 def model_of(deck: Deck, path: Path, averaged: bool = True) -> Model:
     """The model of a deck with its contacts; parameters and errors as of `Model`."""
     model = Model(deck, path, averaged)
@@ -96,7 +122,13 @@ def model_of(deck: Deck, path: Path, averaged: bool = True) -> Model:
     return model
 
 
-def run_steps(deck: Deck, path: Path, averaged: bool = True, nearby: np.ndarray | None = None) -> Iterator[StepResult]:
+def run_steps(
+    deck: Deck,
+    path: Path,
+    averaged: bool = True,
+    nearby: np.ndarray | None = None,
+    watch: Callable[[IncrementEnd], None] | None = None,
+) -> Iterator[StepResult]:
     """Solve a deck step by step, up to the first step that does not converge.
 
     Parameters
@@ -110,6 +142,8 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True, nearby: np.ndarray 
         Displacements at the end of each step of a deck with nearly the same numbers, mm. Each step then begins with
         these, moved by what was different one step before; where that finds no equilibrium, it is gone through as
         without them.
+    watch : function, optional
+        Called at the end of each increment of a step that is gone through.
 
     Raises
     ------
@@ -127,11 +161,12 @@ def run_steps(deck: Deck, path: Path, averaged: bool = True, nearby: np.ndarray 
         elif not np.array_equal(prescribed, loading.system.prescribed):
             loading.change(model.system(prescribed))
         with np.errstate(all="ignore"):
-            path_of_step, arrived, used = _path(model, step, loading.load), False, 0
+            path_of_step, arrived, used = load_path(model, step, loading.load), False, 0
             if nearby is not None:
                 arrived, used = loading.jump(path_of_step(1.0), _beside(loading, nearby, number), step.relaxed)
             if not arrived:
-                arrived, more = loading.advance(path_of_step, _increments(deck, step))
+                told = _watched(loading, number, path_of_step, watch) if watch is not None else None
+                arrived, more = loading.advance(path_of_step, _increments(deck, step), told)
                 used += more
         shape, nodal = deck.mesh.points.shape, model.nodal
         state = loading.state
@@ -153,7 +188,7 @@ def prescribed_in(model: Model, step: DeckStep) -> np.ndarray:
 def load_at_end(model: Model, step: DeckStep) -> Load:
     """What a step with finite strain has reached at its end; the model gets its pressures and temperatures."""
     zero = np.zeros(model.size)
-    return _path(model, step, Load(zero, zero))(1.0)
+    return load_path(model, step, Load(zero, zero))(1.0)
 
 
 def _has_no_path(model: Model) -> bool:
@@ -198,8 +233,14 @@ def _increments(deck: Deck, step: DeckStep) -> Increments:
     return Increments(step.increment, step.largest, step.fixed, step.period, step.viscous, step.relaxed, stops)
 
 
-def _path(model: Model, step: DeckStep, before: Load) -> Callable[[float], Load]:
-    """Load as a function of the share of the step; pressures are set on the way."""
+def _watched(
+    loading: LoadPath, step: int, path: Callable[[float], Load], watch: Callable[[IncrementEnd], None]
+) -> Callable[[float, float, np.ndarray], None]:
+    return lambda share, time, u: watch(IncrementEnd(loading.system, step, share, time, path(share), u))
+
+
+def load_path(model: Model, step: DeckStep, before: Load) -> Callable[[float], Load]:
+    """Load as a function of the share of a step, from that before it; the model gets its pressures and temperatures."""
     start = Load(before.given.copy(), before.force.copy())
     amplitudes = model.deck.amplitudes
     dead = start.force if model.finite else np.zeros(model.size)

@@ -15,9 +15,11 @@ from fingerfit.core.files import read_npz, write_npz
 
 CONVERGED = "converged"
 DIVERGED = "diverged"
-BY_PATH = re.compile(r"^\*(FRICTION|VISCOELASTIC)", re.MULTILINE)
-"""Keywords of decks that nobody answers to first order: the answer depends on the way to it. There may be others; a
+BY_PATH = re.compile(r"^\*FRICTION", re.MULTILINE)
+"""Keyword of decks that nobody answers to first order: the answer depends on the way to it. There may be others; a
 solver then gives no such answer."""
+IN_TIME = re.compile(r"^\*VISCOELASTIC", re.MULTILINE)
+"""Keyword of decks beside which answers to first order cost another simulation of theirs, since time counts."""
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,16 @@
 The equations of a deck are T (f(u) - F) = 0, with the internal forces f at the displacements u, the loads F and the map
 T of forces on all degrees of freedom to those on the unknowns. At the known displacements the forces of a deck that was
 moved are evaluated, and followed with the tangent of the known one: a single step of Newton's method, with one
-factorisation for all moved decks, and no way from rest. Where bodies touch, a second step with the same tangent tells
-what the first one left out, and whether that is little. What moves with a deck may be anything: constants, places of
-nodes, prescribed displacements, factors of ties, springs, temperatures, stresses. Divided by the size of its change, it
-is a derivative up to that size, as a difference of two answers is.
+factorisation for all moved decks, and no way from rest. Where materials relax, the known deck is solved again, and the
+others are followed at the end of each increment, each with the history of its own answer. Where bodies touch, a second
+step with the same tangent tells what the first one left out, and whether that is little. What moves with a deck may be
+anything: constants, places of nodes, prescribed displacements, factors of ties, springs, temperatures, stresses.
+Divided by the size of its change, it is a derivative up to that size, as a difference of two answers is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,14 +22,17 @@ from fingerfit.core.errors import InputError
 from fingerfit.deck.content import DeckStep
 from fingerfit.deck.reader import read_deck
 from fingerfit.fem.factor import Apply
-from fingerfit.fem.newton import TOLERANCE
+from fingerfit.fem.newton import TOLERANCE, Load
 from fingerfit.fem.system import Evaluation, System
-from fingerfit.solvers.analysis import Watched, load_at_end, model_of, prescribed_in
+from fingerfit.solvers.analysis import IncrementEnd, Watched, load_at_end, load_path, model_of, prescribed_in, run_steps
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.solvers.model import Model
 
 _STILL = 100 * TOLERANCE
 """Residual force, relative to the largest internal force, above which an answer is none of its deck. A choice."""
+
+_SAME = 1e-6
+"""Relative difference of displacements up to which an answer that is found again is the same."""
 
 _FOLLOWED = 0.2
 """Share of the answer above which what the tangent left out of a contact is too much: whole patches have come to touch.
@@ -56,8 +60,8 @@ def answers(
     Returns
     -------
     list
-        None where that cannot be: where the answer depends on the way to it (relaxation, friction), where another part
-        of the body would touch, where nodes have displacements that neither the deck prescribes nor the answer tells
+        None where that cannot be: where the answer depends on the way to it (friction), where another part of the body
+        would touch, where nodes have displacements that neither the deck prescribes nor the answer tells
         (of rigid bodies that turn), and where the moved deck has other unknowns.
     """
     here = _read(folder / "deck.inp", deck, averaged)
@@ -67,9 +71,31 @@ def answers(
     with np.errstate(all="ignore"):
         others = (_read(folder / "deck.inp", text, averaged) for text in moved)
         found = [one if one and here.is_like(one) else None for one in others]
+        if here.relaxes:
+            return _by_increments(here, folder / "deck.inp", known, found, averaged)
         for n, displacement in enumerate(known.displacement):
             place = _Place.of(here, n, displacement.ravel())
             found = [one if one and place and one.follow(place, n) else None for one in found]
+    return [one.outcome() if one else None for one in found]
+
+
+def _by_increments(
+    here: _Moved, path: Path, known: Outcome, moved: Sequence[_Moved | None], averaged: bool
+) -> list[Outcome | None]:
+    """As `answers`, where materials relax: the known deck is solved again, since its answer tells no histories."""
+    found = list(moved)
+
+    def follow(end: IncrementEnd) -> None:
+        place = _Place.at(end.system, end.load, end.u)
+        found[:] = [one if one and place and one.follow_in(place, end) else None for one in found]
+
+    nothing: list[Outcome | None] = [None] * len(found)
+    steps = run_steps(here.model.deck, path, averaged, watch=follow)
+    for step, told in zip(steps, known.displacement, strict=True):
+        end = step.displacement[: len(told)]
+        # the answer of another deck is none
+        if not step.arrived or not np.abs(end - told).max() <= _SAME * np.abs(end).max() or not any(found):
+            return nothing
     return [one.outcome() if one else None for one in found]
 
 
@@ -82,14 +108,18 @@ class _Moved:
     displacement: list[np.ndarray] = field(default_factory=list)
     internal: list[np.ndarray] = field(default_factory=list)
     _system: System | None = None
+    _step: int = -1
+    _path: Callable[[float], Load] | None = None
+    _ended: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def steps(self) -> list[DeckStep]:
         return self.model.deck.steps
 
     def is_like(self, other: _Moved) -> bool:
-        """Whether it has as many steps and nodes."""
-        return len(self.steps) == len(other.steps) and self.model.size == other.model.size
+        """Whether it has as many steps and nodes, and relaxes or does not as the other one."""
+        same = len(self.steps) == len(other.steps) and self.model.size == other.model.size
+        return same and self.relaxes == other.relaxes
 
     def system(self, step: int) -> System:
         """Its equations in a step."""
@@ -98,12 +128,45 @@ class _Moved:
             self._system = self.model.system(prescribed)
         return self._system
 
+    @property
+    def relaxes(self) -> bool:
+        """Whether the answer depends on the time that it took."""
+        return any(body.history is not None for body in self.model.bodies)
+
     def follow(self, place: _Place, step: int) -> bool:
         """Find the answer of a step from the known one; whether there is one."""
-        system, load = self.system(step), load_at_end(self.model, self.steps[step])
+        found = self._beside(place, self.system(step), load_at_end(self.model, self.steps[step]))
+        return found is not None and self._keep(*found)
+
+    def follow_in(self, place: _Place, end: IncrementEnd) -> bool:
+        """Find the answer of an increment from the known one, and take it into the history; whether there is one."""
+        system, relaxed = self.system(end.step), self.steps[end.step].relaxed
+        load = self._loading(end.step)(end.share)
+        system.begin(end.time, relaxed)
+        found = self._beside(place, system, load)
+        if found is None:
+            return False
+        u, internal = found
+        try:
+            system.commit(u, end.time, relaxed)
+        except ValueError:  # an inverted element
+            return False
+        self._ended = u, load.force
+        return end.share < 1.0 or self._keep(u, internal)
+
+    def _loading(self, step: int) -> Callable[[float], Load]:
+        """Load as a function of the share of a step, from where the one before it ended."""
+        if self._path is None or step != self._step:
+            u, force = self._ended or (np.zeros(self.model.size), np.zeros(self.model.size))
+            before = Load(np.where(self.system(step).prescribed, u, 0.0), force)
+            self._step, self._path = step, load_path(self.model, self.steps[step], before)
+        return self._path
+
+    def _beside(self, place: _Place, system: System, load: Load) -> tuple[np.ndarray, np.ndarray] | None:
+        """Displacements, mm, and internal forces, N, under a load from what is known of a place."""
         evaluation = system.evaluate(place.u, tangent=False)
         if evaluation is None or not np.array_equal(system.free, place.system.free):
-            return False
+            return None
         # products of two changes are left out: nodes that are moved alone meet the bulk modulus
         moved = system.expand(place.q, load.given) - place.u
         forces = system.reduce(evaluation.internal - load.force) + place.system.reduce(place.along(moved))
@@ -114,14 +177,18 @@ class _Moved:
             # what touches or lifts off on the way is not in the tangent
             evaluation = system.evaluate(place.u + change, tangent=False)
             if evaluation is None:
-                return False
+                return None
             more = place.system.expand(place.solve(place.left - system.reduce(evaluation.internal - load.force)), still)
             if not np.linalg.norm(more) <= _FOLLOWED * np.linalg.norm(change):
-                return False
+                return None
             change, internal = change + more, evaluation.internal + place.along(more)
-        self.displacement.append(place.u + change)
+        return place.u + change, internal
+
+    def _keep(self, u: np.ndarray, internal: np.ndarray) -> bool:
+        """Keep the answer of a step; whether it is one."""
+        self.displacement.append(u)
         self.internal.append(internal)
-        return bool(np.isfinite(self.displacement[-1]).all() and np.isfinite(self.internal[-1]).all())
+        return bool(np.isfinite(u).all() and np.isfinite(internal).all())
 
     def outcome(self) -> Outcome:
         shape = (len(self.displacement), -1, self.model.dim)
@@ -150,15 +217,20 @@ class _Place:
         if not system.prescribed[len(told) :].all():
             return None
         u = np.append(told, load.given[len(told) :])
-        q = u[system.free]
+        alike = np.allclose(system.expand(u[system.free], load.given), u, rtol=0, atol=1e-9)
+        return cls.at(system, load, u) if alike else None
+
+    @classmethod
+    def at(cls, system: System, load: Load, u: np.ndarray) -> _Place | None:
+        """That under a load, displacements `u` in mm; None where it is no equilibrium."""
         evaluation = system.evaluate(u)
-        if evaluation is None or not len(q) or not np.allclose(system.expand(q, load.given), u, rtol=0, atol=1e-9):
+        if evaluation is None or not len(system.free):
             return None
         left = system.reduce(evaluation.internal - load.force)
         if not np.abs(left).max() <= _STILL * max(evaluation.largest, np.abs(load.force).max()):
             return None
         solve = system.solver(evaluation)
-        return None if solve is None else cls(system, evaluation, solve, q, u, left)
+        return None if solve is None else cls(system, evaluation, solve, u[system.free], u, left)
 
     def along(self, move: np.ndarray) -> np.ndarray:
         """Change of the internal forces with a change of all displacements, N."""
@@ -166,7 +238,7 @@ class _Place:
 
 
 def _read(path: Path, text: str, averaged: bool) -> _Moved | None:
-    """A deck whose answer follows from its loads alone."""
+    """A deck whose answer follows from its loads, and from time."""
     try:
         deck = read_deck(path, text)
         if not all(step.finite for step in deck.steps):
@@ -176,5 +248,4 @@ def _read(path: Path, text: str, averaged: bool) -> _Moved | None:
         model, watched = model_of(deck, path, averaged), Watched.of(deck, path)
     except InputError:
         return None  # the simulation says why
-    alone = not (model.sticks or model.rigid) and all(body.history is None for body in model.bodies)
-    return _Moved(model, watched) if alone else None
+    return None if model.sticks or model.rigid else _Moved(model, watched)

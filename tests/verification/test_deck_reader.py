@@ -500,7 +500,7 @@ def test_materials(run):
 *ANISOTROPIC HYPERELASTIC, HOLZAPFEL, LOCAL DIRECTIONS=1
 0.02, 0.1, 0.5, 0.9, 0.1
 *VISCOELASTIC, TIME=PRONY
-0.1, 0., 1.
+0.1, 0.2, 1.
 *MATERIAL, NAME=Y
 *HYPERELASTIC, YEOH
 0.1, 0.01, 0.001, 0.5, 0., 0.
@@ -509,7 +509,9 @@ def test_materials(run):
         + "*STEP, NLGEOM\n*STATIC\n*CLOAD\n2, 1, 0.01\n3, 1, 0.01\n*END STEP\n"
     )
     read, steps = run(deck)
-    assert read.materials["F"] == Holzapfel(0.02, 0.1, 0.5, 0.9, 0.1, ((1.0, 0.0, 0.0),), Prony((0.1,), (1.0,)))
+    assert read.materials["F"] == Holzapfel(
+        0.02, 0.1, 0.5, 0.9, 0.1, ((1.0, 0.0, 0.0),), Prony((0.1,), (1.0,), k=(0.2,))
+    )
     assert read.materials["Y"] == Yeoh((0.1, 0.01, 0.001), (0.5,))
     along_y = last(steps)[2, 0]
     _, steps = run(deck.replace("0., 1., 0., -1., 0., 0.", "1., 0., 0., 0., 1., 0."))
@@ -548,7 +550,7 @@ ERRORS = {
     "*MATERIAL, NAME=M\n*HYPERELASTIC, ARRUDA-BOYCE\n1., 1., 1.\n": "ARRUDA-BOYCE",
     "*MATERIAL, NAME=M\n*HYPERELASTIC, NEO HOOKE\n1., 0.\n": "D above 0",
     "*MATERIAL, NAME=M\n*VISCOELASTIC, TIME=PRONY\n0.5, 0., 1.\n": "no elastic constants",
-    "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.3\n*VISCOELASTIC, TIME=PRONY\n0.5, 0.1, 1.\n": "line 5.*k = 0",
+    "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.3\n*VISCOELASTIC, TIME=PRONY\n0.5, 1., 1.\n": "g and k whose sums are below 1",
     "*AMPLITUDE, NAME=A\n0., 0., 0., 1.\n": "times growing",
     "*SURFACE INTERACTION, NAME=I\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL\n1., 1.\n": "found EXPONENTIAL",
     "*SURFACE, NAME=S\nX, S1\n": "an element or a set of them",

@@ -43,6 +43,10 @@ CASES = {
     "border of layers": ({"interface.down": 0.5, "interface.border": 1.0}, "interface.down", 1.5),
     "wall": ({"wall.share": 0.5, "wall.gap": 0.3, "wall.side": 0.0}, "wall.share", 0.5),
     "nodes": ({"nodes": 0.1}, "nodes", 1.0),
+    "relaxation": ({"relaxation.share": 0.3, "relaxation.time": 20.0}, "relaxation.share", 0.3),
+    "time of relaxation": ({"relaxation.share": 0.3, "relaxation.time": 20.0}, "relaxation.time", 20.0),
+    "modulus beside relaxation": ({"relaxation.share": 0.6, "relaxation.time": 5.0}, "mu_middle", 0.0357),
+    "tilt beside relaxation": ({"relaxation.share": 0.3, "relaxation.time": 20.0, "tilt.slope": 0.02}, "tilt.slope", 0.4),
 }  # fmt: skip
 """Values, the one that moves, and what its step is a share of."""
 
@@ -129,11 +133,17 @@ def test_what_has_not_moved_stays(tmp_path):
     assert np.array_equal(found.indenter, found.displacement[:, 88]) and found.steps == known.steps
 
 
-def test_an_answer_that_depends_on_its_way_is_none(tmp_path):
+def test_what_relaxes_is_beside_what_relaxes(tmp_path):
+    """A deck that does not relax is not beside one that does, nor is anything beside the answer of another deck."""
     values = {"relaxation.share": 0.3, "relaxation.time": 20.0}
-    here = written(tmp_path, values, "displacement", "CPE8H")
-    moved = written(tmp_path, values | {"mu_top": 1.01 * MU["mu_top"]}, "displacement", "CPE8H")
-    assert answers(tmp_path, here, solved(tmp_path, here), [moved]) == [None]
+    here, other, plain = (
+        written(tmp_path, own, "displacement", "CPE8H")
+        for own in (values, values | {"mu_top": 1.01 * MU["mu_top"]}, {"mu_top": 1.01 * MU["mu_top"]})
+    )
+    found = answers(tmp_path, here, solved(tmp_path, here), [plain, other])
+    assert found[0] is None and found[1] is not None
+    assert answers(tmp_path, here, solved(tmp_path, other), [other]) == [None]
+    assert answers(tmp_path, plain, solved(tmp_path, plain), [other]) == [None]
 
 
 def test_other_unknowns_need_a_simulation(tmp_path):
