@@ -28,6 +28,8 @@ SCATTERED = 0.15
 three quarters and more."""
 _FEWEST = 6
 """Half pixels on either side of a stated side, at least."""
+_LOOKS = 8
+"""How often a side is looked for."""
 _PARTS = 8
 """Of a side; texture makes neighbouring places err alike, but parts of a side do not."""
 
@@ -112,19 +114,43 @@ def measure_outline(picture: Picture, low: np.ndarray, high: np.ndarray) -> Outl
     low, high : ndarray, shape (2,)
         Corners of the body as it is stated, mm.
     """
-    pixel, reach = float(picture.spacing.max()), REACH * float((high - low).min())
+    pixel = float(picture.spacing.max())
     outward, error = np.full((len(SIDES), _DEGREE + 1), np.nan), np.full(len(SIDES), np.nan)
     for number in range(len(SIDES)):
-        axis, last = divmod(number, 2)
-        share = np.linspace(CORNER, 1.0 - CORNER, max(int((high - low)[1 - axis] / pixel), 4 * _PARTS))
-        lines = _lines(picture, low, high, axis, bool(last), share, reach)
-        if lines is not None:
-            along, edges = 2.0 * share - 1.0, _edges(*lines)
-            found, spread = _parabola(along, edges, pixel)
-            if spread < SCATTERED * lines[0][-1] / 2.0 and _contrast(lines[1]) > SURELY:
-                found[0] += _half_way(*lines, legval(along, found))
-                outward[number], error[number] = found, _error(along, edges, found, spread)
+        found = _side(picture, low, high, *divmod(number, 2), pixel)
+        if found is not None:
+            outward[number], error[number] = found
     return Outline(low, high, outward, error, pixel)
+
+
+def _side(
+    picture: Picture, low: np.ndarray, high: np.ndarray, axis: int, last: int, pixel: float
+) -> tuple[np.ndarray, float] | None:
+    """Coefficients of a side and their standard error, mm; None where the picture shows none.
+
+    A side that is found far from where it was looked for is looked for again there: what was taken for surely inside,
+    or outside, may not have been.
+    """
+    reach, centre = REACH * float((high - low).min()), 0.0
+    share = np.linspace(CORNER, 1.0 - CORNER, max(int((high - low)[1 - axis] / pixel), 4 * _PARTS))
+    along = 2.0 * share - 1.0
+    for _ in range(_LOOKS):
+        ends = [low.copy(), high.copy()]
+        ends[last][axis] += centre if last else -centre
+        lines = _lines(picture, *ends, axis, bool(last), share, reach)
+        if lines is None:
+            return None
+        edges = _edges(*lines)
+        found, spread = _parabola(along, edges, pixel)
+        if not (spread < SCATTERED * lines[0][-1] / 2.0 and _contrast(lines[1]) > SURELY):
+            return None
+        if abs(found[0]) <= lines[0][-1] / 4.0:
+            found[0] += _half_way(*lines, legval(along, found))
+            error = _error(along, edges, found, spread)
+            found[0] += centre
+            return found, error
+        centre += found[0]
+    return None
 
 
 def _lines(

@@ -62,6 +62,14 @@ def test_sides_are_found_where_they_are(direction):
     assert middle[0, 0] == pytest.approx(HIGH[0] + 0.7, abs=PIXEL)
 
 
+@pytest.mark.parametrize("away", [1.2, 1.6, 1.9], ids="{} mm".format)
+def test_a_side_is_looked_for_again_where_it_was_found(away):
+    """Further in than 1 mm, as far as it is looked for from where it is stated in this picture."""
+    shape = sides() | {"right": lambda v: -away + 0 * v}
+    several = [measure_outline(pictured(shape, seed=seed), LOW, HIGH) for seed in range(1, 6)]
+    assert np.median([one.elsewhere()["right"] for one in several]) == pytest.approx(-away, abs=PIXEL)
+
+
 @pytest.mark.parametrize("noise", [0.01, 0.1])
 @pytest.mark.parametrize("dark", [0.0, 0.3])
 def test_a_body_as_stated_is_nowhere_else(noise, dark):
