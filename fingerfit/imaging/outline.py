@@ -135,9 +135,9 @@ def _side(
     share = np.linspace(CORNER, 1.0 - CORNER, max(int((high - low)[1 - axis] / pixel), 4 * _PARTS))
     along = 2.0 * share - 1.0
     for _ in range(_LOOKS):
-        ends = [low.copy(), high.copy()]
-        ends[last][axis] += centre if last else -centre
-        lines = _lines(picture, *ends, axis, bool(last), share, reach)
+        ends = np.array([low, high])
+        ends[last, axis] += centre if last else -centre
+        lines = _lines(picture, ends[0], ends[1], axis, bool(last), share, reach)
         if lines is None:
             return None
         edges = _edges(*lines)
