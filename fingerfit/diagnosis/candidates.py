@@ -66,7 +66,8 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
             asked = []
             for parameter in effect.parameters if effect.simulated else ():
                 trial = with_effect(effect, place, parameter.name)
-                asked.append(problem.ask({**values, **trial}, f"{effect.name}.{parameter.name}"))
+                role = f"{effect.name}.{parameter.name}"
+                asked.append(problem.ask({**values, **trial}, role, nearby=values, first_order=False))
             if asked and all(one.sim == without for one in asked):
                 continue  # no part of this study's deck: friction where nothing is in contact, a layer beyond the last
             candidate = Candidate(effect, place, tuple(asked))

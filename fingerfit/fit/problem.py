@@ -22,7 +22,7 @@ from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.lost import Lost
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import Priors, unit
-from fingerfit.fit.rounds import Asked, simulation_name
+from fingerfit.fit.rounds import Asked
 from fingerfit.forward.decks import make_deck, refusal, template_of
 from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
 from fingerfit.forward.score import Prediction, chi_square, deviations, score
@@ -153,6 +153,7 @@ class InverseProblem:
         study: Study | None = None,
         mesh: str | None = None,
         nearby: Mapping[str, float] | None = None,
+        first_order: bool = True,
     ) -> Asked:
         """Deck and name of the simulation of a guess.
 
@@ -168,15 +169,19 @@ class InverseProblem:
             Another one than the role has.
         nearby : mapping, optional
             A guess on the same mesh a step away: beside its solution this one is answered to first order, or begins
-            there, where it is long; where the solver can.
+            there, where it is long; where the solver can. One with the same deck is that guess.
+        first_order : bool
+            Whether the step is small enough to be answered so.
         """
         mesh = mesh or (REFINED if role == FINAL and REFINED in self.mesh_files else SEARCH)
         study, name = with_gain(study or self.study, gain), self.mesh_names[mesh]
         deck = make_deck(self.settings, study, self.meshes[mesh], name, self.own(values), self.effects)
-        beside = nearby is not None and self._can.first_order and not BY_PATH.search(deck)
-        begun = self._name(nearby, mesh) if nearby is not None and (beside or self.begins_nearby) else ""
-        asked = Asked(dict(values), "", name, deck, role, nearby=begun, first_order=beside)
-        return replace(asked, sim=simulation_name(deck, asked.solved_by(self.solver)))
+        asked = Asked(dict(values), "", name, deck, role).named(self.solver)
+        begun = asked.sim if nearby is None else self._name(nearby, mesh)
+        beside = first_order and self._can.first_order and not BY_PATH.search(deck)
+        if asked.sim == begun or not (beside or (self.long and self._can.nearby)):
+            return asked
+        return replace(asked, nearby=begun, first_order=beside).named(self.solver)
 
     def _name(self, values: Mapping[str, float], mesh: str) -> str:
         """Name of the simulation of a guess; kept, because each slope asks for that of its middle."""
@@ -194,11 +199,6 @@ class InverseProblem:
     def beside(self) -> int:
         """How many simulations can run beside another one."""
         return self.settings.fit.batch - 1
-
-    @cached_property
-    def begins_nearby(self) -> bool:
-        """Whether simulations of slopes begin at the solution between them: long ones, of a solver that can."""
-        return self.long and self._can.nearby
 
     @cached_property
     def _can(self) -> Capabilities:

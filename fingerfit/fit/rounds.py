@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -114,6 +114,10 @@ class Asked:
     def every(self) -> tuple[Asked, ...]:
         """The simulations of the guess: one for each test."""
         return self.tests or (self,)
+
+    def named(self, solver: Mapping[str, Any]) -> Asked:
+        """The same with the name that its deck and what makes the answer give it."""
+        return replace(self, sim=simulation_name(self.deck, self.solved_by(solver)))
 
     def solved_by(self, solver: Mapping[str, Any]) -> dict[str, Any]:
         """What makes the answer beside the deck: the identity of the solver, and the solution that it begins at."""
