@@ -131,26 +131,25 @@ def _side(
     A side that is found far from where it was looked for is looked for again there: what was taken for surely inside,
     or outside, may not have been.
     """
-    reach, centre = REACH * float((high - low).min()), 0.0
+    reach, ends, known = REACH * float((high - low).min()), np.array([low, high]), None
     share = np.linspace(CORNER, 1.0 - CORNER, max(int((high - low)[1 - axis] / pixel), 4 * _PARTS))
-    along = 2.0 * share - 1.0
+    along, centre = 2.0 * share - 1.0, 0.0
     for _ in range(_LOOKS):
-        ends = np.array([low, high])
-        ends[last, axis] += centre if last else -centre
         lines = _lines(picture, ends[0], ends[1], axis, bool(last), share, reach)
         if lines is None:
-            return None
+            break
         edges = _edges(*lines)
         found, spread = _parabola(along, edges, pixel)
         if not (spread < SCATTERED * lines[0][-1] / 2.0 and _contrast(lines[1]) > SURELY):
-            return None
-        if abs(found[0]) <= lines[0][-1] / 4.0:
-            found[0] += _half_way(*lines, legval(along, found))
-            error = _error(along, edges, found, spread)
-            found[0] += centre
-            return found, error
-        centre += found[0]
-    return None
+            break
+        away = found[0]
+        found[0] += _half_way(*lines, legval(along, found))
+        known = found + centre * np.eye(len(found))[0], _error(along, edges, found, spread)
+        if abs(away) <= lines[0][-1] / 4.0:
+            break
+        centre += away
+        ends[last, axis] += away if last else -away
+    return known
 
 
 def _lines(
