@@ -38,7 +38,8 @@ ACROSS, ACROSS_POINTS = 10, 6
 NEAR = 0.1
 """Share of its step at which a law of the material is tried to first order (decision 15)."""
 TOGETHER = {2: 32, 3: 8}
-"""Answers to first order that have their models in memory at once, in the plane and in space."""
+"""Answers to first order that have their models in memory at once, in the plane and in space, at most. A choice: where
+materials relax, each such part solves the known deck once more."""
 ALIKE = 0.9
 """Correlation of that error between steps."""
 CHANCE = 2.0
@@ -116,7 +117,8 @@ class Comparison:
             read = [(self.read_answer(one, answer) if answer else None, share) for (one, share), answer in found]
             return [None if one is None or null is None else null + (one - null) / share for one, share in read]
 
-        together = TOGETHER[self.problem.meshes[SEARCH].dim]
+        # no part is so large that a processor has none
+        together = min(TOGETHER[self.problem.meshes[SEARCH].dim], -(-len(near) // threads) or 1)
         parts = [near[n : n + together] for n in range(0, len(near), together)]
         read = [one for part in side_by_side(answered, parts, threads) for one in part]
         self._read |= {one.sim: answer for one, answer in zip(near, read, strict=True) if answer is not None}
@@ -170,7 +172,7 @@ class Comparison:
         control = (slope or self.slope)("control")
         for step in range(len(data.step)):
             only = self._at_step(step)
-            columns.append(control * self._control_noise[step] * only)
+            columns.append(control * self.data.control_share[step] * only)
             columns.append(self.mesh_signal * only)
         return np.stack(columns, axis=1)[self.residual.kept]
 
@@ -185,11 +187,6 @@ class Comparison:
         for step in range(len(self.data.step)):
             whole[self._at_step(step) > 0] = step
         return whole[self.residual.kept]
-
-    @cached_property
-    def _control_noise(self) -> np.ndarray:
-        """Noise of the prescribed quantity as a share of it, shape (steps,)."""
-        return self.data.control_share
 
     @cached_property
     def floor(self) -> np.ndarray:
@@ -219,7 +216,7 @@ class Comparison:
         slope = difference(ahead, behind, lambda: self.pictures(self.problem.ask(best_values(self.last))))
         if slope is None:
             return np.zeros(len(self.data.picture_step)), np.zeros(len(self.data.picture_step))
-        noise = self._control_noise[self.data.picture_step]
+        noise = self.data.control_share[self.data.picture_step]
         size, off = self.residual.inside(slope), []
         for left, along, way in zip(
             self.data.measured - self.prediction.pictures, slope, self.residual.fits, strict=True

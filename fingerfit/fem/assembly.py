@@ -17,6 +17,7 @@ import numpy as np
 from fingerfit.fem.pressure import Lead, projection
 from fingerfit.fem.response import Points, divided
 from fingerfit.fem.strain import Strain, principal
+from fingerfit.material.prony import History, Increment, history_of_pressure
 from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, STRESS, rule, shape
 
 
@@ -119,11 +120,8 @@ class Body:
         self._settled: Lead | None = None
         self.history = self._pressures = None
         if material.prony is not None:
-            from fingerfit.material.prony import History
-
             self.history = History(material.prony, (self.weight.size, 3, 3))
-            volume = None if kind.nodal else material.prony.of_volume
-            self._pressures = None if volume is None else History(volume, (self.weight.size,))
+            self._pressures = None if kind.nodal else history_of_pressure(material.prony, self.weight.size)
         self.begin(0.0)
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
@@ -131,8 +129,6 @@ class Body:
         self._states, self._responses = [], []
         self._lead = self._settled
         if self.history is not None:
-            from fingerfit.material.prony import Increment
-
             volume = () if self._pressures is None else self._pressures.begin(dt, relaxed)
             self.points.increment = Increment(*self.history.begin(dt, relaxed), *volume)
 

@@ -15,7 +15,7 @@ import numpy as np
 from fingerfit.fem.assembly import Body
 from fingerfit.fem.response import remembered, swollen
 from fingerfit.fem.system import Contribution
-from fingerfit.material.prony import History
+from fingerfit.material.prony import history_of_pressure
 from fingerfit.material.spread import spread, warmed
 
 
@@ -54,10 +54,8 @@ class AveragedVolume:
         self.share = csr_matrix((share, (at.ravel(), element)), shape=(len(unique), elements))
         self.patch = np.asarray(self.share.sum(axis=1)).ravel()
         self.swelling = np.ones(len(unique))
-        self._histories: list[History | None] = []
-        for one, own in self.material:
-            series = one.prony.of_volume if one.prony is not None else None
-            self._histories.append(History(series, (len(own),)) if series is not None else None)
+        histories = ((history_of_pressure(one.prony, len(own)), own) for one, own in self.material)
+        self._histories = [(history, own) for history, own in histories if history is not None]
         self._bulk, self._memory = np.ones(len(unique)), np.zeros(len(unique))
         self.begin(0.0)
 
@@ -68,9 +66,8 @@ class AveragedVolume:
 
     def begin(self, dt: float, relaxed: bool = False) -> None:
         """Get ready for a time increment of `dt` s; with `relaxed`, for an infinitely slow one."""
-        for history, (_, own) in zip(self._histories, self.material, strict=True):
-            if history is not None:
-                self._bulk[own], self._memory[own] = history.begin(dt, relaxed)
+        for history, own in self._histories:
+            self._bulk[own], self._memory[own] = history.begin(dt, relaxed)
 
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Take the end of an increment into the history.
@@ -80,23 +77,22 @@ class AveragedVolume:
         ValueError
             For an inverted element of a material that relaxes.
         """
-        if not any(self._histories):
+        if not self._histories:
             return
         found = self._deformation(u)
         if found is None:
             raise ValueError("an increment cannot end with an inverted element")
-        _, pressure, _ = self._elastic(found[2])
-        for history, (_, own) in zip(self._histories, self.material, strict=True):
-            if history is not None:
-                history.commit(pressure[own], dt, relaxed)
+        _, pressure, _ = self._elastic(self._mean(found[2]))
+        for history, own in self._histories:
+            history.commit(pressure[own], dt, relaxed)
 
     def swell(self, stretch: np.ndarray) -> None:
         """Let the elements swell, shape (elements,)."""
-        self.swelling = (self.share @ stretch**3) / self.patch
+        self.swelling = self._mean(stretch**3)
 
     def warm(self, group: int, table: Sequence[tuple[float, Any]], at: np.ndarray) -> None:
         """Let the material of a group have its constants at the temperatures of all elements, shape (elements,)."""
-        mean = (self.share @ at) / self.patch
+        mean = self._mean(at)
         for n in np.flatnonzero(self.groups == group):
             own = self.material[n][1]
             anywhere = spread([table[0][1]], [len(own)])
@@ -111,11 +107,14 @@ class AveragedVolume:
         return None if not min(area.min(), around.min()) > 0 else (f, around, area * around)
 
     def _volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        ratio = (self.share @ jacobian) / self.patch
-        return remembered(self._elastic(jacobian), ratio, self._bulk, self._memory)
+        ratio = self._mean(jacobian)
+        return remembered(self._elastic(ratio), ratio, self._bulk, self._memory)
 
-    def _elastic(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        ratio = (self.share @ jacobian) / self.patch
+    def _mean(self, values: np.ndarray) -> np.ndarray:
+        """Values of elements averaged around each node, by their volume."""
+        return np.asarray((self.share @ values) / self.patch)
+
+    def _elastic(self, ratio: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         result = np.zeros((3, len(ratio)))
         for material, chosen in self.material:
             result[:, chosen] = swollen(material, ratio[chosen], self.swelling[chosen])

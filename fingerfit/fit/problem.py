@@ -177,11 +177,11 @@ class InverseProblem:
         study, name = with_gain(study or self.study, gain), self.mesh_names[mesh]
         deck = make_deck(self.settings, study, self.meshes[mesh], name, self.own(values), self.effects)
         asked = Asked(dict(values), "", name, deck, role).named(self.solver)
-        begun = asked.sim if nearby is None else self._name(nearby, mesh)
-        beside = first_order and self._can.first_order and not BY_PATH.search(deck)
-        if asked.sim == begun or not (beside or (self.long and self._can.nearby)):
+        if nearby is None or (begun := self._name(nearby, mesh)) == asked.sim:
             return asked
-        return replace(asked, nearby=begun, first_order=beside).named(self.solver)
+        beside = first_order and self._can.first_order and not BY_PATH.search(deck)
+        begins = beside or (self.long and self._can.nearby)
+        return replace(asked, nearby=begun, first_order=beside).named(self.solver) if begins else asked
 
     def _name(self, values: Mapping[str, float], mesh: str) -> str:
         """Name of the simulation of a guess; kept, because each slope asks for that of its middle."""

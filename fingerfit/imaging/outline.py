@@ -29,7 +29,7 @@ three quarters and more."""
 _FEWEST = 6
 """Half pixels on either side of a stated side, at least."""
 _LOOKS = 8
-"""How often a side is looked for."""
+"""How often a side is looked for, at most: 8 times `REACH` is more than the body."""
 _PARTS = 8
 """Of a side; texture makes neighbouring places err alike, but parts of a side do not."""
 
@@ -128,8 +128,8 @@ def _side(
 ) -> tuple[np.ndarray, float] | None:
     """Coefficients of a side and their standard error, mm; None where the picture shows none.
 
-    A side that is found far from where it was looked for is looked for again there: what was taken for surely inside,
-    or outside, may not have been.
+    A side that is found more than half as far off as it is looked for is looked for again there: what was taken for
+    surely inside, or outside, may not have been.
     """
     reach, ends, known = REACH * float((high - low).min()), np.array([low, high]), None
     share = np.linspace(CORNER, 1.0 - CORNER, max(int((high - low)[1 - axis] / pixel), 4 * _PARTS))
@@ -138,14 +138,16 @@ def _side(
         lines = _lines(picture, ends[0], ends[1], axis, bool(last), share, reach)
         if lines is None:
             break
-        edges = _edges(*lines)
+        edges, far = _edges(*lines), lines[0][-1] / 2.0
         found, spread = _parabola(along, edges, pixel)
-        if not (spread < SCATTERED * lines[0][-1] / 2.0 and _contrast(lines[1]) > SURELY):
+        if not (spread < SCATTERED * far and _contrast(lines[1]) > SURELY):
             break
         away = found[0]
         found[0] += _half_way(*lines, legval(along, found))
-        known = found + centre * np.eye(len(found))[0], _error(along, edges, found, spread)
-        if abs(away) <= lines[0][-1] / 4.0:
+        error = _error(along, edges, found, spread)
+        found[0] += centre
+        known = found, error
+        if abs(away) <= far / 2.0:
             break
         centre += away
         ends[last, axis] += away if last else -away

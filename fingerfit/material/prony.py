@@ -36,11 +36,6 @@ class Prony:
     k: tuple[float, ...] = ()
 
     @property
-    def of_volume(self) -> Prony | None:
-        """The series of the bulk modulus, as `g` of another one; None where the volume does not relax."""
-        return Prony(self.k, self.tau, self.instantaneous) if self.k else None
-
-    @property
     def rest(self) -> np.ndarray:
         """Factor of the given stress after a long time."""
         total = sum((np.asarray(g) for g in self.g), np.zeros(()))
@@ -127,6 +122,13 @@ class History:
         for term, (left, share) in zip(self.terms, self.prony.decays(dt), strict=True):
             term[...] = 0.0 if relaxed else _times(left, term) + _times(share, stress - self.stress)
         self.stress = stress
+
+
+def history_of_pressure(prony: Prony | None, points: int) -> History | None:
+    """The history of the pressure at so many points; None where the volume does not relax."""
+    if prony is None or not prony.k:
+        return None
+    return History(Prony(prony.k, prony.tau, prony.instantaneous), (points,))
 
 
 def _times(factor: np.ndarray, tensor: np.ndarray) -> np.ndarray:

@@ -32,7 +32,8 @@ _STILL = 100 * TOLERANCE
 """Residual force, relative to the largest internal force, above which an answer is none of its deck. A choice."""
 
 _SAME = 1e-6
-"""Relative difference of displacements up to which an answer that is found again is the same."""
+"""Relative difference of displacements up to which an answer that is found again is the same: well above what
+`TOLERANCE` leaves, far below what another deck has. A choice."""
 
 _FOLLOWED = 0.2
 """Share of the answer above which what the tangent left out of a contact is too much: whole patches have come to touch.

@@ -22,7 +22,7 @@ def compared(off, rest=0.0, noise=SHARE):
     found = object.__new__(Comparison)
     found.last = SimpleNamespace(batch=[SimpleNamespace(role=sign + "control", sign=sign) for sign in "+-"])
     found.pictures = lambda asked: along * {"+": 0.03, "-": -0.03}[asked.sign]
-    found.data = SimpleNamespace(picture_step=np.array([0]), measured=left)
+    found.data = SimpleNamespace(picture_step=np.array([0]), measured=left, control_share=np.array([noise]))
     found.prediction = SimpleNamespace(pictures=np.zeros_like(left))
     way = SimpleNamespace(pixel=np.arange(PIXELS))
     found.residual = SimpleNamespace(
@@ -31,7 +31,6 @@ def compared(off, rest=0.0, noise=SHARE):
         fits=(way,),
         inside=lambda pictures: np.sqrt((pictures**2).mean(axis=(1, 2))),
     )
-    found._control_noise = np.array([noise])
     return found
 
 

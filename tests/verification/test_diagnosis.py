@@ -52,8 +52,8 @@ def test_the_floor_counts_the_prescribed_force(world):
     extra = np.sqrt(comparison.floor**2 - comparison.residual.floor**2)
     assert (extra > 0).all()
     # twice the noise of the force adds twice as much
-    noisier = Comparison(comparison.problem, comparison.last, comparison.data)
-    noisier.__dict__["_control_noise"] = 2 * comparison._control_noise
+    twice = replace(comparison.data, control_noise=2 * comparison.data.control_noise)
+    noisier = Comparison(comparison.problem, comparison.last, twice)
     assert np.sqrt(noisier.floor**2 - noisier.residual.floor**2) == pytest.approx(2 * extra)
 
 
