@@ -52,7 +52,7 @@ def test_the_floor_counts_the_prescribed_force(world):
     extra = np.sqrt(comparison.floor**2 - comparison.residual.floor**2)
     assert (extra > 0).all()
     # twice the noise of the force adds twice as much
-    twice = replace(comparison.data, control_noise=2 * comparison.data.control_noise)
+    twice = replace(comparison.data, force_noise=2 * comparison.data.force_noise)
     noisier = Comparison(comparison.problem, comparison.last, twice)
     assert np.sqrt(noisier.floor**2 - noisier.residual.floor**2) == pytest.approx(2 * extra)
 
