@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from fingerfit.deck.state import Handler, Reading
 from fingerfit.material.isotropic import Isotropic
 from fingerfit.material.spread import structure_of
 
-_MODELS = ("OGDEN", "NEO HOOKE", "MOONEY-RIVLIN", "YEOH", "REDUCED POLYNOMIAL")
+_MODELS = ("OGDEN", "NEO HOOKE", "MOONEY-RIVLIN", "YEOH", "REDUCED POLYNOMIAL", "MARLOW")
 _ORDERS = 6
 """Terms of an energy at most, as in ABAQUS."""
 
@@ -28,6 +29,10 @@ def on_hyperelastic(reading: Reading, card: Card) -> None:
     if len(chosen) != 1:
         raise card.error(", ".join(card.options) or "nothing", "one of " + ", ".join(_MODELS))
     model = chosen[0]
+    if model == "MARLOW":
+        card.values(0, 0)
+        reading.tested[reading.material] = card, {}
+        return
     order = 3 if model == "YEOH" else card.whole(card.options.get("N") or "1", card.line)
     if not 1 <= order <= _ORDERS:
         raise card.error(f"N={order}", f"N from 1 to {_ORDERS}")
@@ -77,6 +82,62 @@ def _hyperelastic(card: Card, model: str, order: int, values: list[float]) -> Is
     from fingerfit.material.yeoh import Yeoh
 
     return Yeoh(tuple(values[:order]), _compressibility(card, values[order:]))
+
+
+def on_test_data(reading: Reading, card: Card) -> None:
+    """*UNIAXIAL or *VOLUMETRIC TEST DATA of Marlow's law, which is complete when both are there."""
+    from fingerfit.material.marlow import Marlow
+
+    card.allow()
+    if reading.material not in reading.tested:
+        raise card.error("another law", "*HYPERELASTIC, MARLOW before it")
+    opening, given = reading.tested[reading.material]
+    given[card.name] = card
+    if len(given) < 2:
+        return
+    uniaxial, volumetric = given["UNIAXIAL TEST DATA"], given["VOLUMETRIC TEST DATA"]
+    d = (_bulk(volumetric),)
+    made = list[tuple[float, Isotropic]]()
+    for temperature, rows in _tests(uniaxial).items():
+        strain, stress = zip(*rows, strict=True)
+        if len(rows) < 2 or strain[0] <= 0 or not all(low < high for low, high in pairwise(strain)):
+            raise uniaxial.error(list(strain), "two nominal strains or more above 0, each larger than that before")
+        made.append((temperature, _moduli(opening, Marlow(strain, stress, d))))
+    if not all(low < high for (low, _), (high, _) in pairwise(made)):
+        raise uniaxial.error([one for one, _ in made], "temperatures from the lowest on, each once")
+    if len({structure_of(material) for _, material in made}) > 1:
+        raise uniaxial.error("other numbers of strains at other temperatures", "as many strains at all of them")
+    reading.materials[reading.material] = made[0][1]
+    if len(made) > 1:
+        reading.warmed[reading.material] = made
+    del reading.tested[reading.material]
+
+
+def _tests(card: Card) -> dict[float, list[tuple[float, float]]]:
+    """Strains and stresses of each temperature, in the order of the deck; of 0 where there is none."""
+    found: dict[float, list[tuple[float, float]]] = {}
+    for line, row in card.rows(2):
+        if len(row) > 4 or (len(row) > 2 and row[2]):
+            raise card.error(row, "nominal stress and strain; then an empty field and the temperature", line)
+        stress, strain = (card.number(text, line) for text in row[:2])
+        found.setdefault(card.number(row[3], line) if len(row) > 3 else 0.0, []).append((strain, stress))
+    if not found:
+        raise card.error("no data", "nominal stress and strain of each point")
+    return found
+
+
+def _bulk(card: Card) -> float:
+    """D of pressures in proportion to the volume that is lost."""
+    rows = [[card.number(text, line) for text in row] for line, row in card.rows(2)]
+    if not rows:
+        raise card.error("no data", "pressure and volume ratio J")
+    if any(len(row) != 2 or row[1] == 1 or row[0] * (1 - row[1]) <= 0 for row in rows):
+        raise card.error(rows, "pressure and volume ratio J: a pressure above 0 where J is below 1, below 0 above it")
+    pressure, ratio = np.transpose(rows)
+    found = 2 * (1 - ratio) / pressure
+    if np.ptp(found) > 1e-6 * found[0]:
+        raise card.error(rows, "pressures in proportion to 1 - J")
+    return float(found[0])
 
 
 def _compressibility(card: Card, values: list[float]) -> tuple[float, ...]:
@@ -225,6 +286,8 @@ KEYWORDS: dict[str, Handler] = {
     "MATERIAL": on_material,
     "HYPERELASTIC": on_hyperelastic,
     "ELASTIC": on_elastic,
+    "UNIAXIAL TEST DATA": on_test_data,
+    "VOLUMETRIC TEST DATA": on_test_data,
     "ANISOTROPIC HYPERELASTIC": on_anisotropic_hyperelastic,
     "VISCOELASTIC": on_viscoelastic,
     "EXPANSION": on_expansion,

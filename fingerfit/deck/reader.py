@@ -161,6 +161,9 @@ def _finish(reading: Reading) -> Deck:
     mesh, numbers = reading.mesh()
     if reading.step is not None or not reading.steps:
         raise InputError(reading.path, "deck", "no complete step", "*STEP ... *END STEP")
+    for opening, given in reading.tested.values():
+        missing = {"UNIAXIAL TEST DATA", "VOLUMETRIC TEST DATA"} - set(given)
+        raise opening.error("no *" + " and no *".join(sorted(missing)), "both test data after it")
     assigned = np.zeros(mesh.element_count, dtype=bool)
     for section, card in reading.sections:
         if section.material not in reading.materials:

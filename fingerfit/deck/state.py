@@ -54,6 +54,7 @@ class Reading:
         self.placed: tuple[Card, int, int] | None = None
         self.materials: dict[str, Any] = {}
         self.material: str = ""
+        self.tested: dict[str, tuple[Card, dict[str, Card]]] = {}
         self.orientations: dict[str, Orientation] = {}
         self.sections: list[tuple[Section, Card]] = []
         self.equations: list[list[tuple[int, int, float]]] = []

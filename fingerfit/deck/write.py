@@ -302,6 +302,14 @@ def _material(material: Any, warmed: Sequence[tuple[float | None, Any]]) -> Iter
     elif kind == "Holzapfel":
         yield f"*ANISOTROPIC HYPERELASTIC, HOLZAPFEL, LOCAL DIRECTIONS={len(material.directions)}{moduli}"
         yield _row(material.c10, material.d, material.k1, material.k2, material.kappa)
+    elif kind == "Marlow":
+        yield f"*HYPERELASTIC, MARLOW{moduli}"
+        yield "*UNIAXIAL TEST DATA"
+        for temperature, one in warmed or [(None, material)]:
+            for strain, stress in zip(one.strain, one.stress, strict=True):
+                yield _row(stress, strain, *([] if temperature is None else ["", temperature]))
+        yield "*VOLUMETRIC TEST DATA"
+        yield _row(2 / material.d[0], 0.0)
     else:
         name, _ = _hyperelastic(material)
         yield f"*HYPERELASTIC, {name}{moduli}"

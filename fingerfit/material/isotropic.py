@@ -100,6 +100,14 @@ def power_sum(logarithm: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarr
     return 3 * mean[..., 0], alpha * (power - mean), second
 
 
+def by_first_invariant(
+    first: np.ndarray, second: np.ndarray, slope: np.ndarray, curve: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of f(I1) by the logarithms of the stretches, from those of I1 and f' and f'' of shape (...)."""
+    outer = first[..., :, None] * first[..., None, :]
+    return column(slope) * first, column(slope)[..., None] * second + column(curve)[..., None] * outer
+
+
 def polynomial(jacobian: np.ndarray, d: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """U = sum_i 1 / D_i (J - 1)^(2 i) with its first and second derivative, MPa; D in 1/MPa."""
     gap = jacobian - 1

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fingerfit.material.isotropic import Isotropic, column, deviatoric, polynomial, power_sum
+from fingerfit.material.isotropic import Isotropic, by_first_invariant, deviatoric, polynomial, power_sum
 
 if TYPE_CHECKING:
     from fingerfit.material.prony import Prony
@@ -43,9 +43,7 @@ class Yeoh(Isotropic):
             slope += n * c * gap ** (n - 1)
             if n > 1:
                 curve += n * (n - 1) * c * gap ** (n - 2)
-        outer = first[..., :, None] * first[..., None, :]
-        second = column(slope)[..., None] * second + column(curve)[..., None] * outer
-        return column(slope) * first, second
+        return by_first_invariant(first, second, slope, curve)
 
     def volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return polynomial(jacobian, self.d)

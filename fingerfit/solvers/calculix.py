@@ -35,6 +35,7 @@ LACKS = frozenset(
         "*ANISOTROPIC HYPERELASTIC",
         "*ELEMENT twice in the plane",
         "*FRICTION, ROUGH",
+        "*HYPERELASTIC, MARLOW",
         "*HYPERELASTIC, REDUCED POLYNOMIAL, N=4 or more",
         "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN",
         "*INITIAL CONDITIONS, TYPE=STRESS",

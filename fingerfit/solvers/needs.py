@@ -25,6 +25,7 @@ FEATURES = frozenset(
         "*EXPANSION",
         "*FRICTION",
         "*FRICTION, ROUGH",
+        "*HYPERELASTIC, MARLOW",
         "*HYPERELASTIC, MOONEY-RIVLIN",
         "*HYPERELASTIC, N=2 or more",
         "*HYPERELASTIC, NEO HOOKE",
@@ -54,6 +55,7 @@ FEATURES = frozenset(
 _ENERGIES = {
     "Elastic": "*ELASTIC",
     "Holzapfel": "*ANISOTROPIC HYPERELASTIC",
+    "Marlow": "*HYPERELASTIC, MARLOW",
     "MooneyRivlin": "*HYPERELASTIC, MOONEY-RIVLIN",
     "NeoHooke": "*HYPERELASTIC, NEO HOOKE",
     "Ogden": "*HYPERELASTIC, OGDEN",

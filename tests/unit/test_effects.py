@@ -571,6 +571,7 @@ def test_what_is_beside_the_law_is_the_elements_of_each_layer_once_more():
     for prefix, values in (
         ("YEOH", {"yeoh.c2": 0.5, "yeoh.c3": 0.2}),
         ("EXP", {"exponential.b": 2.0}),
+        ("SOFTENING", {"softening.change": -0.4}),
         ("FIBRES", {"fibres.stiffness": 0.05}),
     ):
         for more in ({}, {"gradient.slope": 0.4}):
@@ -583,7 +584,11 @@ def test_what_is_beside_the_law_is_the_elements_of_each_layer_once_more():
             assert min(numbers) > MESH.element_count
             assert text.count("*SOLID SECTION") == 2 * text.count("*HYPERELASTIC, OGDEN")
     # of one layer, where that is asked for, and not at all of one that is not there
-    for name, number, prefix in (("yeoh", "c2", "YEOH"), ("exponential", "b", "EXP")):
+    for name, number, prefix in (
+        ("yeoh", "c2", "YEOH"),
+        ("exponential", "b", "EXP"),
+        ("softening", "change", "SOFTENING"),
+    ):
         one = deck({f"{name}.{number}": 0.5, f"{name}.layer": 2.0})
         assert re.findall(rf"ELSET={prefix}_(\w+)\n", one) == ["MIDDLE"]
         assert one.count("*HYPERELASTIC") == len(LAYERS) + 1
@@ -616,6 +621,19 @@ def test_they_stiffen_at_large_strain_only(tmp_path):
         small, large = forces(values) / plain
         assert 1.0 < small < 1.02
         assert large > 1.5
+
+
+def test_it_softens_at_small_strain_and_then_no_more(tmp_path):
+    """A body that softens to half of its modulus is half as stiff, once I1 - 3 is beyond 1 / rate.
+
+    A little less at large strain: what is taken away is of I1, and so grows faster than the law of the body, alpha 1.4.
+    """
+    values, forces = study("displacement", [0.02, 1.5, 3.0]), {}
+    for name, own in (("plain", {}), ("soft", {"softening.change": -0.5, "softening.rate": 50.0})):
+        forces[name] = solve(deck(own, of=values), tmp_path).reaction[:, 1]
+    small, middle, large = forces["soft"] / forces["plain"]
+    assert 0.99 < small < 1.0
+    assert 0.45 < large < 0.5 < middle < 0.6
 
 
 def test_a_wall_stops_the_side_that_meets_it(tmp_path, plain):

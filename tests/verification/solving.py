@@ -11,6 +11,7 @@ from fingerfit.fem.system import System
 from fingerfit.fem.volume import AveragedVolume
 from fingerfit.material.elastic import Elastic
 from fingerfit.material.holzapfel import Holzapfel
+from fingerfit.material.marlow import Marlow
 from fingerfit.material.mooney_rivlin import MooneyRivlin
 from fingerfit.material.neo_hooke import NeoHooke
 from fingerfit.material.ogden import Ogden
@@ -27,6 +28,8 @@ MATERIALS = {
     "mooney_rivlin": MooneyRivlin(0.02, 0.008, (0.8,)),
     "yeoh": Yeoh((0.02, 0.004, 0.001), (0.8, 5.0, 3.0)),
     "reduced6": Yeoh((0.02, 0.004, 0.001, 5e-4, 2e-4, 1e-4), (0.8,)),
+    # softens, then stiffens; less far than a test stretches it
+    "marlow": Marlow((0.1, 0.2, 0.4, 0.8), (0.011, 0.019, 0.03, 0.06), (0.8,)),
     "elastic": Elastic(0.1, 0.3),
     "hencky": Elastic(0.1, 0.3, Prony((0.0,), (1.0,))),
     "holzapfel": Holzapfel(0.02, 0.8, 0.05, 0.9, 0.1, (AXIS,)),

@@ -40,6 +40,7 @@ def moved(problem, values):
 OTHERS = {
     "yeoh": {"c2": 0.5, "c3": 0.1},
     "exponential": {"b": 0.5},
+    "softening": {"change": -0.4, "rate": 6.0},
     "second_term": {"share": 0.3},
     "material_probe": {"share": 0.3},
 }

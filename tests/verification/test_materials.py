@@ -7,6 +7,7 @@ from solving import AXIS, MATERIALS
 from fingerfit.fem.assembly import Body
 from fingerfit.material.elastic import Elastic
 from fingerfit.material.holzapfel import Holzapfel
+from fingerfit.material.marlow import Marlow
 from fingerfit.material.neo_hooke import NeoHooke
 from fingerfit.material.ogden import Ogden
 from fingerfit.material.prony import Prony
@@ -153,6 +154,26 @@ def test_closed_forms_of_isochoric_tension(deformation, stretch, axis):
     for name, value in expected.items():
         found = difference(stress(MATERIALS[name], gradient), gradient, axis)
         assert found == pytest.approx(value, rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize("deformation", [uniaxial, biaxial, planar])
+def test_a_uniaxial_test_says_all_of_a_law_of_the_first_invariant(deformation):
+    """Marlow's law of a test of Yeoh's law is Yeoh's law; of higher powers it is, as points come nearer to each other."""
+    left = {}
+    for name, ratio in (("yeoh", 1.4), ("reduced6", 1.4), ("reduced6", 1.2)):
+        law = MATERIALS[name]
+        stretch = 1 + 0.02 * ratio ** np.arange(1 + np.ceil(np.log(75) / np.log(ratio)))
+        gap = stretch**2 + 2 / stretch - 3
+        nominal = 2 * sum(n * c * gap ** (n - 1) for n, c in enumerate(law.c, 1)) * (stretch - stretch**-2)
+        marlow = Marlow(tuple(stretch - 1), tuple(nominal), law.d)
+        for one, measured in zip(stretch, nominal, strict=True):
+            found = difference(stress(marlow, uniaxial(one)), uniaxial(one))
+            assert found == pytest.approx(one * measured, rel=1e-9)
+        gradients = [deformation(one) for one in (0.8, 0.9, 1.1, 1.3)]
+        ratios = [difference(stress(marlow, one), one) / difference(stress(law, one), one) for one in gradients]
+        left[name, ratio] = np.abs(np.array(ratios) - 1).max()
+    assert left["yeoh", 1.4] < 1e-12
+    assert 1e-12 < left["reduced6", 1.2] < min(2e-4, left["reduced6", 1.4])
 
 
 def test_simple_shear():
