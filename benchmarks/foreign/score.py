@@ -72,6 +72,7 @@ FAMILY = {
     "skin": "structure",
     "soft_bed": "base",
     "soft_frame": "loading",
+    "softening": "material",
     "split_layer": "structure",
     "state_probe": "state",
     "state_probe_in_space": "state",
@@ -88,7 +89,6 @@ FAMILY = {
     "uneven_brightness": "observation",
     "wall": "indenter",
     "wandering_pictures": "observation",
-    "softening": "material",
     "yeoh": "material",
 }
 """Family of each effect that comes with fingerfit, as this benchmark sees it."""
@@ -110,7 +110,8 @@ ALIKE = {
     "stiffening": {"exponential", "softening", "yeoh"}, "inclusion": {"ellipse"},
     "base_slip": {"debonding", "base_friction"}, "indenter_slip": {"indenter_debonding", "indenter_friction"},
     "bias_field": {"uneven_brightness"}, "force_offset": {"guide_friction"},
-    "ageing": {"layer_ageing"}, "layer_stiffening": {"exponential", "softening", "yeoh"}, "wandering_pictures": {"jumping_pictures"},
+    "ageing": {"layer_ageing"}, "layer_stiffening": {"exponential", "softening", "yeoh"},
+    "wandering_pictures": {"jumping_pictures"},
     "intensity_drift": {"jumping_brightness", "contrast_drift"},
 }  # fmt: skip
 """Members that are as right: other laws of the same stiffening, an inclusion of any shape, a side that is loose from an
