@@ -62,19 +62,19 @@ def information(
         0 for places.
     """
     absent = effect.null() if effect else {}
+    scale = {effect.key(p.name): p.scale for p in effect.parameters} if effect else {}
     places = [effect.key(name) for name in effect.refine] if effect else []
     names = [p.name.partition(AT)[0] for p in parameters]
     own = [n for n, name in enumerate(names) if name in absent or name in places]
-    numbers = [(parameters[n], absent.get(names[n])) for n in own]
-    likely = np.array(
-        [LIKELY if null is not None else (p.upper - p.lower) / p.scale / np.sqrt(12.0) for p, null in numbers]
-    )
+    whole = np.array([parameters[n].upper - parameters[n].lower for n in own])
+    size = np.array([LIKELY * scale[names[n]] if names[n] in absent else 0.0 for n in own])
+    likely = np.where(size > 0, size, whole / np.sqrt(12.0)) / np.array([parameters[n].scale for n in own])
     others = np.delete(slopes, own, axis=1)
     basis, sizes, _ = np.linalg.svd(others, full_matrices=False)
     basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)]
     left = (slopes[:, own] - basis @ (basis.T @ slopes[:, own])) * likely
-    far = [(values[p.name] - null) / p.scale / LIKELY if null is not None else 0.0 for p, null in numbers]
-    return left.T @ left, np.array(far)
+    away = np.array([values[parameters[n].name] - absent.get(names[n], np.nan) for n in own])
+    return left.T @ left, np.divide(away, size, out=np.zeros(len(own)), where=size > 0)
 
 
 def spare(problem: InverseProblem, score_test: ScoreTest, values: Mapping[str, float]) -> list[Effect]:

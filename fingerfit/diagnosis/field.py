@@ -79,15 +79,17 @@ def field_of(comparison: Comparison) -> Field | None:
     spread = max(1.0, score_test.misfit / max(score_test.freedom, 1))
     columns, rest = score_test.own / np.sqrt(spread), score_test.left / np.sqrt(spread)
     at = coordinates(parameters, comparison.base.values) * own
-    precision = np.where(own, LIKELY**-2, FLAT)
+    scale = np.array([p.scale for p in whole.parameters])
+    unity = np.array([p.scale for p in parameters])[own]
+    precision = np.full(len(own), FLAT)
+    precision[own] = np.square(unity / (LIKELY * scale[: len(unity)]))
     inverse = np.linalg.inv(columns.T @ columns + np.diag(precision))
     found = at + inverse @ (columns.T @ rest - precision * at)
-    scale = np.array([p.scale for p in whole.parameters])
     count = int(own.sum())
     size, before = np.zeros(len(scale)), LIKELY * scale
-    size[:count] = found[own] * scale[:count]
+    size[:count] = found[own] * unity
     covariance = np.diag(np.square(before) * np.mean(np.square(size[:count] / before[:count])))
-    covariance[:count, :count] = inverse[np.ix_(own, own)] * np.outer(scale[:count], scale[:count])
+    covariance[:count, :count] = inverse[np.ix_(own, own)] * np.outer(unity, unity)
     constants = {name for name, _ in names}
     return Field(basis_of(whole, problem.meshes[comparison.mesh], constants), size, covariance, before)
 

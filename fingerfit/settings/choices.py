@@ -83,7 +83,9 @@ class Choices:
             given = self.model.effects[effect.name]
             for p in effect.parameters:
                 for name, start in self._started(effect.key(p.name), given, p.null):
-                    found.append(Parameter(name, p.unit, p.lower, p.upper, start, False, p.scale))
+                    # a large number changes by shares of itself, as a modulus does
+                    unity = max(p.scale, abs(start - p.null))
+                    found.append(Parameter(name, p.unit, p.lower, p.upper, start, False, unity))
             for short, (lower, upper) in effect.refine.items():
                 for name, start in self._started(effect.key(short), given, effect.scan[short][0]):
                     start, log = min(max(start, lower), upper), 0 < WIDE * lower <= upper

@@ -62,15 +62,17 @@ def test_what_another_effect_says_as_well_is_spare(alike, expected):
     assert [effect.name for effect in spare(problem, score_test, at)] == expected
 
 
-def test_numbers_that_each_test_has_for_itself_are_those_of_the_effect():
-    rng = generator(4)
+@pytest.mark.parametrize("unity", [0.1, 0.6, 1.8])
+def test_numbers_that_each_test_has_for_itself_are_those_of_the_effect(unity):
+    """Their likely sizes are the effect's, whatever counts as 1 in their coordinates."""
+    rng, scale = generator(4), EFFECTS["force_gain"].parameters[0].scale
     slopes = np.linalg.qr(rng.normal(size=(VALUES, 3)))[0] * 40.0
     numbers = [Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0)]
-    numbers += [Parameter(f"force_gain.gain@{test}", "1", -0.5, 0.5, 0.0, False, 0.1) for test in ("wide", "narrow")]
+    numbers += [Parameter(f"force_gain.gain@{test}", "1", -0.3, 0.3, 0.0, False, unity) for test in ("wide", "narrow")]
     at = {"mu": 0.1, "force_gain.gain@wide": 0.1, "force_gain.gain@narrow": 0.05}
-    known, far = information(numbers, at, slopes, EFFECTS["force_gain"])
-    assert known == pytest.approx(np.eye(2) * (LIKELY * 40.0) ** 2)
-    assert far == pytest.approx([1 / LIKELY, 0.5 / LIKELY])
+    known, far = information(numbers, at, slopes * [1.0, unity, unity], EFFECTS["force_gain"])
+    assert known == pytest.approx(np.eye(2) * (LIKELY * scale * 40.0) ** 2)
+    assert far == pytest.approx(np.array([0.1, 0.05]) / (LIKELY * scale))
 
 
 @pytest.mark.parametrize("small", [0.3 / 40.0, 0.5], ids=["almost absent", "there"])

@@ -242,3 +242,10 @@ def test_wrong_runs_are_one_line(runs, says):
 def test_a_command_for_one_model_refuses_several():
     with pytest.raises(FingerfitError, match=r"config.yaml: runs: found several models; expected one"):
         load_settings({**CONFIG, "runs": [{}]})
+
+
+@pytest.mark.parametrize(("c2", "scale"), [(0.0, 1.5), (0.4, 1.5), (-0.1, 1.5), (13.5, 13.5)])
+def test_a_large_number_of_an_effect_counts_by_shares_of_itself(c2, scale):
+    """As a modulus does, whose coordinate is its logarithm; a small one in thirty trial sizes."""
+    found = load_settings(changed("model.effects", {"yeoh": {"c2": c2}})).parameters()
+    assert {p.name: p.scale for p in found}["yeoh.c2"] == pytest.approx(scale)
