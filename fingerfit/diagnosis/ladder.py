@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerfit.core.errors import FingerfitError, InputError, SolverError
-from fingerfit.core.files import read_record, write_text
+from fingerfit.core.files import read_record, read_text, write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck, refusal, template_of, with_effect
@@ -81,33 +81,35 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
     """Fit, diagnose, add the missing effect, until the model is adequate or no known effect explains the rest.
 
     Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so. An effect that
-    an adequate model may not need is dropped; where it is missing then, it comes back, and nothing more is dropped.
+    an adequate model may not need is dropped; where the model is not adequate without it, it comes back, and that is all.
 
     Raises
     ------
     FingerfitError
         When the workflow fails.
     """
-    dropped = set[str]()
+    adequate, dropped = "", ""  # the config of the last adequate model, and what was dropped from it
     for _ in range(RUNGS):
         if subprocess.run(command(["diagnose"], config, cores), check=False).returncode:
             raise FingerfitError(f"{config}: the workflow failed; its messages are above")
         settings = load_settings(config)
         say(_told(read_record(model_folder(settings) / "rung.json", "model", "error", "simulations", "sentence")))
-        diagnosis = read_record(model_folder(settings) / "diagnosis.json", "effects")
-        spare = [name for name in diagnosis.get("spare", ()) if name not in dropped]
-        if not diagnosis["effects"] and spare:
-            dropped.add(spare[0])
-            say(f"{spare[0]} may not be needed beside the others: dropping it")
-            say(drop(config, spare[0]))
-            done = "dropped"
+        diagnosis = read_record(model_folder(settings) / "diagnosis.json", "effects", "verdict")
+        if dropped and diagnosis["verdict"] != "adequate":
+            say(f"without {dropped} the model is not adequate: {dropped} is taken back")
+            write_text(config, adequate)
+            dropped, done = "", "taken back"
+            continue
+        spare = diagnosis.get("spare", ())
+        if spare and not diagnosis["effects"] and (dropped or not adequate):
+            adequate, dropped, done = read_text(config), spare[0], "dropped"
+            say(f"{dropped} may not be needed beside the others: dropping it")
+            say(drop(config, dropped))
             continue
         if not diagnosis["effects"]:
             results = study_folder(settings)
             return say(f"ladder: {results}/ladder.json; page: {results}/report.html")
         first, *others = diagnosis["effects"]
-        if first in dropped:  # it was needed, and so is what it is beside
-            dropped |= load_settings(config).model.effects.keys()
         if others:
             say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
         say(add(config, first))

@@ -335,14 +335,15 @@ def test_a_misspelt_study_is_named(config, tmp_path):
     assert str(caught.value) == f"{mine}: study: found stdy; expected the folder of a study"
 
 
-def rung(folder, model, effects=(), spare=(), error=2.284):
+def rung(folder, model, effects=(), spare=(), error=2.284, verdict="adequate"):
     """Results of a model that is there already."""
     counted = {"run": 9, "reused": 5}
     error = {"fitted": error, "held_out": None}
     keep_json(
         folder / model / "rung.json", {"model": model, "error": error, "simulations": counted, "sentence": "so it is"}
     )
-    keep_json(folder / model / "diagnosis.json", {"effects": list(effects), "spare": list(spare), "ranking": []})
+    found = {"verdict": "missing" if effects else verdict, "effects": list(effects), "spare": list(spare)}
+    keep_json(folder / model / "diagnosis.json", {**found, "ranking": []})
 
 
 SNAKEFILE = "rule diagnose:\n    output: touch('done')\n"
@@ -365,9 +366,15 @@ def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, mon
     ]
 
 
-@pytest.mark.parametrize("needed", [False, True])
-def test_discover_drops_what_is_not_needed_beside_a_later_effect(needed, config, tmp_path, monkeypatch, capfd):
-    """An effect that is missing without comes back, and nothing is dropped any more."""
+@pytest.mark.parametrize(
+    ("without", "needed"),
+    [({}, False), ({"effects": ["tilt"]}, True), ({"effects": ["onset"]}, True), ({"verdict": "unexplained"}, True)],
+    ids=["adequate", "it is missing", "another one is missing", "unexplained"],
+)
+def test_discover_drops_what_is_not_needed_beside_a_later_effect(
+    without, needed, config, tmp_path, monkeypatch, capfd
+):
+    """Where the model is not adequate without it, it comes back as it was, and nothing is dropped any more."""
     write_text(tmp_path / "Snakefile", SNAKEFILE)
     write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
     monkeypatch.setattr(call, "SHIPPED", tmp_path)
@@ -375,11 +382,10 @@ def test_discover_drops_what_is_not_needed_beside_a_later_effect(needed, config,
     rung(study, "base", ["tilt"])
     rung(study, "base+tilt", ["skin"])
     rung(study, "base+tilt+skin", spare=["tilt"])
-    rung(study, "base+skin", ["tilt"] if needed else [])
-    rung(study, "base+skin+tilt", spare=["skin"])
+    rung(study, "base+skin", **without)
     assert main(["discover"]) == 0
     said = [line.partition(" (")[0] for line in capfd.readouterr().out.splitlines() if "error" not in line]
-    more = ["config.yaml: added tilt"] if needed else []
+    more = ["without tilt the model is not adequate: tilt is taken back"] if needed else []
     assert said[:-1] == [
         "config.yaml: added tilt",
         "config.yaml: added skin",
@@ -387,7 +393,7 @@ def test_discover_drops_what_is_not_needed_beside_a_later_effect(needed, config,
         "config.yaml: dropped tilt; its results stay where they are",
         *more,
     ]
-    assert list(load_settings(config).model.effects) == (["skin", "tilt"] if needed else ["skin"])
+    assert list(load_settings(config).model.effects) == (["tilt", "skin"] if needed else ["skin"])
 
 
 @pytest.mark.parametrize(("last", "done"), [("added", ["skin"]), ("dropped", [])])
