@@ -371,9 +371,7 @@ def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, mon
     [({}, False), ({"effects": ["tilt"]}, True), ({"effects": ["onset"]}, True), ({"verdict": "unexplained"}, True)],
     ids=["adequate", "it is missing", "another one is missing", "unexplained"],
 )
-def test_discover_drops_what_is_not_needed_beside_a_later_effect(
-    without, needed, config, tmp_path, monkeypatch, capfd
-):
+def test_discover_drops_what_is_not_needed_beside_a_later_effect(without, needed, config, tmp_path, monkeypatch, capfd):
     """Where the model is not adequate without it, it comes back as it was, and nothing is dropped any more."""
     write_text(tmp_path / "Snakefile", SNAKEFILE)
     write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")

@@ -347,12 +347,18 @@ def test_relaxation_needs_times():
 
 
 @pytest.mark.parametrize("element", ["CPE8H", "CPE4", "CPE3"])
-def test_one_layer_relaxes(tmp_path, element):
-    """So slowly that it is as stiff as under a fast load: more by 1 / (1 - share), with the same Poisson's ratio."""
+@pytest.mark.parametrize(
+    "beside", [{}, {"yeoh.c2": 0.5}, {"softening.change": -0.4}], ids=["alone", "yeoh", "softening"]
+)
+def test_one_layer_relaxes(tmp_path, element, beside):
+    """So slowly that it is as stiff as under a fast load: more by 1 / (1 - share), with the same Poisson's ratio.
+
+    What is beside the law relaxes with it.
+    """
     share, mu, mesh = 0.3, MU["mu_middle"], layered_block(12.0, LAYERS, 4, 2, element)
-    text = deck({"relaxation.share": share, "relaxation.time": 1e7, "relaxation.layer": 2}, mesh=mesh)
-    assert cards(text, "VISCOELASTIC") == [[[share, share, 1e7]]]
-    stiff = deck({"mu_middle": mu / (1 - share)}, mesh=mesh)
+    text = deck({"relaxation.share": share, "relaxation.time": 1e7, "relaxation.layer": 2} | beside, mesh=mesh)
+    assert cards(text, "VISCOELASTIC") == [[[share, share, 1e7]]] * (1 + bool(beside))
+    stiff = deck({"mu_middle": mu / (1 - share)} | beside, mesh=mesh)
     folders = [tmp_path / name for name in ("relaxing", "stiff")]
     relaxing, expected = (solve(one, folder, mesh) for one, folder in zip((text, stiff), folders, strict=True))
     assert relaxing.displacement == pytest.approx(expected.displacement, abs=2e-5)
@@ -596,6 +602,15 @@ def test_what_is_beside_the_law_is_the_elements_of_each_layer_once_more():
     both = deck({"yeoh.c2": 0.5, "fibres.stiffness": 0.05})
     numbers = [row[0] for block in cards(both, "ELEMENT, TYPE=CPE8H, ELSET=\\w+") for row in block]
     assert len(set(numbers)) == 2 * MESH.element_count
+
+
+@pytest.mark.parametrize("layer", [0.0, 2.0])
+def test_what_is_beside_the_law_swells_as_its_layer_does(layer):
+    swollen = {"swollen.volume": 0.1, "swollen.layer": layer}
+    alone = cards(deck(swollen), "EXPANSION, ZERO=0.")
+    assert len(alone) == (1 if layer else 3)
+    for beside in ({"yeoh.c2": 5.0}, {"exponential.b": 5.0}, {"softening.change": 1.0}):
+        assert sorted(cards(deck(swollen | beside), "EXPANSION, ZERO=0.")) == sorted(2 * alone)
 
 
 def test_the_series_is_that_of_the_exponential():
