@@ -81,7 +81,8 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
     """Fit, diagnose, add the missing effect, until the model is adequate or no known effect explains the rest.
 
     Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so. An effect that
-    an adequate model may not need is dropped; where the model is not adequate without it, it comes back, and that is all.
+    an adequate model may not need is dropped; where the model is not adequate without it, it comes back, and that is
+    all.
 
     Raises
     ------

@@ -1,7 +1,8 @@
 """What a finer mesh changes, also where it has no usable solution from some step on.
 
 At glued corners a fine mesh lets the free side fold over the edge, or finds no equilibrium, where a coarse one does. Up
-to that step both are solved, and what the finer one changes there is known.
+to that step both are solved, and what the finer one changes there is known. A side that folds may also snap through the
+plate beside it, at a load that depends on the mesh: then the pictures say whether the body has done so.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from fingerfit.fit.problem import FINAL, REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.forward.predict import Predictor, since_first_picture
 from fingerfit.imaging.warp import Probe
+from fingerfit.mesh.flat import is_flat
+from fingerfit.mesh.mesh import Mesh
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.study.data import Data
 
@@ -47,7 +50,26 @@ def as_on_finer_mesh(problem: InverseProblem, asked: Asked, data: Data) -> Outco
     coarse, fine = problem.outcome(problem.ask(asked.values)), _reached(problem, asked)
     if coarse.status != CONVERGED or fine is None:
         return None
-    usable = _usable(problem, asked, fine, data)
+    return _continued(problem, coarse, fine, data, _usable(problem, asked, coarse, fine, data))
+
+
+def has_snapped(problem: InverseProblem, asked: Asked) -> bool:
+    """Whether a guess on the finer mesh, which has a solution, goes through a plate in a picture as the body does not.
+
+    At some step it does by more than a pixel, where the mesh of the search does not; and the picture of that step is
+    nearer to what the change of the steps before leads to. No body goes through a plate; but neither data nor decks
+    that know nothing of contact beside the glued face need to know that.
+    """
+    twin = problem.ask(asked.values)
+    if not problem.is_solved(twin) or problem.answer(twin.sim).status != CONVERGED:
+        return False
+    coarse, fine = problem.outcome(twin), problem.outcome(asked)
+    steps = problem.data.picture_step
+    return any(_snaps(problem, asked, coarse, fine, problem.data, n) for n in range(len(steps)))
+
+
+def _continued(problem: InverseProblem, coarse: Outcome, fine: Outcome, data: Data, usable: int) -> Outcome | None:
+    """The solution of the search mesh with what the finer one changes in its usable steps; None without any."""
     if not usable:
         return None
     nodes = problem.meshes[SEARCH].points
@@ -83,13 +105,44 @@ def _reached(problem: InverseProblem, asked: Asked) -> Outcome | None:
     return since_first_picture(body, whole.steps - begun, problem.data.outline > 0)
 
 
-def _usable(problem: InverseProblem, asked: Asked, fine: Outcome, data: Data) -> int:
-    """Number of steps before the first one that was not reached, or in whose picture the body goes through itself."""
+def _usable(problem: InverseProblem, asked: Asked, coarse: Outcome, fine: Outcome, data: Data) -> int:
+    """Number of steps before the first one that was not reached, or that another way leads to.
+
+    In its picture the body goes through itself, or through a plate (`has_snapped`).
+    """
     predictor, seen = Predictor(data, problem.meshes[REFINED]), problem.seen(asked.values)
-    for step in data.picture_step:
-        if step < fine.steps and predictor.map_at(fine, int(step), seen).folded:
+    for number, step in enumerate(data.picture_step):
+        if step < fine.steps and (
+            predictor.map_at(fine, int(step), seen).folded or _snaps(problem, asked, coarse, fine, data, number)
+        ):
             return int(step)
     return min(fine.steps, len(data.step))
+
+
+def _snaps(problem: InverseProblem, asked: Asked, coarse: Outcome, fine: Outcome, data: Data, number: int) -> bool:
+    """Whether the finer mesh goes through a plate in a picture, by its number, as the body does not."""
+    step, pixel = int(data.picture_step[number]), float(np.min(data.spacing))
+    if _through(problem.meshes[REFINED], fine.displacement[step]) <= pixel:
+        return False
+    before = _continued(problem, coarse, fine, data, step)
+    if before is None or _through(problem.meshes[SEARCH], coarse.displacement[step]) > pixel:
+        return False
+    seen, left = problem.seen(asked.values), list[float]()
+    for mesh, outcome in ((REFINED, fine), (SEARCH, before)):
+        predictor = Predictor(data, problem.meshes[mesh])
+        shown = predictor.picture(predictor.map_at(outcome, step, seen), step, seen)
+        left.append(float(np.sum((shown - data.measured[number]) ** 2)))
+    return left[0] > left[1]
+
+
+def _through(mesh: Mesh, displacement: np.ndarray) -> float:
+    """How far a body goes through the plates at its flat base and top, mm; 0 where it does not, or has none."""
+    found, height = 0.0, mesh.body[:, -1] + displacement[: len(mesh.body), -1]
+    for name, way in (("BOTTOM", -1.0), ("TOP", 1.0)):
+        if is_flat(mesh, name):
+            plate = mesh.points[mesh.node_sets[name], -1] + displacement[mesh.node_sets[name], -1]
+            found = max(found, float((way * height).max() - (way * plate).max()))
+    return found
 
 
 def _filled(change: np.ndarray, points: np.ndarray) -> np.ndarray:

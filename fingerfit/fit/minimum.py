@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.core.errors import InputError, StateError
-from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
+from fingerfit.fit.finer import as_on_finer_mesh, has_snapped, on_finer_mesh
 from fingerfit.fit.intervals import SHORTEST, WIDTH, minimise, widths
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
@@ -271,8 +271,14 @@ def diverged(problem: InverseProblem, asked: Asked) -> bool:
 
 
 def unusable(problem: InverseProblem, asked: Asked) -> bool:
-    """Whether a guess on the finer mesh has no solution, or one in which the body goes through itself.
+    """Whether a guess on the finer mesh has no solution, or one in which the body goes through itself or a plate.
 
-    At glued corners a fine mesh lets the free side fold over the edge where a coarse one does not.
+    At glued corners a fine mesh lets the free side fold over the edge where a coarse one does not
+    (`fingerfit.fit.finer.has_snapped`).
     """
-    return diverged(problem, asked) or (problem.mesh_of(asked) == REFINED and problem.folds(asked))
+    if diverged(problem, asked):
+        return True
+    if problem.mesh_of(asked) != REFINED:
+        return False
+    pairs = zip(problem.every, asked.every, strict=True)
+    return problem.folds(asked) or any(has_snapped(test, one) for test, one in pairs)

@@ -84,11 +84,7 @@ class Predictor:
         if outcome.status != CONVERGED or outcome.steps < len(data.step):
             return None
         maps = self.maps(outcome, seen)
-        # smoothed after the warp: its border is then as soft as that of the measured picture
-        synthesized = [
-            warp(data.coefficients, data.background, way, data.smooth, self._lit(seen, int(step) + 1, way))
-            for way, step in zip(maps, data.picture_step, strict=True)
-        ]
+        synthesized = [self.picture(way, int(step), seen) for way, step in zip(maps, data.picture_step, strict=True)]
         pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
         points = np.empty_like(data.points_displacement)
         probe = self._probe if outcome.begun is None else Probe(in_first_picture(self.mesh, outcome), data.points)
@@ -100,6 +96,12 @@ class Predictor:
         if seen is not None:
             measured = seen_response(seen, measured, data)
         return Synthesis(Prediction(pictures, measured, points), maps)
+
+    def picture(self, way: BackwardMap, step: int, seen: Observation | None = None) -> np.ndarray:
+        """Picture of a step, by its index, with its map."""
+        data = self.data
+        # smoothed after the warp: its border is then as soft as that of the measured picture
+        return warp(data.coefficients, data.background, way, data.smooth, self._lit(seen, step + 1, way))
 
     def _lit(self, seen: Observation | None, k: int, way: BackwardMap) -> Callable[[np.ndarray], np.ndarray] | None:
         """What effects on the brightness make of the pixels that a map covers at the k-th step; None without any."""

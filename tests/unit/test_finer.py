@@ -39,14 +39,16 @@ def known(tmp_path):
         for name, outcome in ((SEARCH, coarse), (REFINED, fine)):
             (tmp_path / name).mkdir()
             outcome.save(tmp_path / name / "solution.npz")
-        data = SimpleNamespace(step=np.arange(1, 5), controlled=-SIZE, picture_step=np.array([1, 2]), outline=0.0)
+        data = SimpleNamespace(step=np.arange(1, 5), controlled=-SIZE, picture_step=np.array([1, 2]), outline=0.0,
+                               spacing=np.array([0.2, 0.2]), measured=np.zeros((2, 1)))  # fmt: skip
         answer = lambda sim: Outcome.load(tmp_path / sim / "solution.npz")  # noqa: E731
         load = lambda asked: since_first_picture(answer(asked.sim), 4)  # noqa: E731
         problem = SimpleNamespace(
             meshes=MESHES, answer=answer, data=data, outcome=load, seen=lambda values: None,
-            ask=lambda values: Asked(values, SEARCH, SEARCH, ""),
+            ask=lambda values: Asked(values, SEARCH, SEARCH, ""), is_solved=lambda asked: True,
         )  # fmt: skip
-        return as_on_finer_mesh(problem, Asked({}, REFINED, REFINED, "", FINAL), data)
+        asked = Asked({}, REFINED, REFINED, "", FINAL)
+        return as_on_finer_mesh(problem, asked, data), fine.status == CONVERGED and finer.has_snapped(problem, asked)
 
     return of
 
@@ -56,11 +58,25 @@ def folded_from(monkeypatch):
     """Sets the step, by its index, from whose picture on the body goes through itself on the finer mesh."""
 
     def set_to(first):
-        fake = SimpleNamespace(map_at=lambda outcome, step, seen: SimpleNamespace(folded=step >= first))
-        monkeypatch.setattr(finer, "Predictor", lambda data, mesh: fake)
+        monkeypatch.setattr(finer, "Predictor", lambda data, mesh: Fake(mesh, first))
 
     set_to(len(SIZE))
     return set_to
+
+
+class Fake:
+    """A predictor whose pictures say 0 where the body is as the measured one (all zero): without a fold, or with it."""
+
+    rolled = False
+
+    def __init__(self, mesh, first):
+        self.mesh, self.first = mesh, first
+
+    def map_at(self, outcome, step, seen):
+        return SimpleNamespace(folded=self.mesh is MESHES[REFINED] and step >= self.first)
+
+    def picture(self, way, step, seen):
+        return np.full(1, float((self.mesh is MESHES[REFINED]) != self.rolled))
 
 
 def same(found, expected):
@@ -71,25 +87,51 @@ def same(found, expected):
 
 @pytest.mark.parametrize("steps", [1, 2, 3, 4])
 def test_a_change_is_continued_with_the_prescribed_quantity(known, folded_from, steps):
-    same(known(solution(SEARCH, COARSE), solution(REFINED, FINE, steps)), solution(SEARCH, FINE))
+    same(known(solution(SEARCH, COARSE), solution(REFINED, FINE, steps))[0], solution(SEARCH, FINE))
 
 
 def test_a_body_that_goes_through_itself_is_on_another_way(known, folded_from):
     folded_from(2)
     broken = solution(REFINED, FINE)
     broken.displacement[2:] += 1e3
-    same(known(solution(SEARCH, COARSE), broken), solution(SEARCH, FINE))
+    same(known(solution(SEARCH, COARSE), broken)[0], solution(SEARCH, FINE))
+
+
+def pushed(mesh, factor, far, step=2):
+    """A solution in which one node of the side goes below the base from a step on."""
+    found, points = solution(mesh, factor), MESHES[mesh].points
+    side = int(np.flatnonzero((points[:, 0] == 12.0) & (points[:, 1] == 3.0))[0])
+    found.displacement[step:, side, 1] = found.displacement[step:, points[:, 1] == 0.0, 1].min(axis=1) - 3.0 - far
+    return found
+
+
+@pytest.mark.parametrize(
+    ("far", "coarse", "rolled", "snapped"),
+    [(0.3, 0.0, False, True), (0.1, 0.0, False, False), (0.3, 0.3, False, False), (0.3, 0.0, True, False)],
+    ids=["a snap", "less than a pixel", "on both meshes", "as in the pictures"],
+)
+def test_a_side_that_snaps_through_the_base_as_the_body_does_not(
+    known, folded_from, monkeypatch, far, coarse, rolled, snapped
+):
+    monkeypatch.setattr(Fake, "rolled", rolled)
+    before = pushed(SEARCH, COARSE, coarse) if coarse else solution(SEARCH, COARSE)
+    found, said = known(before, pushed(REFINED, FINE, far))
+    assert said is snapped
+    if snapped:
+        same(found, solution(SEARCH, FINE))
+    else:
+        assert np.abs(found.displacement[2:] - solution(SEARCH, FINE).displacement[2:]).max() > far / 2
 
 
 @pytest.mark.parametrize("steps", [1, 2, 4])
 def test_displacements_count_from_the_first_picture(known, folded_from, steps):
     """A solution that ended early has as many steps as one that was never loaded before."""
-    found = known(solution(SEARCH, COARSE, begun=0.5), solution(REFINED, FINE, steps, begun=0.5))
+    found, _ = known(solution(SEARCH, COARSE, begun=0.5), solution(REFINED, FINE, steps, begun=0.5))
     same(found, solution(SEARCH, FINE))
 
 
 def test_nothing_is_known_without_any_usable_step(known, folded_from):
-    assert known(solution(SEARCH, COARSE), solution(REFINED, FINE, 0)) is None
+    assert known(solution(SEARCH, COARSE), solution(REFINED, FINE, 0))[0] is None
 
 
 def test_nodes_outside_of_the_finer_mesh_have_the_change_of_the_nearest():

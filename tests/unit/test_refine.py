@@ -190,7 +190,7 @@ class Body:
     def __init__(self, sims, truth=0.030, lost=(), folded=()):
         self.sims, self.truth, self.lost, self.folded = sims, truth, lost, folded
         self.settings = SimpleNamespace(parameters=lambda: PARAMETERS[:1], effects=lambda known: ())
-        self.effects = {}
+        self.effects, self.every = {}, (self,)
         self.mesh_names, self.exact, self.long = {SEARCH: SEARCH, REFINED: REFINED}, False, False
         self.beside = 1
         self.observed, self.priors = np.zeros(1, dtype=bool), Priors.of(PARAMETERS[:1])
@@ -214,6 +214,10 @@ class Body:
 
     def folds(self, asked):
         return asked.sim in self.folded
+
+    def is_solved(self, asked):
+        """Not for the question whether a side has snapped through a plate: there is no body."""
+        return False
 
     def prediction(self, asked):
         stiffer = 1.05 if asked.mesh == REFINED else 1.0
