@@ -68,7 +68,7 @@ def form_or_state(
     return verdict, states, run
 
 
-def refuted(form: ScoreTest, stated: ScoreTest) -> bool:
+def refuted(form: Refit, stated: ScoreTest) -> bool:
     """Whether a body at rest in the shape that the picture shows explains less of the data than one as stated."""
     return not explains(form) and form.misfit * stated.freedom > stated.misfit * form.freedom
 
@@ -91,14 +91,14 @@ def strained(verdict: Verdict, sides: Sides, probe: tuple[Ranked, Refit] | None)
     return Verdict("missing", (effect.name,), f"missing: {effect.title}; {text}", verdict.threshold, effect.family)
 
 
-def near_enough(sides: Sides, form: ScoreTest) -> float:
+def near_enough(sides: Sides, form: Refit) -> float:
     """How far off a state may leave a side to count, mm.
 
     Parameters
     ----------
     sides : Sides
         Against the model without any effect more.
-    form : ScoreTest
+    form : Refit
         Of the model whose body has the sides that the picture shows.
     """
     return (1.0 - ENOUGH) * sides.off if explains(form) else sides.off
@@ -107,7 +107,7 @@ def near_enough(sides: Sides, form: ScoreTest) -> float:
 def elsewhere(
     verdict: Verdict,
     sides: Sides,
-    form: ScoreTest,
+    form: Refit,
     states: Sequence[tuple[Ranked, Refit]] = (),
     own: Refit | None = None,
     stated: ScoreTest | None = None,
@@ -117,14 +117,15 @@ def elsewhere(
     That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
     or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
     off, or where another form explains nothing, to bring them nearer; then the criterion of Schwarz (1978) decides. It
-    knows the sides as data, which another form has as numbers.
+    knows the sides as data, which another form has as numbers. A state whose pictures are clearly nearer than those of
+    another form is not excluded by it.
 
     Parameters
     ----------
     verdict : Verdict
     sides : Sides
         Against the model without any effect more.
-    form : ScoreTest
+    form : Refit
         Of the model whose body has the sides that the picture shows.
     states : sequence of (Ranked, Refit)
         Effects on the state in that picture, refitted.
@@ -162,7 +163,11 @@ def elsewhere(
     effect, title = one.candidate.effect, one.candidate.effect.title
     gain, tell = shaped - left(refit), verdict.threshold + _chance(form, refit)
     if gain <= -tell:
-        return another
+        able = [each for each in able if nearer(each[1], form)]
+        if not able:
+            return another
+        one, refit = min(able, key=lambda each: left(each[1]))
+        effect, title = one.candidate.effect, one.candidate.effect.title
     # patches say the one and pixels another: these data cannot tell them apart
     named = [*(each.candidate.effect for each, its in able if nearer(its, refit)), effect]
     names, titles = [each.name for each in named], [each.title for each in named]
@@ -181,7 +186,7 @@ def _shown(sides: Sides, which: str = "a side") -> str:
     return f"the picture before compression shows {which} {sides.off:.2g} mm from where body in study.yaml has it"
 
 
-def _chance(one: ScoreTest, other: Refit) -> float:
+def _chance(one: ScoreTest | Refit, other: Refit) -> float:
     """What chance makes of the values that only one of two models has."""
     return SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
 

@@ -16,7 +16,6 @@ from fingerfit.diagnosis.likelihood import misfits
 from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit
-from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.sides import sides_of
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import minimum
@@ -161,7 +160,7 @@ def followed(problem: InverseProblem, last: Round, folder: Path) -> tuple[Invers
     return wider, everything
 
 
-def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[ScoreTest | None, int]:
+def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[Refit | None, int]:
     """How well a body with the sides that the picture before compression shows explains what was measured.
 
     It has other meshes, and patches elsewhere, so that it cannot be compared value by value. None without a solution.
@@ -170,7 +169,9 @@ def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[Sc
         wider, everything = followed(problem, last, Path(folder))
         try:
             end, run = _run(wider, threads)
-            found = comparison_of(wider, end, everything).score_test
+            after = comparison_of(wider, end, everything)
+            score_test, values = after.score_test, minimum(wider, end).values
+            found = Refit(score_test.misfit, score_test.freedom, *errors(after), values)
         except StateError:
             found, run = None, 0
     problem.asked.update(wider.asked)

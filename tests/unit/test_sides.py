@@ -177,6 +177,20 @@ def test_a_state_that_is_nearer_in_the_pictures_is_named_beside_the_one_that_pat
     assert "0.6 mm" in found.sentence
 
 
+@pytest.mark.parametrize(
+    ("errors", "named"),
+    [((0.97, 0.96), ("preload", "outline")), ((0.97, 0.99), ("outline",)), ((1.0, 1.0), ("outline",))],
+    ids=["nearer", "on fitted steps only", "no nearer"],
+)
+def test_a_state_that_is_nearer_in_the_pictures_than_another_form_comes_first(errors, named):
+    """Patches prefer the other form: of a stretch before gluing, say, which is modelled to first order."""
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    state = replace(refit(1230.0), fitted=errors[0], held_out=errors[1])
+    form = replace(refit(FORM), held_out=1.0)
+    found = elsewhere(given, Sides(LOWER, 500.0, 12), form, [(ranked("preload", "preload"), state)])
+    assert found.effects == named
+
+
 @pytest.mark.parametrize(("away", "named"), [(450.0, ("preload",)), (550.0, ("outline",))], ids=["nearer", "no nearer"])
 def test_where_another_form_explains_nothing_a_state_may_leave_the_sides_far_off(away, named):
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
