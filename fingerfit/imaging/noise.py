@@ -1,4 +1,4 @@
-"""Noise of magnitude pictures."""
+"""Noise of pictures: magnitudes, and those of cameras, whose background has a level of its own."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ import numpy as np
 
 _RAYLEIGH_MEDIAN = np.sqrt(2 * np.log(2))
 """Median of a Rayleigh distribution whose channels have standard deviation 1 (Gudbjartsson and Patz 1995)."""
+_RAYLEIGH_SPREAD, _SPREAD_ERROR = 0.76998, 0.99
+"""Distance of its quartiles over its median, and the standard deviation of that among n pixels, times the root of n."""
+_SURELY = 3.0
+"""Standard deviations of chance."""
 _NORMAL_MAD = 0.6744897501960817
 """Median of the absolute value of a standard normal: its quantile of 3/4."""
 _HAAR = np.array([1.0, -1.0]) / np.sqrt(2)
@@ -50,12 +54,12 @@ def estimate_noise(values: np.ndarray, background: np.ndarray | None = None) -> 
         Picture.
     background : ndarray of bool, optional
         Where there is surely no signal: there the magnitude is Rayleigh distributed, with the median
-        sigma sqrt(2 ln 2) (Gudbjartsson and Patz 1995). Without it, or with fewer than `_EMPTY` pixels, the finest
-        diagonal details of the picture are used (Donoho and Johnstone 1994), by the wavelet of Daubechies (1988) with
-        four coefficients.
+        sigma sqrt(2 ln 2) (Gudbjartsson and Patz 1995); or Rician, where the background has a level of its own, as that
+        of a camera has. Without it, or with fewer than `_EMPTY` pixels, the finest diagonal details of the picture are
+        used (Donoho and Johnstone 1994), by the wavelet of Daubechies (1988) with four coefficients.
     """
     if background is not None and background.sum() >= _EMPTY and (values[background] > 0).mean() > 0.5:
-        return float(np.median(values[background]) / _RAYLEIGH_MEDIAN)
+        return _of_background(values[background])
     detail = values
     for axis, size in enumerate(values.shape):
         taps = _DAUBECHIES if size >= len(_DAUBECHIES) else _HAAR
@@ -63,3 +67,19 @@ def estimate_noise(values: np.ndarray, background: np.ndarray | None = None) -> 
         detail = sum(tap * np.take(detail, start + n, axis) for n, tap in enumerate(taps))
     found = float(np.median(np.abs(detail)) / _NORMAL_MAD)
     return found if found > _ROUNDINGS * np.finfo(float).eps * np.abs(values).max() else 0.0
+
+
+def _of_background(values: np.ndarray) -> float:
+    """Standard deviation of the noise of pixels without signal, shape (pixels,)."""
+    low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
+    spread = (high - low) / middle
+    if spread >= _RAYLEIGH_SPREAD - _SURELY * _SPREAD_ERROR / np.sqrt(values.size):
+        return float(middle / _RAYLEIGH_MEDIAN)
+    # imported here: pictures of magnitudes do not need it
+    from scipy.stats import norm, rice
+
+    levels = np.geomspace(0.1, 20.0, 60)
+    quartiles = np.array([rice.ppf([0.25, 0.5, 0.75], level) for level in levels])
+    distance = quartiles[:, 2] - quartiles[:, 0]
+    known = (distance / quartiles[:, 1])[::-1], distance[::-1]
+    return float((high - low) / np.interp(spread, [0.0, *known[0]], [2 * norm.ppf(0.75), *known[1]]))

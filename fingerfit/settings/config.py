@@ -143,7 +143,8 @@ class Settings(Choices, Keys):
     results: str = Field(
         default="results",
         pattern=PLAIN,
-        description="Folder of all results: in it those of each study, under its path without studies/.",
+        description="Folder of all results: in it those of each study, under its path without studies/, or under its"
+        " name where it lies outside of the folder of the call.",
     )
     solver: str = Field(default="builtin", description="builtin, calculix, abaqus, or another one that is installed.")
     time_limit: int | None = Field(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import Field, PrivateAttr, field_validator
 from pydantic_core import PydanticCustomError
@@ -47,8 +47,9 @@ class MeshSettings(Keys):
     """Mesh of a block or brick that the study describes."""
 
     element: Element = Field(
-        description="Element type: plane strain, plane stress or, for bricks, solid; those with H, which have a"
-        " pressure field of their own, need `solver: builtin` or `abaqus`."
+        description="Element type: plane strain, plane stress or, for bricks, solid ("
+        + ", ".join(get_args(Element))
+        + "); those with H, which have a pressure field of their own, need `solver: builtin` or `abaqus`."
     )
     across: int = Field(ge=1, le=1000, description="Elements over the width (bricks: along each side).")
     per_layer: int = Field(ge=1, le=1000, description="Elements over the height of each layer.")

@@ -76,8 +76,8 @@ class PictureKeys(Strict):
         | None
     ) = Field(
         default=None,
-        description="Standard deviation in the intensity of the pictures; `estimated`; or a list of further pictures"
-        " before compression.",
+        description="Standard deviation in the intensity that the files of the pictures have; `estimated`; or a list of"
+        " further pictures before compression.",
     )
     trim: Annotated[
         Literal["body"] | Off | Box,
@@ -203,7 +203,7 @@ class BlockKeys(Strict):
 
     layers: list[BlockLayerKeys] = Field(min_length=1, description="Layers from the indenter down.")
     regions: list[RegionKeys] = Field(default=[], description=REGIONS)
-    width: Above = Field(description="A number above 0.")
+    width: Above = Field(description="At base and indenter, unloaded, a number above 0.")
     thickness: Above = Field(description="Out of plane, a number above 0.")
     origin: Two | None = Field(default=None, description="Lower left corner, [x, y]; [0, 0] when left out.")
     refined: None = Field(default=None, description="It is for a body with a mesh.")
