@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerfit.forward.score import Prediction
+from fingerfit.imaging.blur import REACH, blurred_in_place
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.warp import BackwardMap, Probe, backward_map, warp
 from fingerfit.mesh.mesh import Mesh
@@ -101,7 +102,8 @@ class Predictor:
         """Picture of a step, by its index, with its map."""
         data = self.data
         # smoothed after the warp: its border is then as soft as that of the measured picture
-        return warp(data.coefficients, data.background, way, data.smooth, self._lit(seen, step + 1, way))
+        made = warp(data.coefficients, data.background, way, data.smooth, self._lit(seen, step + 1, way))
+        return blurred_in_place(made, way, data.blur / data.spacing) if data.blur else made
 
     def _lit(self, seen: Observation | None, k: int, way: BackwardMap) -> Callable[[np.ndarray], np.ndarray] | None:
         """What effects on the brightness make of the pixels that a map covers at the k-th step; None without any."""
@@ -118,7 +120,8 @@ class Predictor:
         mesh, shown = in_first_picture(self.mesh, outcome), outcome.displacement[step]
         if seen is not None:  # a displaced picture shows the body as if it had moved so
             shown = shown + seen.shift(step + 1, mesh.points + shown)
-        return backward_map(mesh, shown, self._frame, MARGIN)
+        soft = REACH * self.data.blur / float(np.min(self.data.spacing))
+        return backward_map(mesh, shown, self._frame, max(MARGIN, soft))
 
 
 def response_of(outcome: Outcome, data: Data) -> np.ndarray:

@@ -209,6 +209,7 @@ def prepare(study: Study, mesh: Mesh, steps: list[int] | None, sigma: float, cro
         direction=prepared.before.direction,
         background=prepared.background,
         smooth=prepared.smooth,
+        blur=study.chain.blur,
         points=points[0],
         points_displacement=points[1],
         points_step=points[2],

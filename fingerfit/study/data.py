@@ -61,6 +61,8 @@ class Data:
         How far out that picture shows each side, mm: Legendre coefficients along it, and their standard error.
     stated : ndarray, shape (2, 2) or (0, 2)
         Lower left and upper right corner of the body as it is stated, mm.
+    blur : float
+        Standard deviation of the blur of the camera, which does not move with the body, mm; 0 where none is known.
     remarks : str
         What looks wrong in the measurements and is no error, one a line.
     direction_of_load : ndarray, shape (dim,) or (0,)
@@ -98,6 +100,7 @@ class Data:
     outline: float = 0.0
     sides: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     stated: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    blur: float = 0.0
     remarks: str = ""
     direction_of_load: np.ndarray = field(default_factory=lambda: np.zeros(0))
     lateral_force: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))

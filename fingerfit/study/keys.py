@@ -79,6 +79,11 @@ class PictureKeys(Strict):
         description="Standard deviation in the intensity that the files of the pictures have; `estimated`; or a list of"
         " further pictures before compression.",
     )
+    blur: Above | None = Field(
+        default=None,
+        description="Standard deviation of the blur of camera or scanner, in `units.length`, a number above 0: it does"
+        " not move with the body.",
+    )
     trim: Annotated[
         Literal["body"] | Off | Box,
         wanted("body, off, or [[x, y, z], [x, y, z]]: lower and upper corner of a box"),

@@ -130,6 +130,7 @@ def _chain(pictures: PictureKeys, length: float) -> Chain:
         None if isinstance(resize, str) else tuple(resize),
         0.0 if isinstance(gaussian, str) else gaussian,
         pictures.scale == "range",
+        (pictures.blur or 0.0) * length,
     )
 
 

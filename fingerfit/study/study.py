@@ -155,7 +155,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Chain:
-    """What is done to pictures before they are compared, in this order.
+    """What was done to pictures by the camera, and what is done before they are compared, in this order.
 
     Parameters
     ----------
@@ -167,12 +167,15 @@ class Chain:
         Standard deviation in pixels, 0 for none; None: the setting `fit.smooth`.
     scale : bool
         To 0 at the lowest and 1 at the highest intensity before compression.
+    blur : float
+        Standard deviation of the blur of the camera, mm; 0 where none is known.
     """
 
     trim: str | tuple[tuple[float, ...], tuple[float, ...]] = "body"
     resize: tuple[int, ...] | None = None
     gaussian: float | None = None
     scale: bool = True
+    blur: float = 0.0
 
 
 @dataclass(frozen=True)
