@@ -137,7 +137,8 @@ def _snaps(problem: InverseProblem, asked: Asked, coarse: Outcome, fine: Outcome
 
 def _through(mesh: Mesh, displacement: np.ndarray) -> float:
     """How far a body goes through the plates at its flat base and top, mm; 0 where it does not, or has none."""
-    found, height = 0.0, mesh.body[:, -1] + displacement[: len(mesh.body), -1]
+    nodes = mesh.nodes_of(np.arange(mesh.element_count))
+    found, height = 0.0, mesh.points[nodes, -1] + displacement[nodes, -1]
     for name, way in (("BOTTOM", -1.0), ("TOP", 1.0)):
         if is_flat(mesh, name):
             plate = mesh.points[mesh.node_sets[name], -1] + displacement[mesh.node_sets[name], -1]
