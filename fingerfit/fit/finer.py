@@ -57,7 +57,7 @@ def has_snapped(problem: InverseProblem, asked: Asked) -> bool:
     """Whether a guess on the finer mesh, which has a solution, goes through a plate in a picture as the body does not.
 
     At some step it does by more than a pixel, where the mesh of the search does not; and the picture of that step is
-    nearer to what the change of the steps before leads to. No body goes through a plate; but neither data nor decks
+    nearer both to the mesh of the search and to that with what the finer one changed in the steps before. No body goes through a plate; but neither data nor decks
     that know nothing of contact beside the glued face need to know that.
     """
     twin = problem.ask(asked.values)
@@ -128,11 +128,11 @@ def _snaps(problem: InverseProblem, asked: Asked, coarse: Outcome, fine: Outcome
     if before is None or _through(problem.meshes[SEARCH], coarse.displacement[step]) > pixel:
         return False
     seen, left = problem.seen(asked.values), list[float]()
-    for mesh, outcome in ((REFINED, fine), (SEARCH, before)):
+    for mesh, outcome in ((REFINED, fine), (SEARCH, before), (SEARCH, coarse)):
         predictor = Predictor(data, problem.meshes[mesh])
         shown = predictor.picture(predictor.map_at(outcome, step, seen), step, seen)
         left.append(float(np.sum((shown - data.measured[number]) ** 2)))
-    return left[0] > left[1]
+    return left[0] > max(left[1:])
 
 
 def _through(mesh: Mesh, displacement: np.ndarray) -> float:

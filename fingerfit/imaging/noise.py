@@ -8,10 +8,10 @@ import numpy as np
 
 _RAYLEIGH_MEDIAN = np.sqrt(2 * np.log(2))
 """Median of a Rayleigh distribution whose channels have standard deviation 1 (Gudbjartsson and Patz 1995)."""
-_RAYLEIGH_SPREAD, _SPREAD_ERROR = 0.76998, 0.99
-"""Distance of its quartiles over its median, and the standard deviation of that among n pixels, times the root of n."""
-_SURELY = 3.0
-"""Standard deviations of chance."""
+_CLEAR, _CLEAR_SPREAD = 2.0, 0.56396
+"""Level of a background, in standard deviations of the noise, from which on it is told from noise by the shape of its
+distribution, and the distance of the quartiles over the median there (Rice). Below, the shape hardly differs from that
+of a magnitude without any signal. A choice (docs/decisions/0043-blur-of-the-camera.md)."""
 _NORMAL_MAD = 0.6744897501960817
 """Median of the absolute value of a standard normal: its quantile of 3/4."""
 _HAAR = np.array([1.0, -1.0]) / np.sqrt(2)
@@ -73,12 +73,12 @@ def _of_background(values: np.ndarray) -> float:
     """Standard deviation of the noise of pixels without signal, shape (pixels,)."""
     low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
     spread = (high - low) / middle
-    if spread >= _RAYLEIGH_SPREAD - _SURELY * _SPREAD_ERROR / np.sqrt(values.size):
+    if spread > _CLEAR_SPREAD:
         return float(middle / _RAYLEIGH_MEDIAN)
     # imported here: pictures of magnitudes do not need it
     from scipy.stats import norm, rice
 
-    levels = np.geomspace(0.1, 20.0, 60)
+    levels = np.geomspace(_CLEAR, 20.0, 40)
     quartiles = np.array([rice.ppf([0.25, 0.5, 0.75], level) for level in levels])
     distance = quartiles[:, 2] - quartiles[:, 0]
     known = (distance / quartiles[:, 1])[::-1], distance[::-1]
