@@ -57,8 +57,8 @@ def has_snapped(problem: InverseProblem, asked: Asked) -> bool:
     """Whether a guess on the finer mesh, which has a solution, goes through a plate in a picture as the body does not.
 
     At some step it does by more than a pixel, where the mesh of the search does not; and the picture of that step is
-    nearer both to the mesh of the search and to that with what the finer one changed in the steps before. No body goes through a plate; but neither data nor decks
-    that know nothing of contact beside the glued face need to know that.
+    nearer both to the mesh of the search and to that with what the finer one changed in the steps before. No body goes
+    through a plate; but neither data nor decks that know nothing of contact beside the glued face need to know that.
     """
     twin = problem.ask(asked.values)
     if not problem.is_solved(twin) or problem.answer(twin.sim).status != CONVERGED:
