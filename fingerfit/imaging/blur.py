@@ -1,9 +1,9 @@
 """The blur of a camera, which does not move with the body.
 
-A camera (or scanner) blurs each picture as it is. The picture before compression carries its blur along when it is
-warped, so that it is blurred less across than along where the body is pressed together. What that changes follows from
-the second derivatives of the warped picture: blurring by a Gaussian of covariance C is the diffusion of the picture
-over that covariance, here to first order.
+A camera (or scanner) blurs each picture as it is, by its point spread function. The picture before compression carries
+its blur along when it is warped, so that it is blurred less across than along where the body is pressed together. What
+that changes follows from the second derivatives of the warped picture: blurring by a Gaussian of covariance C is the
+diffusion of the picture over that covariance, here to first order.
 """
 
 from __future__ import annotations

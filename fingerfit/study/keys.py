@@ -81,8 +81,8 @@ class PictureKeys(Strict):
     )
     blur: Above | None = Field(
         default=None,
-        description="Standard deviation of the blur of camera or scanner, in `units.length`, a number above 0: it does"
-        " not move with the body.",
+        description="Standard deviation of the blur of camera or scanner (point spread function), in `units.length`, a"
+        " number above 0: it does not move with the body.",
     )
     trim: Annotated[
         Literal["body"] | Off | Box,

@@ -172,7 +172,10 @@ def test_rician_noise_is_found_again(rng):
 
 @pytest.mark.parametrize("level", [2.5, 5.0, 50.0, 1000.0])
 def test_the_level_of_a_background_is_not_taken_for_noise(level, rng):
-    """Of a camera, say: its black level. Five standard errors of the quartiles' distance, 1.6 / 1.35 over the root of n."""
+    """Of a camera, say: its black level.
+
+    Five times 1.5 over the root of n: the standard error of the quartiles' distance is 1.2, and the level adds to it.
+    """
     sigma, count = 35.0, 20_000
     for values in (rng.normal(level * sigma, sigma, count), add_rician(np.full(count, level * sigma), sigma, rng)):
         if values.min() < 0:  # no camera has a negative brightness
