@@ -18,7 +18,7 @@ from fingerfit.diagnosis.form_or_state import form_or_state
 from fingerfit.diagnosis.mesh_errors import by_halved_mesh, errors_but_mesh
 from fingerfit.diagnosis.ranges import not_excluded
 from fingerfit.diagnosis.ranking import Ranked, stiffness_map
-from fingerfit.diagnosis.refit import LOUD, Refit, excess, explains
+from fingerfit.diagnosis.refit import LOUD, Refit, explains
 from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
@@ -44,7 +44,7 @@ from fingerfit.diagnosis.verdict import (
     half_explained,
     nearest,
 )
-from fingerfit.diagnosis.worth import LARGEST, too_small
+from fingerfit.diagnosis.worth import blamed_on_mesh, most_of, too_small
 from fingerfit.fit.lost import Lost
 from fingerfit.fit.minimum import minimum
 from fingerfit.fit.problem import InverseProblem
@@ -166,8 +166,8 @@ def _diagnose(
     blames = unexplained or verdict.kind != "adequate"
     by_mesh, more = by_halved_mesh(found.comparison, score_test, threads) if blames and not outline.off else (0.0, 0)
     run += more
-    seen = 0.0 if unexplained else max((one.finding.fall for one in ranking if one.refitted), default=0.0)
-    coarse = by_mesh > 0.0 and by_mesh > LARGEST * max(excess(score_test), seen)
+    coarse = blamed_on_mesh(by_mesh, score_test, ranking)
+    seen = 0.0 if unexplained else most_of(ranking)
     probed = any(effect.probe for effect in problem.settings.effects())
     # of a body of another shape, and of one that is not solved well, refits say nothing
     no_refits = coarse or (outline.off and unexplained) or too_small(score_test, ranking, at_least)

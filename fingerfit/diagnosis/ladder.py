@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +16,23 @@ from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck, refusal, template_of, with_effect
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import chosen
-from fingerfit.model.effect import Effect
+from fingerfit.model.effect import MESH_ERROR, Effect
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.provenance.call import command
 from fingerfit.provenance.results import model_folder, study_folder
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, Settings, load_settings
-from fingerfit.settings.edit import remove_effect, write_effect
+from fingerfit.settings.edit import remove_effect, write_effect, write_meshes
+from fingerfit.settings.finer import finer_meshes
+from fingerfit.solvers.registry import get_solver
 from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.several import of_test
 from fingerfit.study.study import Study
 
 RUNGS = 6
 """Most models that `discover` fits in one call."""
+MESHES = 2
+"""How often it takes a finer mesh: each takes about four times as long as the one before. A choice."""
 
 
 def add(config: Path, name: str) -> str:
@@ -71,6 +75,21 @@ def drop(config: Path, name: str) -> str:
     return f"{config}: dropped {name}; its results stay where they are"
 
 
+def refine(config: Path) -> str:
+    """Write a finer mesh into a config file; says what was done.
+
+    Raises
+    ------
+    FingerfitError
+        Where the file has it in a layout in which it cannot be changed alone, or it is larger than a mesh may be.
+    """
+    settings = load_settings(config)
+    meshes = finer_meshes(settings.model, get_solver(settings.solver).capabilities.elements)
+    write_meshes(config, meshes)
+    said = (f"{key}: {one.element}, across {one.across}, per_layer {one.per_layer}" for key, one in meshes.items())
+    return f"{config}: finer mesh, {'; '.join(said)}"
+
+
 def run_again(config: Path) -> str:
     """The command that fits and diagnoses the model of a config file."""
     chosen = "" if config == Path(CONFIG) else f" --config {config}"
@@ -82,14 +101,14 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
 
     Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so. An effect that
     an adequate model may not need is dropped; where the model is not adequate without it, it comes back, and that is
-    all.
+    all. Where the mesh is too coarse, a finer one is taken.
 
     Raises
     ------
     FingerfitError
         When the workflow fails.
     """
-    adequate, dropped = "", ""  # the config of the last adequate model, and what was dropped from it
+    adequate, dropped, meshes = "", "", 0  # the config of the last adequate model, and what was dropped from it
     for _ in range(RUNGS):
         if subprocess.run(command(["diagnose"], config, cores), check=False).returncode:
             raise FingerfitError(f"{config}: the workflow failed; its messages are above")
@@ -99,14 +118,22 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         if dropped and diagnosis["verdict"] != "adequate":
             say(f"without {dropped} the model is not adequate: {dropped} is taken back")
             write_text(config, adequate)
-            dropped, done = "", "taken back"
+            dropped, done = "", "the last effect is taken back"
             continue
         spare = diagnosis.get("spare", ())
         if spare and not diagnosis["effects"] and (dropped or not adequate):
-            adequate, dropped, done = read_text(config), spare[0], "dropped"
+            adequate, dropped, done = read_text(config), spare[0], "the last effect is dropped"
             say(f"{dropped} may not be needed beside the others: dropping it")
             say(drop(config, dropped))
             continue
+        if meshes < MESHES and _is_too_coarse(settings, diagnosis):
+            try:
+                say(refine(config))
+            except FingerfitError as error:
+                say(f"the mesh stays as it is: {error}")
+            else:
+                meshes, done = meshes + 1, "the last mesh is finer"
+                continue
         if not diagnosis["effects"]:
             results = study_folder(settings)
             return say(f"ladder: {results}/ladder.json; page: {results}/report.html")
@@ -114,8 +141,14 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         if others:
             say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
         say(add(config, first))
-        done = "added"
-    return say(f"stopped after {RUNGS} models; the last effect is {done}, but not fitted anew: {run_again(config)}")
+        done = "the last effect is added"
+    return say(f"stopped after {RUNGS} models; {done}, but not fitted anew: {run_again(config)}")
+
+
+def _is_too_coarse(settings: Settings, diagnosis: Mapping[str, Any]) -> bool:
+    """Whether a diagnosis blames the mesh of a model."""
+    cure = diagnosis.get("cure")
+    return bool(cure) and effects_of(Path(settings.study))[cure].signal == MESH_ERROR
 
 
 def _told(rung: dict[str, Any]) -> str:

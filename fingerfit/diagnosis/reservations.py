@@ -150,7 +150,8 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
         effect, fall = one.candidate.effect, one.finding.fall
         beyond = fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         if effect.acts == NUMERICS and beyond and fall >= ENOUGH * left:
-            return replace(verdict, sentence=_cured(effect, "that", fall / left, BEYOND), family=NUMERICS)
+            text = _cured(effect, "that", fall / left, BEYOND)
+            return replace(verdict, sentence=text, family=NUMERICS, cure=effect.name)
     return verdict
 
 
@@ -193,7 +194,7 @@ def too_coarse(
     what, share = "half the element size", fall / max(beyond, best)
     if explains(score_test) and error <= 1.0 + MATTERS:
         return Verdict("adequate", (), f"{WITHIN}; {_explained(what, share, of)}", verdict.threshold)
-    return Verdict("unexplained", (), _cured(effect, what, share, of), verdict.threshold, NUMERICS)
+    return Verdict("unexplained", (), _cured(effect, what, share, of), verdict.threshold, NUMERICS, effect.name)
 
 
 def traced(

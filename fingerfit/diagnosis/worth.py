@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from fingerfit.diagnosis.families import SURE, nominated
 from fingerfit.diagnosis.ranking import Ranked, spread_of
-from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, explains
+from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.effect import NUMERICS
 
@@ -99,3 +99,27 @@ def too_small(score_test: ScoreTest, ranking: Sequence[Ranked], error: float) ->
     shares = [one.refitted.share for one in ranking if one.refitted]
     seen = bool(shares) and error <= LOUD and not explains(score_test)
     return seen and max(shares) < FALLS_SHORT * LARGEST
+
+
+def most_of(ranking: Sequence[Ranked]) -> float:
+    """Largest fall of the misfit by an effect that the first pass refitted; 0 where it refitted none."""
+    return max((one.finding.fall for one in ranking if one.refitted), default=0.0)
+
+
+def blamed_on_mesh(by_mesh: float, score_test: ScoreTest, ranking: Sequence[Ranked]) -> bool:
+    """Whether the mesh comes before all effects: most of what is left is its error, or no effect explains as much.
+
+    Its error is known to be there, since a finer mesh shows it, while an effect may imitate it. Where it is a small
+    part of what is left, something else is missing.
+
+    Parameters
+    ----------
+    by_mesh : float
+        Fall of the misfit by half the element size.
+    score_test : ScoreTest
+    ranking : sequence of Ranked
+    """
+    left, most = excess(score_test), most_of(ranking)
+    seen = most if explains(score_test) else 0.0
+    largest = by_mesh >= most and by_mesh > FALLS_SHORT * LARGEST * left and not explains(score_test)
+    return by_mesh > 0.0 and (by_mesh > LARGEST * max(left, seen) or largest)

@@ -1,4 +1,4 @@
-"""Effects written into config.yaml and taken out again, with every other character of the file as it was.
+"""Effects written into config.yaml and taken out again, and finer meshes, with every other character as it was.
 
 PyYAML's nodes tell where keys and values stand; text is put in or cut out there. Libraries that write the whole file
 again keep less of it (docs/decisions/0014-libraries.md).
@@ -15,8 +15,7 @@ from fingerfit.core.errors import FingerfitError, InputError
 from fingerfit.core.files import DOCUMENT, read_bytes, write_text
 from fingerfit.core.keys import read_yaml
 from fingerfit.settings.config import load_settings
-
-Effects = dict[str, dict[str, float]]
+from fingerfit.settings.parts import MeshSettings
 
 
 def write_effect(config: Path, name: str, numbers: Mapping[str, float]) -> None:
@@ -44,7 +43,7 @@ def write_effect(config: Path, name: str, numbers: Mapping[str, float]) -> None:
         end = effects.end_mark.index - 1
         text = text[:end] + entry + text[end:]
     model = load_settings(config).model
-    _write(config, text, {**model.effects, name: numbers}, model.per_test)
+    _write(config, text, {"effects": {**model.effects, name: numbers}})
 
 
 def remove_effect(config: Path, name: str) -> None:
@@ -62,7 +61,28 @@ def remove_effect(config: Path, name: str) -> None:
     others = [entry for entry in model.per_test if entry not in own]
     for number, entry in enumerate(own, 1):
         text = _without(text, config, "per_test", entry, number == len(own) and not others)
-    _write(config, text, left, others)
+    _write(config, text, {"effects": left, "per_test": others})
+
+
+def write_meshes(config: Path, meshes: Mapping[str, MeshSettings]) -> None:
+    """Write what is other in the meshes of a model, `mesh` or `refined`.
+
+    Raises
+    ------
+    InputError
+        Where that cannot be done and all else be kept; the file stays as it was.
+    """
+    text, model = _text(config), load_settings(config).model.model_dump()
+    for key, mesh in meshes.items():
+        for name, value in mesh.model_dump().items():
+            if value == model[key][name]:
+                continue
+            inside = _value(_model(text, config)[1], key)
+            written = _value(inside, name) if inside else None
+            if written is None:  # merged from elsewhere
+                raise _refusal(config, key)
+            text = f"{text[: written.start_mark.index]}{value}{text[written.end_mark.index :]}"
+    _write(config, text, {key: mesh.model_dump() for key, mesh in meshes.items()})
 
 
 def _without(text: str, config: Path, key: str, entry: str, last: bool) -> str:
@@ -127,23 +147,25 @@ def _line_end(text: str, at: int) -> int:
     return len(text) if end < 0 else end - (text[end - 1] == "\r")
 
 
-def _write(config: Path, text: str, effects: Effects, per_test: list[str]) -> None:
-    """Write a file of settings if they are those that it has, but for the effects."""
+def _write(config: Path, text: str, changes: Mapping[str, Any]) -> None:
+    """Write a file of settings if they are those that it has, but for changes of the model."""
     wanted = load_settings(config).model_dump()
-    wanted["model"] |= {"effects": effects, "per_test": per_test}
+    wanted["model"] |= changes
     load_settings(wanted, config)  # what is wrong with them is not the layout
+    key = next(iter(changes))
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as folder:
         file = Path(folder) / "config.yaml"
         write_text(file, text)
         try:
             found = load_settings(read_yaml(file), config)
         except FingerfitError as error:
-            raise _refusal(config) from error
-    if found.model_dump() != wanted or list(found.model.effects) != list(effects):
-        raise _refusal(config)
+            raise _refusal(config, key) from error
+    if found.model_dump() != wanted or list(found.model.effects) != list(wanted["model"]["effects"]):
+        raise _refusal(config, key)
     write_text(config, text)
 
 
-def _refusal(config: Path) -> InputError:
-    found = "anchors or a layout with which one effect cannot be changed alone"
-    return InputError(config, "model.effects", found, "every effect written out, on lines of its own")
+def _refusal(config: Path, key: str = "effects") -> InputError:
+    one = "effect" if key == "effects" else "mesh"
+    found = f"anchors or a layout with which one {one} cannot be changed alone"
+    return InputError(config, f"model.{key}", found, f"every {one} written out, on lines of its own")

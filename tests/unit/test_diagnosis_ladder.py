@@ -335,14 +335,14 @@ def test_a_misspelt_study_is_named(config, tmp_path):
     assert str(caught.value) == f"{mine}: study: found stdy; expected the folder of a study"
 
 
-def rung(folder, model, effects=(), spare=(), error=2.284, verdict="adequate"):
+def rung(folder, model, effects=(), spare=(), error=2.284, verdict="adequate", cure=""):
     """Results of a model that is there already."""
     counted = {"run": 9, "reused": 5}
     error = {"fitted": error, "held_out": None}
     keep_json(
         folder / model / "rung.json", {"model": model, "error": error, "simulations": counted, "sentence": "so it is"}
     )
-    found = {"verdict": "missing" if effects else verdict, "effects": list(effects), "spare": list(spare)}
+    found = {"verdict": "missing" if effects else verdict, "effects": list(effects), "spare": list(spare), "cure": cure}
     keep_json(folder / model / "diagnosis.json", {**found, "ranking": []})
 
 
@@ -404,3 +404,29 @@ def test_discover_says_what_it_did_last_to_a_model_that_is_not_fitted(last, done
     rung(tmp_path / "results/study", "base+tilt", done, spare=[] if done else ["tilt"])
     assert main(["discover"]) == 0
     assert f"stopped after 2 models; the last effect is {last}, but not fitted anew" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("refuses", [False, True])
+def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(refuses, config, tmp_path, monkeypatch, capfd):
+    """At most twice; a mesh that cannot be changed stays, and the verdict with it."""
+    write_text(tmp_path / "Snakefile", SNAKEFILE)
+    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
+    monkeypatch.setattr(call, "SHIPPED", tmp_path)
+    if refuses:
+        write_text(config, CONFIG.replace("across: 3", "across: 600"))
+    rung(tmp_path / "results/study", "base", verdict="unexplained", cure="coarse_mesh")
+    assert main(["discover"]) == 0
+    said = [line for line in capfd.readouterr().out.splitlines() if "error 2" not in line]
+    if refuses:
+        assert said[0].startswith("the mesh stays as it is: config.yaml: model.mesh.across: found 1200; expected")
+    else:
+        assert said[:-1] == [
+            "config.yaml: finer mesh, mesh: CPE8, across 6, per_layer 4",
+            "config.yaml: finer mesh, mesh: CPE8, across 12, per_layer 8",
+        ]
+    assert said[-1] == "ladder: results/study/ladder.json; page: results/study/report.html"
+    assert load_settings(config).model.mesh.across == (600 if refuses else 12)
+    # load steps that are too large are for a person
+    rung(tmp_path / "results/study", "base", verdict="unexplained", cure="load_step")
+    assert main(["discover"]) == 0
+    assert "finer mesh" not in capfd.readouterr().out

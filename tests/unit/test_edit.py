@@ -9,7 +9,8 @@ from one_layer import TWO_TESTS
 from fingerfit.core.errors import InputError, Problems
 from fingerfit.diagnosis.ladder import add
 from fingerfit.settings.config import load_settings
-from fingerfit.settings.edit import remove_effect, write_effect
+from fingerfit.settings.edit import remove_effect, write_effect, write_meshes
+from fingerfit.settings.finer import finer_meshes
 
 HEAD = "study: study\n"
 MODEL = """\
@@ -187,6 +188,42 @@ def test_what_cannot_be_kept_is_refused_in_one_line(config, what, inside):
         " expected every effect written out, on lines of its own"
     )
     assert config.read_text() == layout(inside)
+
+
+@pytest.mark.parametrize(
+    ("solver_has", "mesh", "refined"),
+    [
+        ({"CPE4", "CPE8"}, "element: CPE8, across: 3,\n         per_layer: 2", "across: 5\n    element: CPE8"),
+        ({"CPE4"}, "element: CPE4, across: 6,\n         per_layer: 4", "across: 10\n    element: CPE4"),
+    ],
+    ids=["quadratic", "halved"],
+)
+def test_finer_meshes_are_written_where_the_old_ones_stood(config, solver_has, mesh, refined):
+    refine = "  refined:   # last steps\n    across: 5\n    element: CPE4   # linear\n    per_layer: &rows 2\n"
+    text = HEAD + MODEL.replace("CPE8", "CPE4") + refine + PARAMETERS + FIT
+    config.write_text(text)
+    model = load_settings(config).model
+    write_meshes(config, finer_meshes(model, solver_has))
+    found = load_settings(config).model
+    halved = {} if "CPE8" in solver_has else {"per_layer: &rows 2": "per_layer: 4"}
+    for old, new in {
+        "element: CPE4, across: 3,\n         per_layer: 2": mesh, "across: 5\n    element: CPE4": refined, **halved
+    }.items():  # fmt: skip
+        text = text.replace(old, new)
+    assert config.read_text() == text
+    assert found.refined.per_layer == found.mesh.per_layer == (4 if halved else 2)
+
+
+def test_a_mesh_that_another_one_repeats_stays(config):
+    text = HEAD + MODEL.replace("mesh: {", "mesh: &same {").replace("   # coarse\n", "\n  refined: *same\n")
+    config.write_text(text + PARAMETERS + FIT)
+    with pytest.raises(InputError) as caught:
+        write_meshes(config, {"mesh": finer_meshes(load_settings(config).model, {"CPE8"})["mesh"]})
+    assert str(caught.value) == (
+        "config.yaml: model.mesh: found anchors or a layout with which one mesh cannot be changed alone;"
+        " expected every mesh written out, on lines of its own"
+    )
+    assert config.read_text() == text + PARAMETERS + FIT
 
 
 def test_where_the_study_is_not_found_nothing_is_added(tmp_path, monkeypatch):

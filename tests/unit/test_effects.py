@@ -573,6 +573,21 @@ def test_fibres_lie_at_their_angle(tmp_path, plain):
     assert upright == pytest.approx(mirrored(upright), abs=1e-6)
 
 
+def test_fibres_of_one_layer_keep_that_one_narrow(tmp_path, plain):
+    """The middle of its side bulges less, of all layers the most."""
+    side = MESH.points[:, 0] == 12.0
+    middle = [np.abs(MESH.points[side, 1] - y).argmin() for y in (10.0, 6.0, 2.0)]
+    before = plain.displacement[-1, side, 0][middle]
+    for number in (1, 2, 3):
+        text = deck({"fibres.stiffness": 0.25, "fibres.layer": number})
+        assert text.count("*ANISOTROPIC HYPERELASTIC") == 1
+        narrower = 1 - solve(text, tmp_path).displacement[-1, side, 0][middle] / before
+        assert narrower.argmax() == number - 1
+        assert narrower[number - 1] > max(0.02, 2 * np.delete(narrower, number - 1).max())
+
+
+
+
 def test_what_is_beside_the_law_is_the_elements_of_each_layer_once_more():
     for prefix, values in (
         ("YEOH", {"yeoh.c2": 0.5, "yeoh.c3": 0.2}),

@@ -13,7 +13,7 @@ from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.reservations import largest_part, of_family
 from fingerfit.diagnosis.second_queue import PART, imitated
 from fingerfit.diagnosis.verdict import MATTERS, Verdict, decide, nearest
-from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, to_refit, too_small
+from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, blamed_on_mesh, most_of, to_refit, too_small
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import FAMILIES
 
@@ -277,3 +277,20 @@ def test_a_refit_that_explains_less_lowers_the_odds():
     one = first_pass(ranking, 1.0)[0]
     assert one.odds(2.0) - one.odds(2.0, one.finding.fall - 8.0) == pytest.approx(2.0)
     assert one.odds(2.0, one.finding.fall + 8.0) == one.odds(2.0)
+
+
+def test_a_mesh_comes_before_effects_where_none_explains_as_much():
+    score_test, ranking = ranked(1.0)
+    left = score_test.misfit - score_test.freedom
+    part = FALLS_SHORT * LARGEST
+
+    def tried(share):
+        return [replace(one, finding=replace(one.finding, fall=share * left)) for one in first_pass(ranking, share)]
+
+    for share in (1.2 * part, 0.9 * LARGEST):
+        assert most_of(tried(share)) == pytest.approx(share * left)
+        assert blamed_on_mesh(1.01 * share * left, score_test, tried(share))
+        assert not blamed_on_mesh(0.99 * share * left, score_test, tried(share))
+    assert not blamed_on_mesh(0.9 * part * left, score_test, tried(0.8 * part))  # something else is missing
+    assert blamed_on_mesh(1.01 * LARGEST * left, score_test, tried(0.9))  # more than half
+    assert not blamed_on_mesh(0.0, score_test, ranking)
