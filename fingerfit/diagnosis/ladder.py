@@ -147,7 +147,7 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
 
 def _is_too_coarse(settings: Settings, diagnosis: Mapping[str, Any]) -> bool:
     """Whether a diagnosis blames the mesh of a model."""
-    cure = diagnosis.get("cure")
+    cure = str(diagnosis.get("cure") or "")
     return bool(cure) and effects_of(Path(settings.study))[cure].signal == MESH_ERROR
 
 

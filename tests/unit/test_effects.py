@@ -586,8 +586,6 @@ def test_fibres_of_one_layer_keep_that_one_narrow(tmp_path, plain):
         assert narrower[number - 1] > max(0.02, 2 * np.delete(narrower, number - 1).max())
 
 
-
-
 def test_what_is_beside_the_law_is_the_elements_of_each_layer_once_more():
     for prefix, values in (
         ("YEOH", {"yeoh.c2": 0.5, "yeoh.c3": 0.2}),
