@@ -93,6 +93,7 @@ def _tried(settings: Settings, study: Study, mesh: Mesh, effect: Effect, whole: 
     seen = Observation.of([whole], values, mesh.body, study.course)
     if seen is not None:
         seen.shift(1, mesh.body[:1])
+        seen.first(mesh.body[:1])
         seen.intensity(np.zeros(1), 1, *mesh.body[:1].T)
         for name in ("force", "displacement"):
             seen.response(np.zeros(len(study.steps)), name)
@@ -167,6 +168,9 @@ def _seen(seen: Observation, what: str, at: np.ndarray) -> Iterator[tuple[np.nda
     elif what.startswith("shift_"):
         size = float(np.ptp(at, axis=0).max())
         yield from ((found, np.zeros(len(at)), size) for k in every for found in _along(seen.shift(k, at), what))
+    elif what.startswith("first_"):
+        size = float(np.ptp(at, axis=0).max())
+        yield from ((found, np.zeros(len(at)), size) for found in _along(seen.first(at), what))
     else:
         response = np.arange(1.0, len(every))
         yield seen.response(response, what), response, float(len(response))

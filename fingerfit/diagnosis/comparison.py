@@ -12,6 +12,7 @@ from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.likelihood import Weighed
+from fingerfit.diagnosis.observing import change_seen
 from fingerfit.diagnosis.residual import Residual, common_modes, residual_of
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
@@ -21,10 +22,9 @@ from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import difference, step_of
-from fingerfit.forward.patches import Patches, Reader, flat, points_by_patch
-from fingerfit.forward.predict import Predictor, positions, seen_response
-from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.registration import means
+from fingerfit.forward.patches import Patches, Reader, flat
+from fingerfit.forward.predict import Predictor
+from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import MESH_ERROR, OBSERVATION, Effect
 from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import CONVERGED, Outcome
@@ -79,10 +79,13 @@ class Comparison:
         self.prediction = made.prediction
         self.residual: Residual = residual_of(everything, made.prediction, made.maps, self.patches)
         self.places = self.residual.places, self.residual.place_patch
-        self._readers = {
-            name: Reader(everything, mesh, self.patches, self.places) for name, mesh in problem.meshes.items()
-        }
+        seen = problem.seen(self.base.values)
+        self._readers = {name: self.reader(mesh, seen) for name, mesh in problem.meshes.items()}
         self._read: dict[str, np.ndarray | None] = {}
+
+    def reader(self, mesh: Mesh, seen: Observation | None) -> Reader:
+        """Of solutions on a mesh, at its patches."""
+        return Reader(self.data, mesh, self.patches, self.places, seen)
 
     def read(self, asked: Asked) -> np.ndarray | None:
         """Displacements and response of a simulation; None without a solution."""
@@ -350,7 +353,7 @@ class Comparison:
         # a place that the fit moves has bounds in place of a step
         steps = {place: 0.01 * (high - low) for place, (low, high) in effect.refine.items()}
         step = (steps | {p.name: p.step for p in effect.parameters})[name]
-        data, points = self.data, self.problem.meshes[SEARCH].body
+        points = self.problem.meshes[SEARCH].body
         now = {**effect.null(), **self.problem.own(values)}
         further = {**now, effect.key(name): now[effect.key(name)] + step}
         # formulas have all numbers of a series
@@ -359,26 +362,11 @@ class Comparison:
             Observation((whole,), guess, points.min(axis=0), points.max(axis=0), self.problem.study.course)
             for guess in (now, further)
         )
-        frame = Picture(data.before, data.spacing, data.origin, data.direction)
-        value: np.ndarray = np.zeros(self.residual.value.shape)
-        for n, (number, picture, way) in enumerate(
-            zip(data.picture_step, self.prediction.pictures, self.residual.fits, strict=True)
-        ):
-            k = int(number) + 1
-            at, seen = positions(frame, way.pixel), picture.ravel()[way.pixel]
-            places = np.stack(at, axis=-1)
-            change = after.intensity(seen, k, *at) - before.intensity(seen, k, *at)
-            moved = after.shift(k, places) - before.shift(k, places)
-            value[n] = np.nan_to_num(means(np.column_stack([moved, change]), way.patch, value.shape[1]))
-        if len(data.points_step):
-            places, moved = data.points + self.prediction.points, np.zeros_like(data.points_displacement)
-            for number in np.unique(data.points_step):
-                its, k = data.points_step == number, int(number) + 1
-                moved[its] = after.shift(k, places[its]) - before.shift(k, places[its])
-            value[len(data.picture_step) :] = np.nan_to_num(points_by_patch(data, moved, self.patches))
-        response = self.prediction.response
-        changed = seen_response(after, response, data) - seen_response(before, response, data)
-        return flat(value, changed) / step
+        changed = change_seen(self.data, self.prediction, self.residual, self.patches, before, after)
+        if before.moves_first:
+            mesh, outcome = self.problem.meshes[self.mesh], self.problem.outcome(self.base)
+            changed = changed + self.reader(mesh, after).shown(outcome) - self.reader(mesh, before).shown(outcome)
+        return changed / step
 
 
 def _alike(steps: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.evidence import spare
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.form_or_state import form_or_state
-from fingerfit.diagnosis.mesh_errors import by_halved_mesh, errors_but_mesh
+from fingerfit.diagnosis.mesh_errors import by_finer_mesh, errors_but_mesh
 from fingerfit.diagnosis.ranges import not_excluded
 from fingerfit.diagnosis.ranking import Ranked, stiffness_map
 from fingerfit.diagnosis.refit import LOUD, Refit, explains
@@ -164,7 +164,7 @@ def _diagnose(
     unexplained = not explains(score_test)
     # before any effect is blamed: what a mesh leaves may be no more than the noise, and still be most of what is seen
     blames = unexplained or verdict.kind != "adequate"
-    by_mesh, more = by_halved_mesh(found.comparison, score_test, threads) if blames and not outline.off else (0.0, 0)
+    by_mesh, finer, more = by_finer_mesh(found.comparison, score_test, threads) if blames else (0.0, "", 0)
     run += more
     coarse = blamed_on_mesh(by_mesh, score_test, ranking)
     seen = 0.0 if unexplained else most_of(ranking)
@@ -216,7 +216,7 @@ def _diagnose(
     mesh = next((effect for effect in problem.effects.values() if effect.signal == MESH_ERROR), None)
     if mesh:
         if coarse:
-            verdict = too_coarse(verdict, score_test, by_mesh, seen, mesh, fitted)
+            verdict = too_coarse(verdict, score_test, (by_mesh, finer), seen, mesh, fitted)
         verdict = loud_by_mesh(verdict, fitted, at_least, mesh)
     if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
         verdict, states, more = form_or_state(verdict, found, refits, threads)

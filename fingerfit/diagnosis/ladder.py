@@ -16,7 +16,7 @@ from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck, refusal, template_of, with_effect
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import chosen
-from fingerfit.model.effect import MESH_ERROR, Effect
+from fingerfit.model.effect import MESH_ERROR, OUTLINE, Effect
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.provenance.call import command
 from fingerfit.provenance.results import model_folder, study_folder
@@ -141,6 +141,9 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         if others:
             say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
         say(add(config, first))
+        if OUTLINE in settings.model.effects and effects_of(Path(settings.study))[first].moves_first:
+            say(f"{first} says where that picture shows the sides: {OUTLINE}, by which they lie there, is dropped")
+            say(drop(config, OUTLINE))
         done = "the last effect is added"
     return say(f"stopped after {RUNGS} models; {done}, but not fitted anew: {run_again(config)}")
 

@@ -1,4 +1,4 @@
-"""Errors of the mesh: what they make of the pictures, and whether half the element size explains all that is left.
+"""Errors of the mesh: what they make of the pictures, and whether a still finer mesh explains all that is left.
 
 How large the error of a mesh is expected to be follows from two meshes. Of two coarse ones that is a guess; a third,
 finer one tells.
@@ -12,17 +12,20 @@ from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.errors import errors, fitted_pictures, of_tests
 from fingerfit.diagnosis.joint import joined
+from fingerfit.diagnosis.refit import excess
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import left_over
 from fingerfit.fit.problem import REFINED, SEARCH
 from fingerfit.forward.patches import Reader
 from fingerfit.prepare.prepare import make_mesh
+from fingerfit.settings.finer import finer_mesh
 from fingerfit.solvers.contract import CONVERGED
+from fingerfit.solvers.registry import get_solver
 
 MOST = 2.0
-"""Error of the mesh, at most, as a multiple of what half the element size changes: with the order of a glued corner
-(decision 3) it is 1.8 times that."""
+"""Error of the mesh, at most, as a multiple of what a finer one changes: with the order of a glued corner (decision 3)
+it is 1.8 times what half the element size does."""
 
 
 def errors_but_mesh(comparison: Comparison) -> tuple[float, float | None]:
@@ -59,8 +62,8 @@ def _in_pictures(comparison: Comparison) -> np.ndarray | None:
     return left_over(comparison.problem, comparison.mesh) * comparison.residual.inside(own - other) / comparison.floor
 
 
-def by_halved_mesh(comparison: Comparison, score_test: ScoreTest, threads: int = 1) -> tuple[float, int]:
-    """How far the misfit falls by the error of the mesh, the constants following, and simulations that were not known.
+def by_finer_mesh(comparison: Comparison, score_test: ScoreTest, threads: int = 1) -> tuple[float, str, int]:
+    """How far the misfit falls by the error of the mesh, the constants following.
 
     Parameters
     ----------
@@ -69,34 +72,46 @@ def by_halved_mesh(comparison: Comparison, score_test: ScoreTest, threads: int =
     score_test : ScoreTest
         Of what the model leaves.
     threads : int
+
+    Returns
+    -------
+    float
+    str
+        By what: half the element size, or quadratic elements in place of linear ones.
+    int
+        Simulations that were not known.
     """
-    changes, run = list[np.ndarray | None](), 0
+    changes, run, what = list[np.ndarray | None](), 0, ""
     for test in comparison.every:
-        change, more = _changed(test, threads)
+        change, what, more = _changed(test, threads)
         changes.append(change)
         run += more
     whole = joined(changes)
     if whole is None or not whole.any():
-        return 0.0, run
+        return 0.0, what, run
     columns = whole[comparison.residual.kept][:, None]
-    return score_test.test(columns, np.zeros(1), np.full(1, MOST)).fall, run
+    fall, left = score_test.test(columns, np.zeros(1), np.full(1, MOST)).fall, excess(score_test)
+    part = f"explains {min(100, 100 * fall / left):.0f} %" if left > 1.0 else f"lowers the misfit by {fall:.3g}"
+    tell(f"{what} {part}")
+    return fall, what, run
 
 
-def _changed(test: Comparison, threads: int) -> tuple[np.ndarray | None, int]:
-    """What half the element size changes, shape (all,); None where that has no solution."""
+def _changed(test: Comparison, threads: int) -> tuple[np.ndarray | None, str, int]:
+    """What a finer mesh changes, shape (all,); None where that has no solution."""
     problem = test.problem
     settings, study = problem.settings, problem.study
     spec = (settings.model.refined if problem.mesh_of(test.base) == REFINED else None) or settings.model.mesh
     base = test.read(test.base)
     if spec is None or base is None or study.body.width is None:
-        return None, 0
-    mesh = make_mesh(study, spec, times=2)
-    halved = problem.with_mesh(SEARCH, mesh)
-    asked = halved.ask(test.base.values)
-    run = solve_missing(halved, [asked], threads)
+        return None, "", 0
+    finer, what = finer_mesh(spec, get_solver(settings.solver).capabilities.elements)
+    mesh = make_mesh(study, finer)
+    other = problem.with_mesh(SEARCH, mesh)
+    asked = other.ask(test.base.values)
+    run = solve_missing(other, [asked], threads)
     if why := problem.lost.why(asked.sim):
-        tell(f"half the element size: {why}; what it changes is not known")
-    outcome = halved.outcome(asked)
+        tell(f"{what}: {why}; what that changes is not known")
+    outcome = other.outcome(asked)
     if outcome.status != CONVERGED or outcome.steps < len(test.data.step):
-        return None, run
-    return Reader(test.data, mesh, test.patches, test.places).read(outcome) - base, run
+        return None, what, run
+    return Reader(test.data, mesh, test.patches, test.places).read(outcome) - base, what, run

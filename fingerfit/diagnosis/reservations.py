@@ -169,7 +169,7 @@ def _percent(share: float) -> str:
 
 
 def too_coarse(
-    verdict: Verdict, score_test: ScoreTest, fall: float, best: float, effect: Effect, error: float
+    verdict: Verdict, score_test: ScoreTest, by: tuple[float, str], best: float, effect: Effect, error: float
 ) -> Verdict:
     """The verdict of a model whose mesh leaves most of what there is beyond the noise, or of what an effect would say.
 
@@ -180,8 +180,8 @@ def too_coarse(
     ----------
     verdict : Verdict
     score_test : ScoreTest
-    fall : float
-        Of the misfit, by the error of the mesh.
+    by : (float, str)
+        How far the misfit falls by the error of the mesh, and which finer mesh shows it.
     best : float
         The same by the best effect of the first pass, where the model leaves no more than the noise; else 0.
     effect : Effect
@@ -191,7 +191,8 @@ def too_coarse(
     """
     beyond = max(excess(score_test), 1.0)
     of = BEYOND if beyond >= best else "what the best effect would explain"
-    what, share = "half the element size", fall / max(beyond, best)
+    fall, what = by
+    share = fall / max(beyond, best)
     if explains(score_test) and error <= 1.0 + MATTERS:
         return Verdict("adequate", (), f"{WITHIN}; {_explained(what, share, of)}", verdict.threshold)
     return Verdict("unexplained", (), _cured(effect, what, share, of), verdict.threshold, NUMERICS, effect.name)

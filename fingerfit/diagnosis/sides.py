@@ -55,7 +55,8 @@ def sides_of(comparison: Comparison) -> Sides:
 
 
 def begun(comparison: Comparison, everywhere: Sequence[Ranked], most: float = np.inf) -> list[Ranked]:
-    """Effects on the state in that picture, each where and as large as it brings the sides nearest, the nearest first.
+    """Effects on the state in that picture, or on how it was taken, each where and as large as it brings the sides
+    nearest, the nearest first.
 
     Probes are not among them: they move sides in so many ways that those say nothing. Nor are those that leave a side
     by slopes more than `most` mm off.
@@ -68,12 +69,12 @@ def begun(comparison: Comparison, everywhere: Sequence[Ranked], most: float = np
     seen, found = np.isfinite(goal * weight), []
     for one in everywhere:
         effect = one.candidate.effect
-        if "before" not in effect.changes or effect.probe or not seen.any():
+        if not ("before" in effect.changes or effect.moves_first) or effect.probe or not seen.any():
             continue
         columns = []
-        for asked, parameter in zip(one.candidate.asked, effect.parameters, strict=True):
+        for number, parameter in enumerate(effect.parameters):
             moved = [
-                _sides(test, asked.every[comparison.every.index(test)]) - there
+                _moved(test, comparison.every.index(test), one, number) - there
                 for test, there in zip(tests, now, strict=True)
             ]
             columns.append(np.concatenate([_flat(part) for part in moved]) / parameter.step)
@@ -89,6 +90,16 @@ def begun(comparison: Comparison, everywhere: Sequence[Ranked], most: float = np
     for _, one in sorted(found, key=lambda pair: pair[0]):
         nearest.setdefault(one.candidate.effect.name, one)
     return list(nearest.values())
+
+
+def _moved(test: Comparison, index: int, one: Ranked, number: int) -> np.ndarray:
+    """Sides of a candidate with one of its parameters a step off, as in `Outline.outward`."""
+    effect, asked = one.candidate.effect, one.candidate.asked
+    if asked:
+        return _sides(test, asked[number].every[index])
+    parameter = effect.parameters[number]
+    values = {**effect.null(), **one.candidate.place, effect.key(parameter.name): parameter.null + parameter.step}
+    return _sides(test, replace(test.anchor, values={**test.anchor.values, **values}))
 
 
 def _farthest(outlines: Sequence[Outline], left: np.ndarray) -> float:
@@ -111,7 +122,10 @@ def _sides(test: Comparison, asked: Asked) -> np.ndarray:
     As in the picture: at places along the side where it lies then, evenly spaced, whatever the nodes are.
     """
     mesh, (low, high) = test.problem.meshes[test.problem.mesh_of(asked)], test.data.stated
-    moved = test.problem.outcome(asked).begun
+    moved, seen = test.problem.outcome(asked).begun, test.problem.seen(asked.values)
+    if seen is not None and seen.moves_first:
+        there = mesh.points if moved is None else mesh.points + moved
+        moved = there + seen.first(there) - mesh.points
     found = np.zeros((len(SIDES), 3))
     for number in range(len(SIDES)) if moved is not None else ():
         axis, last = divmod(number, 2)

@@ -115,7 +115,7 @@ def blamed_on_mesh(by_mesh: float, score_test: ScoreTest, ranking: Sequence[Rank
     Parameters
     ----------
     by_mesh : float
-        Fall of the misfit by half the element size.
+        Fall of the misfit by a finer mesh.
     score_test : ScoreTest
     ranking : sequence of Ranked
     """

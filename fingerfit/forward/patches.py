@@ -12,6 +12,7 @@ from fingerfit.imaging.preprocess import smooth
 from fingerfit.imaging.registration import FEWEST, means
 from fingerfit.imaging.warp import BackwardMap, Probe
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import Outcome
 from fingerfit.study.data import Data
 
@@ -118,10 +119,17 @@ class Reader:
     patches : Patches
     places : (ndarray, ndarray), optional
         Where patches are read, shape (places, dim), and whose these are; else points within each patch.
+    seen : Observation, optional
+        Effects on the observation: where they move the first picture, material is elsewhere than that shows it.
     """
 
     def __init__(
-        self, data: Data, mesh: Mesh, patches: Patches, places: tuple[np.ndarray, np.ndarray] | None = None
+        self,
+        data: Data,
+        mesh: Mesh,
+        patches: Patches,
+        places: tuple[np.ndarray, np.ndarray] | None = None,
+        seen: Observation | None = None,
     ) -> None:
         self.data = data
         self._mesh, self._patches = mesh, patches
@@ -131,8 +139,9 @@ class Reader:
             offsets = np.stack([o.ravel() for o in np.meshgrid(*[(-0.25, 0.25)] * mesh.dim)], axis=1)
             points = (patches.centre[:, None] + offsets * patches.size).reshape(-1, mesh.dim)
             self._owner = np.repeat(np.arange(len(patches.centre)), len(offsets))
-        self._places = points
-        self._probes = Probe(mesh, data.points), Probe(mesh, points)
+        self._shown = data.points, points
+        self._points, self._places = (at if seen is None else seen.origin(at) for at in self._shown)
+        self._probes = Probe(mesh, self._points), Probe(mesh, self._places)
 
     def read(self, outcome: Outcome) -> np.ndarray:
         """Displacements (mm), brightness 0, and the response of a solution since the first picture."""
@@ -140,7 +149,7 @@ class Reader:
         at_points, at_places = self._probes
         if outcome.begun is not None:
             shown = in_first_picture(self._mesh, outcome)
-            at_points, at_places = Probe(shown, data.points), Probe(shown, self._places)
+            at_points, at_places = Probe(shown, self._points), Probe(shown, self._places)
         for step in data.picture_step:
             u = at_places.read(outcome.displacement[step])
             known = np.isfinite(u[:, 0])  # in the mesh; a patch without any such place has 0
@@ -153,3 +162,13 @@ class Reader:
                 at[own] = at_points.read(outcome.displacement[step])[own]
             found += list(points_by_patch(data, at, self._patches))
         return flat(np.array(found), response_of(outcome, data))
+
+    def shown(self, outcome: Outcome) -> np.ndarray:
+        """The same, from where the first picture shows the material to where it is."""
+        data, whole = self.data, self.read(outcome)
+        points, places = (there - at for there, at in zip((self._points, self._places), self._shown, strict=True))
+        first = means(places, self._owner, len(self._patches.centre))
+        value = [np.concatenate([first, np.zeros((len(first), 1))], axis=1) for _ in data.picture_step]
+        if len(data.points_step):
+            value += list(points_by_patch(data, points, self._patches))
+        return whole + flat(np.nan_to_num(np.array(value)), np.zeros(len(whole) - np.size(value)))

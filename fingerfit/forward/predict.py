@@ -88,11 +88,13 @@ class Predictor:
         synthesized = [self.picture(way, int(step), seen) for way, step in zip(maps, data.picture_step, strict=True)]
         pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
         points = np.empty_like(data.points_displacement)
-        probe = self._probe if outcome.begun is None else Probe(in_first_picture(self.mesh, outcome), data.points)
+        places = data.points if seen is None else seen.origin(data.points)
+        elsewhere = outcome.begun is not None or places is not data.points
+        probe = Probe(in_first_picture(self.mesh, outcome), places) if elsewhere else self._probe
         for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
-            moved = probe.read(outcome.displacement[step])[chosen]
-            points[chosen] = moved if seen is None else moved + seen.shift(int(step) + 1, data.points[chosen] + moved)
+            moved, begin = probe.read(outcome.displacement[step])[chosen], places[chosen]
+            points[chosen] = moved if seen is None else seen.moved(int(step) + 1, begin, moved)
         measured = response_of(outcome, data)
         if seen is not None:
             measured = seen_response(seen, measured, data)
@@ -119,7 +121,7 @@ class Predictor:
         """Backward map of a step, by its index."""
         mesh, shown = in_first_picture(self.mesh, outcome), outcome.displacement[step]
         if seen is not None:  # a displaced picture shows the body as if it had moved so
-            shown = shown + seen.shift(step + 1, mesh.points + shown)
+            mesh, shown = as_seen(mesh, shown, seen, step + 1)
         soft = REACH * self.data.blur / float(np.min(self.data.spacing))
         return backward_map(mesh, shown, self._frame, max(MARGIN, soft))
 
@@ -161,6 +163,12 @@ def since_first_picture(outcome: Outcome, steps: int, elsewhere: bool = False) -
         iterations=outcome.iterations[1:],
         begun=outcome.displacement[0] if elsewhere else None,
     )
+
+
+def as_seen(mesh: Mesh, displacement: np.ndarray, seen: Observation, k: int) -> tuple[Mesh, np.ndarray]:
+    """The body as the first picture shows it, and displacements from there to where the one at the k-th step does."""
+    shown = replace(mesh, points=mesh.points + seen.first(mesh.points)) if seen.moves_first else mesh
+    return shown, seen.moved(k, mesh.points, displacement)
 
 
 def in_first_picture(mesh: Mesh, outcome: Outcome) -> Mesh:

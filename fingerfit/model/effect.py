@@ -113,7 +113,8 @@ class Effect:
         others), ``ageing`` (logarithm of a factor on the stiffness of a layer at a step).
     observes : mapping
         Formulas for what is measured: ``displacement``, ``force`` (the one that is not prescribed), ``intensity``,
-        ``shift_x``, ``shift_y``, ``shift_z`` (mm).
+        ``shift_x``, ``shift_y``, ``shift_z`` (mm, under load), ``first_x``, ``first_y``, ``first_z`` (in the first
+        picture).
     needs : tuple of str
         What a study must have, of `NEEDS`.
     control : str
@@ -178,6 +179,11 @@ class Effect:
         return replace(
             self, parameters=self.parameters[: int(count)], scan={**self.scan, self.series: (float(int(count)),)}
         )
+
+    @property
+    def moves_first(self) -> bool:
+        """Whether the first picture shows places elsewhere, too."""
+        return any(what.startswith("first_") for what in self.observes)
 
     @property
     def simulated(self) -> bool:

@@ -46,7 +46,7 @@ CHANGES = (
     "expansion",
     "ageing",
 )
-OBSERVES = ("displacement", "force", "intensity", "shift_x", "shift_y", "shift_z")
+OBSERVES = ("displacement", "force", "intensity", *(f"{what}_{axis}" for what in ("shift", "first") for axis in "xyz"))
 
 PLACES = 1000
 """Places of one effect: each is tested by simulations of its own; a whole diagnosis has some hundred."""

@@ -13,6 +13,9 @@ from fingerfit.model.effect import Effect
 from fingerfit.model.formulas import evaluate
 from fingerfit.model.scales import extent
 
+_TURNS = 4
+"""Of the way back to a place: each makes the error as much smaller as shifts change from place to place, a tenth."""
+
 
 @dataclass(frozen=True)
 class Observation:
@@ -53,16 +56,39 @@ class Observation:
         """Whether one of them changes the brightness."""
         return any("intensity" in effect.observes for effect in self.effects)
 
+    @property
+    def moves_first(self) -> bool:
+        """Whether one of them shows places elsewhere in the first picture."""
+        return any(effect.moves_first for effect in self.effects)
+
     def shift(self, k: int, at: np.ndarray) -> np.ndarray:
         """How far from where they are the picture at the k-th step shows places, mm, shape (..., dim) as theirs.
 
         What several effects do adds up.
         """
+        return self._shift("shift", k, at)
+
+    def first(self, at: np.ndarray) -> np.ndarray:
+        """The same of the first picture, the one before compression."""
+        return self._shift("first", 0, at)
+
+    def moved(self, k: int, at: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+        """Displacements of places from the first picture to that at the k-th step, as both show them, mm."""
+        return displacement + self.shift(k, at + displacement) - self.first(at)
+
+    def origin(self, seen: np.ndarray) -> np.ndarray:
+        """Where the places are that the first picture shows at others, mm, shape (..., dim) as theirs."""
+        found = seen
+        for _ in range(_TURNS if self.moves_first else 0):
+            found = seen - self.first(found)
+        return found
+
+    def _shift(self, what: str, k: int, at: np.ndarray) -> np.ndarray:
         names = {**self._step(k), **places(at, self.low, self.high)}
         found: np.ndarray = np.zeros(at.shape)
         for axis, name in enumerate("xyz"[: len(self.low)]):
             for effect in self.effects:
-                found[..., axis] += self._changed(effect, f"shift_{name}", np.zeros(at.shape[:-1]), names)
+                found[..., axis] += self._changed(effect, f"{what}_{name}", np.zeros(at.shape[:-1]), names)
         return found
 
     def intensity(self, picture: np.ndarray, k: int, *at: np.ndarray) -> np.ndarray:

@@ -27,8 +27,8 @@ from fingerfit.study.direction import wrong_axes
 from fingerfit.study.study import AXES, ESTIMATED, Study
 
 
-def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False, times: int = 1) -> Mesh:
-    """The mesh of a study; of a study that brings its meshes, the finer one if wanted, else with `times` as many rows.
+def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False) -> Mesh:
+    """The mesh of a study; of a study that brings its meshes, the finer one if wanted.
 
     Raises
     ------
@@ -47,8 +47,8 @@ def make_mesh(study: Study, settings: MeshSettings | None, finer: bool = False, 
         mesh = layered_block(
             body.width,
             layers,
-            times * settings.across,
-            times * settings.per_layer,
+            settings.across,
+            settings.per_layer,
             settings.element,
             settings.grading,
             body.origin,

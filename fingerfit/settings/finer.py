@@ -11,25 +11,28 @@ QUADRATIC = {"CPE3": "CPE6", "CPE4": "CPE8", "CPE4H": "CPE8H", "CPS3": "CPS6", "
 """Elements of the next order on the same grid: their error falls with a higher power of their size."""
 
 
-def finer_meshes(model: ModelSettings, elements: Collection[str]) -> dict[str, MeshSettings]:
-    """The mesh of the search and, where there is one, the finer mesh, each more accurate than before.
+HALVED, ONE_MORE = "half the element size", "a mesh of quadratic elements"
+"""A finer mesh, in words."""
+
+
+def finer_mesh(mesh: MeshSettings, elements: Collection[str]) -> tuple[MeshSettings, str]:
+    """A mesh more accurate than before, and what is other in it, in words.
 
     Linear elements become quadratic ones. Where they are, or the solver has no such `elements`, they get half the size.
 
     Parameters
     ----------
-    model : ModelSettings
-        Its study has a block in the plane.
+    mesh : MeshSettings
+        Of a block in the plane.
     elements : collection of str
         Those of the solver.
     """
-    found = {}
-    for key in ("mesh", "refined"):
-        mesh: MeshSettings | None = getattr(model, key)
-        if mesh is None:
-            continue
-        quadratic = QUADRATIC.get(mesh.element)
-        halved = {"across": 2 * mesh.across, "per_layer": 2 * mesh.per_layer}
-        changes = {"element": quadratic} if quadratic in elements else halved
-        found[key] = mesh.model_copy(update=changes)
-    return found
+    if (quadratic := QUADRATIC.get(mesh.element)) in elements:
+        return mesh.model_copy(update={"element": quadratic}), ONE_MORE
+    return mesh.model_copy(update={"across": 2 * mesh.across, "per_layer": 2 * mesh.per_layer}), HALVED
+
+
+def finer_meshes(model: ModelSettings, elements: Collection[str]) -> dict[str, MeshSettings]:
+    """The mesh of the search and, where there is one, the finer mesh, each as from `finer_mesh`, by key."""
+    found = {"mesh": model.mesh, "refined": model.refined}
+    return {key: finer_mesh(mesh, elements)[0] for key, mesh in found.items() if mesh is not None}

@@ -89,7 +89,7 @@ def take_pictures(truth: Truth, mesh: Mesh, outcome: Outcome, seen: Observation 
     pictures = np.zeros((1 + outcome.steps, *frame.values.shape), frame.values.dtype)
     for k, u in enumerate([np.zeros(mesh.points.shape), *outcome.displacement]):
         tell(f"picture {k + 1} of {1 + outcome.steps}")
-        shown = u if seen is None or k == 0 else u + seen.shift(k, mesh.points + u)
+        shown = u if seen is None else u + (seen.shift(k, mesh.points + u) if k else seen.first(mesh.points))
         flat = pictures[k].reshape(-1)
         for place in places:
             offset = place * frame.spacing

@@ -18,6 +18,7 @@ from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, ended_well, half
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.parameters import Parameter
+from fingerfit.settings.finer import HALVED
 
 EFFECTS = catalogue()
 VALUES, OWN, TESTS = 300, 3, 20
@@ -529,14 +530,14 @@ def test_a_coarse_mesh_is_held_against_the_noise_or_against_the_best_effect(worl
     """A model that leaves no more than the noise may still be one whose mesh says all that an effect would."""
     loud, quiet = world.score_test(30 * world.signal(0)), world.score_test(3 * world.signal(0))
     verdict = decide(loud, [], {}, TESTS)
-    told = too_coarse(verdict, loud, 450.0, 0.0, EFFECTS["coarse_mesh"], 1.0).sentence
+    told = too_coarse(verdict, loud, (450.0, HALVED), 0.0, EFFECTS["coarse_mesh"], 1.0).sentence
     assert "half the element size explains 50 % of the misfit beyond the noise" in told
-    told = too_coarse(verdict, quiet, 15.0, 20.0, EFFECTS["coarse_mesh"], 1.1)
+    told = too_coarse(verdict, quiet, (15.0, HALVED), 20.0, EFFECTS["coarse_mesh"], 1.1)
     assert "half the element size explains 75 % of what the best effect would explain" in told.sentence
     assert "take a finer model.mesh" in told.sentence
     assert (told.kind, told.family) == ("unexplained", "numerics")
     # that is no more than the noise in every pixel either: intervals know the mesh
-    told = too_coarse(verdict, quiet, 15.0, 20.0, EFFECTS["coarse_mesh"], 1.04)
+    told = too_coarse(verdict, quiet, (15.0, HALVED), 20.0, EFFECTS["coarse_mesh"], 1.04)
     assert "half the element size explains 75 % of what the best effect would explain" in told.sentence
     assert (told.kind, told.family) == ("adequate", "")
 
