@@ -17,7 +17,9 @@ from fingerfit.study.data import Data
 def change_seen(
     data: Data, prediction: Prediction, residual: Residual, patches: Patches, before: Observation, after: Observation
 ) -> np.ndarray:
-    """How displacements and brightness of patches and the response change, shape (all,), but for the first picture.
+    """How displacements and brightness of patches and the response change, shape (all,).
+
+    Without displacements where the first picture moves as well: they are read from the solution.
 
     Parameters
     ----------
@@ -36,9 +38,9 @@ def change_seen(
         at, seen = positions(frame, way.pixel), picture.ravel()[way.pixel]
         places = np.stack(at, axis=-1)
         change = after.intensity(seen, k, *at) - before.intensity(seen, k, *at)
-        moved = after.shift(k, places) - before.shift(k, places)
+        moved = 0.0 * places if after.moves_first else after.shift(k, places) - before.shift(k, places)
         value[n] = np.nan_to_num(means(np.column_stack([moved, change]), way.patch, value.shape[1]))
-    if len(data.points_step):
+    if len(data.points_step) and not after.moves_first:
         places, moved = data.points + prediction.points, np.zeros_like(data.points_displacement)
         for number in np.unique(data.points_step):
             its, k = data.points_step == number, int(number) + 1

@@ -139,12 +139,19 @@ class Reader:
             offsets = np.stack([o.ravel() for o in np.meshgrid(*[(-0.25, 0.25)] * mesh.dim)], axis=1)
             points = (patches.centre[:, None] + offsets * patches.size).reshape(-1, mesh.dim)
             self._owner = np.repeat(np.arange(len(patches.centre)), len(offsets))
-        self._shown = data.points, points
-        self._points, self._places = (at if seen is None else seen.origin(at) for at in self._shown)
+        self._seen = seen
+        self._points, self._places = (at if seen is None else seen.origin(at) for at in (data.points, points))
         self._probes = Probe(mesh, self._points), Probe(mesh, self._places)
 
     def read(self, outcome: Outcome) -> np.ndarray:
         """Displacements (mm), brightness 0, and the response of a solution since the first picture."""
+        return self._read(outcome, None)
+
+    def shown(self, outcome: Outcome) -> np.ndarray:
+        """The same, with displacements as the pictures show them."""
+        return self._read(outcome, self._seen)
+
+    def _read(self, outcome: Outcome, seen: Observation | None) -> np.ndarray:
         data, found = self.data, []
         at_points, at_places = self._probes
         if outcome.begun is not None:
@@ -153,22 +160,14 @@ class Reader:
         for step in data.picture_step:
             u = at_places.read(outcome.displacement[step])
             known = np.isfinite(u[:, 0])  # in the mesh; a patch without any such place has 0
-            u = np.nan_to_num(means(u[known], self._owner[known], len(self._patches.centre)))
+            moved = u[known] if seen is None else seen.moved(int(step) + 1, self._places[known], u[known])
+            u = np.nan_to_num(means(moved, self._owner[known], len(self._patches.centre)))
             found.append(np.concatenate([u, np.zeros((len(u), 1))], axis=1))
         if len(data.points_step):
             at = np.empty_like(data.points_displacement)
             for step in np.unique(data.points_step):
                 own = data.points_step == step
-                at[own] = at_points.read(outcome.displacement[step])[own]
+                u = at_points.read(outcome.displacement[step])[own]
+                at[own] = u if seen is None else seen.moved(int(step) + 1, self._points[own], u)
             found += list(points_by_patch(data, at, self._patches))
         return flat(np.array(found), response_of(outcome, data))
-
-    def shown(self, outcome: Outcome) -> np.ndarray:
-        """The same, from where the first picture shows the material to where it is."""
-        data, whole = self.data, self.read(outcome)
-        points, places = (there - at for there, at in zip((self._points, self._places), self._shown, strict=True))
-        first = means(places, self._owner, len(self._patches.centre))
-        value = [np.concatenate([first, np.zeros((len(first), 1))], axis=1) for _ in data.picture_step]
-        if len(data.points_step):
-            value += list(points_by_patch(data, points, self._patches))
-        return whole + flat(np.nan_to_num(np.array(value)), np.zeros(len(whole) - np.size(value)))

@@ -13,8 +13,9 @@ from fingerfit.model.effect import Effect
 from fingerfit.model.formulas import evaluate
 from fingerfit.model.scales import extent
 
-_TURNS = 4
-"""Of the way back to a place: each makes the error as much smaller as shifts change from place to place, a tenth."""
+_TURNS, _NEAR = 50, 1e-6
+"""Of the way back to a place, at most, and the change that ends it, mm: each turn makes the error as much smaller as
+shifts change from place to place, of a strong lens a half."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,9 @@ class Observation:
         """Where the places are that the first picture shows at others, mm, shape (..., dim) as theirs."""
         found = seen
         for _ in range(_TURNS if self.moves_first else 0):
-            found = seen - self.first(found)
+            before, found = found, seen - self.first(found)
+            if np.abs(found - before).max(initial=0.0) < _NEAR:
+                break
         return found
 
     def _shift(self, what: str, k: int, at: np.ndarray) -> np.ndarray:

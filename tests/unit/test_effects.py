@@ -15,7 +15,7 @@ from fingerfit.core.folders import OURS
 from fingerfit.deck.context import PATCH, deck_context
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.render import blocks, render_deck
-from fingerfit.forward.predict import since_first_picture
+from fingerfit.forward.predict import as_seen, since_first_picture
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.catalogue import catalogue, chosen
 from fingerfit.model.formulas import evaluate
@@ -874,6 +874,26 @@ def test_misregistration():
     for k in (1, 4):
         assert seen.shift(k, MESH.points) == pytest.approx(np.broadcast_to([0.1, -0.2], MESH.points.shape))
     assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx([1.0, 2.0])
+
+
+def test_a_lens_of_all_pictures_moves_nothing_at_rest():
+    """It shows material elsewhere in the first picture, and as much elsewhere where it is later."""
+    seen = observation(lens__barrel=0.05, lens__across=0.4, lens__along=0.6)
+    rest = np.zeros(MESH.points.shape)
+    assert seen.moves_first and np.abs(seen.first(MESH.points)).max() > 0.3
+    assert seen.moved(3, MESH.points, rest) == pytest.approx(rest, abs=1e-12)
+    there = seen.origin(MESH.points)
+    assert there + seen.first(there) == pytest.approx(MESH.points, abs=1e-3)
+    shown, moved = as_seen(MESH, rest, seen, 2)
+    assert shown.points == pytest.approx(MESH.points + seen.first(MESH.points))
+    assert moved == pytest.approx(rest, abs=1e-12)
+
+
+def test_pixels_of_another_size_scale_displacements():
+    seen = observation(pixel_size__across=0.02, pixel_size__along=-0.01)
+    displacement = 0.1 * MESH.points
+    assert seen.moved(1, MESH.points, displacement) == pytest.approx(displacement * [1.02, 0.99])
+    assert seen.origin(MESH.points + seen.first(MESH.points)) == pytest.approx(MESH.points, abs=1e-5)
 
 
 def test_intensities(rng):

