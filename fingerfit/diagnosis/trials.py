@@ -33,6 +33,9 @@ SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
 ROUNDING = 1e-9
 """Of a step: a predicted size below it is what rounding leaves of a number that changes nothing, of either sign."""
+LARGE = 0.3
+"""Share of the largest fall that slopes predict from which a candidate is also looked at on the way to where they lead.
+A choice: the same share decides which effects are refitted after the first pass."""
 NEARER = (1.0, 0.25, -0.25)
 """Shares of the first step at which a candidate starts, the next one where the body has no solution."""
 
@@ -76,7 +79,7 @@ def refit_all(
     first = FirstPass(comparison, threads)
     base = first.refit(problem, comparison.base.values, near=True)
     first.threads = 1  # each candidate has a process of its own
-    trial, before = _Trial(first, base, everywhere), _solved(problem)
+    before = _solved(problem)
     seen, found, run = list[Ranked](), list[Ranked](), base.simulations
     for one in ranking:
         effect = one.candidate.effect
@@ -88,6 +91,7 @@ def refit_all(
         spread = spread_of(base.misfit, found, first.count)
         return sorted(found, key=lambda one: -one.odds(spread))
 
+    trial = _Trial(first, base, everywhere, LARGE * max((one.finding.fall for one in seen), default=0.0))
     shares = dict[str, float]()
     for one, tried in zip(seen, side_by_side(trial.begun, seen, threads), strict=True):
         problem.asked.update(tried.asked)
@@ -143,6 +147,8 @@ class _Trial:
     first: FirstPass
     base: Refitted
     everywhere: Sequence[Ranked] = ()
+    large: float = 0.0
+    """Fall that slopes predict from which one may begin far from the model."""
 
     def begun(self, one: Ranked) -> _Tried:
         """The first moves at the best place, and at others that these cannot come to; the best of all."""
@@ -178,6 +184,8 @@ class _Trial:
         wider = widened(problem, self.base.values, _just_present(replace(one, refitted=None), share))
         try:
             if before is None:
+                if share == 1.0 and one.finding.fall >= self.large and effect.simulated:
+                    wider = self._nearer(wider, self._half_way(one))
                 there = self.first.refit(wider, wider.settings.starts(), effect, FIRST_MOVES, near=True)
             else:
                 # decks that nobody answers to first order, or not at once: of a field of stiffness there would be 30
@@ -200,6 +208,18 @@ class _Trial:
         finding, there = replace(one.finding, fall=fall, size=size), replace(there, share=fall / left)
         found = replace(one, finding=finding, refitted=there, columns=np.zeros((0, 0)), also=())
         return _Tried(found, frozenset(wider.asked), share)
+
+    def _half_way(self, one: Ranked) -> InverseProblem:
+        """The model with half of the size that slopes predict, the constants following."""
+        comparison = self.first.comparison
+        problem, half = comparison.problem, 0.5 * one.finding.size
+        change = np.clip(comparison.score_test.follow(one.columns @ half), -1.0, 1.0)
+        values = {**self.base.values, **moved(problem.settings.parameters(), self.base.values, change)}
+        return widened(problem, values, replace(one, refitted=None, finding=replace(one.finding, size=half)))
+
+    def _nearer(self, *starts: InverseProblem) -> InverseProblem:
+        """Of models the one whose start leaves least: from beside the absent value a search ends in the next valley."""
+        return min(starts, key=lambda one: self.first.misfit(one, one.settings.starts()))
 
 
 def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
