@@ -92,6 +92,8 @@ def makes_sense(effect: Effect, problem: InverseProblem) -> bool:
         return False
     if all(test.lacks(effect) for test in problem.every):  # one test that can have it is enough
         return False
+    if effect.moves_first and not any(test.data.outline for test in problem.every):
+        return False  # the first picture shows the sides where they are stated
     if any(one.series and one.probe and one.family == effect.family for one in settings.effects()):
         return False  # beside a field as fine as the data tell, no other form of the same
     return not (_is_fitted(effect, problem) or _replacing_the_same(effect, problem))

@@ -142,7 +142,7 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
             say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
         say(add(config, first))
         if OUTLINE in settings.model.effects and effects_of(Path(settings.study))[first].moves_first:
-            say(f"{first} says where that picture shows the sides: {OUTLINE}, by which they lie there, is dropped")
+            say(f"{first} says where the first picture shows the sides: {OUTLINE}, by which they lie there, is dropped")
             say(drop(config, OUTLINE))
         done = "the last effect is added"
     return say(f"stopped after {RUNGS} models; {done}, but not fitted anew: {run_again(config)}")

@@ -430,3 +430,17 @@ def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(refuses, confi
     rung(tmp_path / "results/study", "base", verdict="unexplained", cure="load_step")
     assert main(["discover"]) == 0
     assert "finer mesh" not in capfd.readouterr().out
+
+
+def test_discover_takes_a_lens_in_place_of_sides_as_the_picture_shows_them(config, tmp_path, monkeypatch, capfd):
+    write_text(tmp_path / "Snakefile", SNAKEFILE)
+    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
+    monkeypatch.setattr(call, "SHIPPED", tmp_path)
+    study = tmp_path / "results/study"
+    rung(study, "base", ["outline"])
+    rung(study, "base+outline", ["lens"])
+    rung(study, "base+lens")
+    assert main(["discover"]) == 0
+    said = "lens says where the first picture shows the sides: outline, by which they lie there, is dropped"
+    assert said in capfd.readouterr().out.splitlines()
+    assert list(load_settings(config).model.effects) == ["lens"]

@@ -19,6 +19,7 @@ from fingerfit.fit.rounds import Asked
 from fingerfit.forward.patches import Patches, Reader
 from fingerfit.forward.predict import Predictor, since_first_picture
 from fingerfit.model.catalogue import catalogue
+from fingerfit.model.observation import Observation
 from fingerfit.prepare.prepare import make_mesh, prepare
 from fingerfit.solvers.contract import CONVERGED, Outcome
 
@@ -54,7 +55,10 @@ def compared(flattened, states):
     """A model against such a picture, whose simulations have these states in it, by their names."""
     data, mesh = flattened
     problem = SimpleNamespace(
-        meshes={"search": mesh}, mesh_of=lambda _: "search", outcome=lambda one: SimpleNamespace(begun=states[one.sim])
+        meshes={"search": mesh},
+        mesh_of=lambda _: "search",
+        outcome=lambda one: SimpleNamespace(begun=states[one.sim]),
+        seen=lambda values: Observation.of(catalogue().values(), values, mesh.body, ()),
     )
     test = SimpleNamespace(data=data, problem=problem, base=asked("base"), anchor=asked("base"))
     test.every = (test,)
@@ -82,6 +86,18 @@ def test_a_state_goes_out_from_where_it_brings_the_sides_nearest(flattened):
     comparison = compared(flattened, states | {"preload": pressed(mesh, 1.5 * force)})
     near = begun(comparison, effects, most=LOWER / 2)
     assert [one.candidate.effect.name for one in near] == ["preload"]
+
+
+def test_pixels_of_another_size_go_out_from_where_they_bring_the_sides(flattened):
+    """Seen in the picture alone: without a simulation, and without a state."""
+    comparison = compared(flattened, {"base": None})
+    effect = catalogue()["pixel_size"]
+    nothing = Finding(1.0, np.zeros(2), 1.0, 1.0)
+    (found,) = begun(comparison, [Ranked(Candidate(effect, {}, ()), nothing, np.ones((10, 2)))])
+    assert found.finding.size == pytest.approx([0.0, -LOWER / (HIGH - LOW)[1]], abs=0.005)
+    values = {"pixel_size.across": 0.0, "pixel_size.along": float(found.finding.size[1])}
+    comparison.base = replace(comparison.base, values=values)
+    assert sides_of(comparison).off == 0.0
 
 
 @pytest.mark.parametrize(("depth", "left"), [(0.0, LOWER), (LOWER, 0.0), (0.3, LOWER - 0.3), (0.9, 0.3)])
