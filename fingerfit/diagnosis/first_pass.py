@@ -143,11 +143,6 @@ class FirstPass:
         misfit, surprise = float(2.0 * found.cost), float(far @ far)
         return Refitted(values, misfit, found.status > 0, bound, path.run, path.count, known, surprise)
 
-    def misfit(self, problem: InverseProblem, start: Mapping[str, float]) -> float:
-        """What a start leaves, in units of the noise; infinite without a solution."""
-        left = Way(self, problem, start, {}).residual(np.zeros(len(problem.settings.parameters())))
-        return float(left @ left)
-
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Values, or columns of them, in units of their noise; those that are fitted only."""
         return self._weights.whiten(columns[self.rows])

@@ -14,7 +14,7 @@ from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import counted, tell
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.families import SURE
+from fingerfit.diagnosis.families import ENOUGH, SURE
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
 from fingerfit.diagnosis.ranking import FIRST_PASS, Ranked, Refitted, elsewhere, other_places, said_by, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
@@ -34,8 +34,8 @@ SECOND = 6
 ROUNDING = 1e-9
 """Of a step: a predicted size below it is what rounding leaves of a number that changes nothing, of either sign."""
 LARGE = 0.3
-"""Share of the largest fall that slopes predict from which a candidate is also looked at on the way to where they lead.
-A choice: the same share decides which effects are refitted after the first pass."""
+"""Share of the largest fall that slopes promise from which a candidate has a second start. A choice: the same share
+decides which effects are refitted after the first pass."""
 NEARER = (1.0, 0.25, -0.25)
 """Shares of the first step at which a candidate starts, the next one where the body has no solution."""
 
@@ -148,7 +148,7 @@ class _Trial:
     base: Refitted
     everywhere: Sequence[Ranked] = ()
     large: float = 0.0
-    """Fall that slopes predict from which one may begin far from the model."""
+    """Fall that slopes must promise for a second start."""
 
     def begun(self, one: Ranked) -> _Tried:
         """The first moves at the best place, and at others that these cannot come to; the best of all."""
@@ -173,19 +173,26 @@ class _Trial:
             asked, why = asked | there.asked, why or there.why
             if there.ranked:
                 break
+        if there.ranked and self._falls_short(one, there.ranked):
+            other = self._refit(one, share, self._half_way(one))
+            there, asked = min(there, other, key=_misfit), asked | other.asked
         return replace(there, asked=frozenset(asked), why=why)
+
+    def _falls_short(self, one: Ranked, found: Ranked) -> bool:
+        """Whether the first moves found much less than slopes promise of a large part: perhaps another valley."""
+        left = beyond_noise(self.base.misfit, self.base.count - len(self.base.values))
+        promised = min(one.finding.fall, left)
+        return one.candidate.effect.simulated and promised >= self.large and found.finding.fall < ENOUGH * promised
 
     def gone_on(self, pair: tuple[Ranked, float]) -> _Tried:
         """The other moves of one that has not converged, and the share of the step at which it began."""
         return self._refit(*pair)
 
-    def _refit(self, one: Ranked, share: float) -> _Tried:
+    def _refit(self, one: Ranked, share: float, start: InverseProblem | None = None) -> _Tried:
         problem, effect, before = self.first.comparison.problem, one.candidate.effect, one.refitted
-        wider = widened(problem, self.base.values, _just_present(replace(one, refitted=None), share))
+        wider = start or widened(problem, self.base.values, _just_present(replace(one, refitted=None), share))
         try:
             if before is None:
-                if share == 1.0 and one.finding.fall >= self.large and effect.simulated:
-                    wider = self._nearer(wider, self._half_way(one))
                 there = self.first.refit(wider, wider.settings.starts(), effect, FIRST_MOVES, near=True)
             else:
                 # decks that nobody answers to first order, or not at once: of a field of stiffness there would be 30
@@ -216,10 +223,6 @@ class _Trial:
         change = np.clip(comparison.score_test.follow(one.columns @ half), -1.0, 1.0)
         values = {**self.base.values, **moved(problem.settings.parameters(), self.base.values, change)}
         return widened(problem, values, replace(one, refitted=None, finding=replace(one.finding, size=half)))
-
-    def _nearer(self, *starts: InverseProblem) -> InverseProblem:
-        """Of models the one whose start leaves least: from beside the absent value a search ends in the next valley."""
-        return min(starts, key=lambda one: self.first.misfit(one, one.settings.starts()))
 
 
 def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
