@@ -179,10 +179,14 @@ class _Trial:
         return replace(there, asked=frozenset(asked), why=why)
 
     def _falls_short(self, one: Ranked, found: Ranked) -> bool:
-        """Whether the first moves found much less than slopes promise of a large part: perhaps another valley."""
+        """Whether the first moves found much less than slopes promise of a large part: perhaps another valley.
+
+        A probe, which has many numbers, finds one way or another.
+        """
         left = beyond_noise(self.base.misfit, self.base.count - len(self.base.values))
-        promised = min(one.finding.fall, left)
-        return one.candidate.effect.simulated and promised >= self.large and found.finding.fall < ENOUGH * promised
+        promised, effect = min(one.finding.fall, left), one.candidate.effect
+        may = effect.simulated and not effect.probe and promised >= self.large
+        return may and found.finding.fall < ENOUGH * promised
 
     def gone_on(self, pair: tuple[Ranked, float]) -> _Tried:
         """The other moves of one that has not converged, and the share of the step at which it began."""
