@@ -49,12 +49,14 @@ def to_refit(
         and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         and one.finding.visible > _seen(score_test)
     ]
+    parts = [[one for one in found if bool(one.refitted) == refitted] for refitted in (True, False)]
     if known:
-        left = [one for one in found if one.candidate.effect.name not in known]
+        left = [[one for one in part if one.candidate.effect.name not in known] for part in parts]
     else:
-        left = [one for one in found if one.finding.fall > 0.3 * found[0].finding.fall]
-    chosen = [[one for one in left if bool(one.refitted) == refitted][:TRIED] for refitted in (True, False)]
-    return [one for one in left if any(one is other for part in chosen for other in part)]
+        # what slopes predict of the brightness is no measure for refits, which explain displacements alone
+        most = [max((one.finding.fall for one in part), default=0.0) for part in (parts[0], found)]
+        left = [[one for one in part if one.finding.fall > 0.3 * fall] for part, fall in zip(parts, most, strict=True)]
+    return [one for one in found if any(one is other for part in left for other in part[:TRIED])]
 
 
 def _sure(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> bool:

@@ -294,3 +294,13 @@ def test_a_mesh_comes_before_effects_where_none_explains_as_much():
     assert not blamed_on_mesh(0.9 * part * left, score_test, tried(0.8 * part))  # something else is missing
     assert blamed_on_mesh(1.01 * LARGEST * left, score_test, tried(0.9))  # more than half
     assert not blamed_on_mesh(0.0, score_test, ranking)
+
+
+def test_a_brightness_however_large_keeps_no_other_effect_from_its_refit():
+    """Slopes see it in all pixels, while the first pass sees displacements alone; one that is small beside these waits."""
+    score_test, ranking = ranked(1.0)
+    slip, tilt = (next(one for one in ranking if one.candidate.effect.name == name) for name in ("base_slip", "tilt"))
+    (known,) = first_pass([slip], 1.0)
+    for times, wanted in ((10.0, ["tilt", "base_slip"]), (0.1, ["base_slip"])):
+        seen = replace(tilt, finding=replace(tilt.finding, fall=times * known.finding.fall), refitted=None)
+        assert names(to_refit(score_test, [seen, known], TESTS)) == wanted
