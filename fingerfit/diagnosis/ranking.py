@@ -154,20 +154,19 @@ def other_places(score_test: ScoreTest, everywhere: Sequence[Ranked], best: Rank
     """Further places of an effect from which it is refitted, since a fit cannot come there from its best place.
 
     That is the next best layer, border or side: slopes where the effect is absent may point to the wrong one of them.
-    Where the place is fitted, the best ones that look otherwise, or are of the other sign: between a stiff lump and a
-    soft one elsewhere the effect is absent, and between two directions of fibres the misfit has a ridge.
+    Where the place is fitted, also the best ones that look otherwise, or are of the other sign: between a stiff lump and
+    a soft one elsewhere the effect is absent, and between two directions of fibres the misfit has a ridge.
     """
     effect = best.candidate.effect
-    fixed = _fixed(effect)
     others = [one for one in everywhere if one.candidate.effect is effect and one.candidate is not best.candidate]
     others.sort(key=lambda one: -one.finding.fall)
-    if fixed:
-        return [one for one in others if elsewhere(one, best)][:1]
+    there = [one for one in others if elsewhere(one, best)][:1]
     chosen = [best]
     for one in others if effect.refine else ():
-        if len(chosen) < STARTS and one.finding.fall > 0.0 and all(_apart(score_test, one, known) for known in chosen):
+        room = len(chosen) + len(there) < STARTS and one.finding.fall > 0.0 and not elsewhere(one, best)
+        if room and all(_apart(score_test, one, known) for known in chosen):
             chosen.append(one)
-    return chosen[1:]
+    return [*chosen[1:], *there]
 
 
 def elsewhere(one: Ranked, other: Ranked) -> bool:

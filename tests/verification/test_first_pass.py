@@ -13,7 +13,16 @@ from fingerfit.diagnosis import first_pass, trials
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.explained import SLOPES, explained
 from fingerfit.diagnosis.first_pass import FALL, NEAR, FirstPass, Way, widened
-from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, STARTS, alike, best_places, other_places, rank_candidates
+from fingerfit.diagnosis.ranking import (
+    FIRST_PASS,
+    REFIT,
+    STARTS,
+    alike,
+    best_places,
+    elsewhere,
+    other_places,
+    rank_candidates,
+)
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.jobs import solve_missing
@@ -220,7 +229,9 @@ def test_where_the_place_is_fitted_it_begins_at_places_that_look_otherwise(world
     assert 1 < len(starts) <= STARTS
     for n, a in enumerate(starts):
         for b in starts[:n]:
-            assert alike(score_test, a, b) < 0.5 or a.finding.size[0] * b.finding.size[0] < 0
+            # that of another layer, to which no fit can move it, is one more
+            assert elsewhere(a, b) or alike(score_test, a, b) < 0.5 or a.finding.size[0] * b.finding.size[0] < 0
+    assert sum(not elsewhere(one, best) for one in starts) > 1
 
 
 def test_few_digits_of_a_place_stay_within_its_bounds(world):
