@@ -154,8 +154,8 @@ def other_places(score_test: ScoreTest, everywhere: Sequence[Ranked], best: Rank
     """Further places of an effect from which it is refitted, since a fit cannot come there from its best place.
 
     That is the next best layer, border or side: slopes where the effect is absent may point to the wrong one of them.
-    Where the place is fitted, also the best ones that look otherwise, or are of the other sign: between a stiff lump and
-    a soft one elsewhere the effect is absent, and between two directions of fibres the misfit has a ridge.
+    Where the place is fitted, also the best ones that look otherwise, or are of the other sign: between a stiff lump
+    and a soft one elsewhere the effect is absent, and between two directions of fibres the misfit has a ridge.
     """
     effect = best.candidate.effect
     others = [one for one in everywhere if one.candidate.effect is effect and one.candidate is not best.candidate]
