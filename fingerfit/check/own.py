@@ -165,12 +165,10 @@ def _seen(seen: Observation, what: str, at: np.ndarray) -> Iterator[tuple[np.nda
     if what == "intensity":
         picture = np.linspace(0.0, 1.0, len(at))
         yield from ((seen.intensity(picture, k, *at.T), picture, 1.0) for k in every)
-    elif what.startswith("shift_"):
+    elif what.startswith(("shift_", "first_")):
         size = float(np.ptp(at, axis=0).max())
-        yield from ((found, np.zeros(len(at)), size) for k in every for found in _along(seen.shift(k, at), what))
-    elif what.startswith("first_"):
-        size = float(np.ptp(at, axis=0).max())
-        yield from ((found, np.zeros(len(at)), size) for found in _along(seen.first(at), what))
+        shifts = [seen.first(at)] if what.startswith("first_") else [seen.shift(k, at) for k in every]
+        yield from ((found, np.zeros(len(at)), size) for shift in shifts for found in _along(shift, what))
     else:
         response = np.arange(1.0, len(every))
         yield seen.response(response, what), response, float(len(response))

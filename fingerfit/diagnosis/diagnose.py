@@ -164,7 +164,9 @@ def _diagnose(
     unexplained = not explains(score_test)
     # before any effect is blamed: what a mesh leaves may be no more than the noise, and still be most of what is seen
     blames = unexplained or verdict.kind != "adequate"
-    by_mesh, finer, more = by_finer_mesh(found.comparison, score_test, threads) if blames else (0.0, "", 0)
+    by_mesh, finer, more = (0.0, "", 0)
+    if blames and not outline.off:
+        by_mesh, finer, more = by_finer_mesh(found.comparison, score_test, threads)
     run += more
     coarse = blamed_on_mesh(by_mesh, score_test, ranking)
     seen = 0.0 if unexplained else most_of(ranking)

@@ -14,6 +14,7 @@ from fingerfit.core.files import read_record, read_text, write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
 from fingerfit.forward.decks import make_deck, refusal, template_of, with_effect
+from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import chosen
 from fingerfit.model.effect import MESH_ERROR, OUTLINE, Effect
@@ -81,9 +82,14 @@ def refine(config: Path) -> str:
     Raises
     ------
     FingerfitError
-        Where the file has it in a layout in which it cannot be changed alone, or it is larger than a mesh may be.
+        Where the file has it in a layout in which it cannot be changed alone, or it is larger than a mesh may be; of a
+        mesh of the study's own, and of a brick, which would take many times as long.
     """
     settings = load_settings(config)
+    mesh = settings.model.mesh
+    if mesh is None or ELEMENTS[mesh.element].dim == 3:
+        found = "none, but a mesh of the study's own" if mesh is None else f"{mesh.element}, a brick"
+        raise InputError(config, "model.mesh", found, "a block in the plane, or a finer mesh made by hand")
     meshes = finer_meshes(settings.model, get_solver(settings.solver).capabilities.elements)
     write_meshes(config, meshes)
     said = (f"{key}: {one.element}, across {one.across}, per_layer {one.per_layer}" for key, one in meshes.items())
@@ -150,8 +156,8 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
 
 def _is_too_coarse(settings: Settings, diagnosis: Mapping[str, Any]) -> bool:
     """Whether a diagnosis blames the mesh of a model."""
-    cure = str(diagnosis.get("cure") or "")
-    return bool(cure) and effects_of(Path(settings.study))[cure].signal == MESH_ERROR
+    blamed = effects_of(Path(settings.study)).get(diagnosis.get("numerics", ""))
+    return blamed is not None and blamed.signal == MESH_ERROR
 
 
 def _told(rung: dict[str, Any]) -> str:

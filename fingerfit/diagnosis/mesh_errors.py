@@ -17,7 +17,6 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import left_over
 from fingerfit.fit.problem import REFINED, SEARCH
-from fingerfit.forward.patches import Reader
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.settings.finer import finer_mesh
 from fingerfit.solvers.contract import CONVERGED
@@ -114,4 +113,4 @@ def _changed(test: Comparison, threads: int) -> tuple[np.ndarray | None, str, in
     outcome = other.outcome(asked)
     if outcome.status != CONVERGED or outcome.steps < len(test.data.step):
         return None, what, run
-    return Reader(test.data, mesh, test.patches, test.places).read(outcome) - base, what, run
+    return test.reader(mesh, problem.seen(test.base.values)).read(outcome) - base, what, run

@@ -38,7 +38,7 @@ def change_seen(
         at, seen = positions(frame, way.pixel), picture.ravel()[way.pixel]
         places = np.stack(at, axis=-1)
         change = after.intensity(seen, k, *at) - before.intensity(seen, k, *at)
-        moved = 0.0 * places if after.moves_first else after.shift(k, places) - before.shift(k, places)
+        moved = np.zeros_like(places) if after.moves_first else after.shift(k, places) - before.shift(k, places)
         value[n] = np.nan_to_num(means(np.column_stack([moved, change]), way.patch, value.shape[1]))
     if len(data.points_step) and not after.moves_first:
         places, moved = data.points + prediction.points, np.zeros_like(data.points_displacement)

@@ -151,7 +151,7 @@ def by_settings(verdict: Verdict, score_test: ScoreTest, ranking: Sequence[Ranke
         beyond = fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         if effect.acts == NUMERICS and beyond and fall >= ENOUGH * left:
             text = _cured(effect, "that", fall / left, BEYOND)
-            return replace(verdict, sentence=text, family=NUMERICS, cure=effect.name)
+            return replace(verdict, sentence=text, family=NUMERICS, numerics=effect.name)
     return verdict
 
 

@@ -5,7 +5,7 @@ In space, where a move costs much, one simulation more of the best ones stands f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from fingerfit.diagnosis.families import ENOUGH, SURE
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
 from fingerfit.diagnosis.ranking import FIRST_PASS, Ranked, Refitted, elsewhere, other_places, said_by, spread_of
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
-from fingerfit.diagnosis.worth import SEEN, threshold
+from fingerfit.diagnosis.worth import LARGE, SEEN, threshold
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked
@@ -33,9 +33,6 @@ SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
 ROUNDING = 1e-9
 """Of a step: a predicted size below it is what rounding leaves of a number that changes nothing, of either sign."""
-LARGE = 0.3
-"""Share of the largest fall that slopes promise from which a candidate has a second start. A choice: the same share
-decides which effects are refitted after the first pass."""
 NEARER = (1.0, 0.25, -0.25)
 """Shares of the first step at which a candidate starts, the next one where the body has no solution."""
 
@@ -179,7 +176,7 @@ class _Trial:
         return replace(there, asked=frozenset(asked), why=why)
 
     def _falls_short(self, one: Ranked, found: Ranked) -> bool:
-        """Whether the first moves found much less than slopes promise of a large part: perhaps another valley.
+        """Whether the first moves found much less than slopes promise of a large part: perhaps another minimum.
 
         A probe, which has many numbers, finds one way or another.
         """
@@ -222,11 +219,10 @@ class _Trial:
 
     def _half_way(self, one: Ranked) -> InverseProblem:
         """The model with half of the size that slopes predict, the constants following."""
-        comparison = self.first.comparison
-        problem, half = comparison.problem, 0.5 * one.finding.size
-        change = np.clip(comparison.score_test.follow(one.columns @ half), -1.0, 1.0)
-        values = {**self.base.values, **moved(problem.settings.parameters(), self.base.values, change)}
-        return widened(problem, values, replace(one, refitted=None, finding=replace(one.finding, size=half)))
+        comparison, half = self.first.comparison, 0.5 * one.finding.size
+        values = _following(comparison, comparison.score_test, one.columns @ half, self.base.values)
+        begin = replace(one, refitted=None, finding=replace(one.finding, size=half))
+        return widened(comparison.problem, values, begin)
 
 
 def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
@@ -274,10 +270,15 @@ def rank_again(
 
 def _at_size(comparison: Comparison, score_test: ScoreTest, one: Ranked) -> Asked:
     """The simulation of an effect at its predicted size, with the constants where they would follow it."""
-    problem, effect = comparison.problem, one.candidate.effect
-    parameters, values = problem.settings.parameters(), comparison.base.values
-    change = np.clip(score_test.follow(one.columns @ one.finding.size), -1.0, 1.0)
+    effect = one.candidate.effect
+    values = _following(comparison, score_test, one.columns @ one.finding.size, comparison.base.values)
     size = {effect.key(name): value for name, value in one.size.items()}
-    return problem.ask(
-        {**values, **moved(parameters, values, change), **one.candidate.place, **size}, f"{effect.name} again"
-    )
+    return comparison.problem.ask({**values, **one.candidate.place, **size}, f"{effect.name} again")
+
+
+def _following(
+    comparison: Comparison, score_test: ScoreTest, signal: np.ndarray, values: Mapping[str, float]
+) -> dict[str, float]:
+    """A guess whose constants make up for a signal, shape (kept,), by a factor of e at most."""
+    change = np.clip(score_test.follow(signal), -1.0, 1.0)
+    return {**values, **moved(comparison.problem.settings.parameters(), values, change)}

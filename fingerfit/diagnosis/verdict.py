@@ -43,8 +43,8 @@ class Verdict:
         Fall of the misfit that an effect of one parameter needs.
     family : str
         One of `FAMILIES`: of what is named, or of *unexplained* the likeliest; empty where there is none.
-    cure : str
-        Effect of mesh or load steps that the sentence blames: other settings are its cure. Empty where there is none.
+    numerics : str
+        Effect of mesh or load steps that the sentence blames; empty where there is none.
     """
 
     kind: str
@@ -52,7 +52,7 @@ class Verdict:
     sentence: str
     threshold: float
     family: str = ""
-    cure: str = ""
+    numerics: str = ""
 
 
 def best_of(ranking: Sequence[Ranked], refits: Mapping[str, Refit]) -> tuple[Ranked, Refit] | None:

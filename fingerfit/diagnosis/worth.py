@@ -19,6 +19,8 @@ TRIED = 4
 """Effects that are refitted at once."""
 LARGEST = 0.5
 """Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
+LARGE = 0.3
+"""Share of what the best effect explains, or slopes promise, from which one may turn out to be the best. A choice."""
 FALLS_SHORT = 0.5
 """Share of `LARGEST` that the best effect of the first pass must explain, where the pictures are near enough for it to
 see all: its refit may explain twice as much. A choice, made after one case (decision 19)."""
@@ -55,7 +57,9 @@ def to_refit(
     else:
         # what slopes predict of the brightness is no measure for refits, which explain displacements alone
         most = [max((one.finding.fall for one in part), default=0.0) for part in (parts[0], found)]
-        left = [[one for one in part if one.finding.fall > 0.3 * fall] for part, fall in zip(parts, most, strict=True)]
+        left = [
+            [one for one in part if one.finding.fall > LARGE * fall] for part, fall in zip(parts, most, strict=True)
+        ]
     return [one for one in found if any(one is other for part in left for other in part[:TRIED])]
 
 
@@ -122,6 +126,6 @@ def blamed_on_mesh(by_mesh: float, score_test: ScoreTest, ranking: Sequence[Rank
     ranking : sequence of Ranked
     """
     left, most = excess(score_test), most_of(ranking)
-    seen = most if explains(score_test) else 0.0
-    largest = by_mesh >= most and by_mesh > FALLS_SHORT * LARGEST * left and not explains(score_test)
-    return by_mesh > 0.0 and (by_mesh > LARGEST * max(left, seen) or largest)
+    if explains(score_test):
+        return by_mesh > LARGEST * max(left, most)
+    return by_mesh > LARGEST * left or (by_mesh > FALLS_SHORT * LARGEST * left and by_mesh >= most)

@@ -89,7 +89,7 @@ class Predictor:
         pictures = np.array(synthesized) if synthesized else np.empty_like(data.measured)
         points = np.empty_like(data.points_displacement)
         places = data.points if seen is None else seen.origin(data.points)
-        elsewhere = outcome.begun is not None or places is not data.points
+        elsewhere = outcome.begun is not None or (seen is not None and seen.moves_first)
         probe = Probe(in_first_picture(self.mesh, outcome), places) if elsewhere else self._probe
         for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step

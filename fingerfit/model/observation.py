@@ -13,9 +13,9 @@ from fingerfit.model.effect import Effect
 from fingerfit.model.formulas import evaluate
 from fingerfit.model.scales import extent
 
-_TURNS, _NEAR = 50, 1e-6
-"""Of the way back to a place, at most, and the change that ends it, mm: each turn makes the error as much smaller as
-shifts change from place to place, of a strong lens a half."""
+_ITERATIONS, _CLOSE = 50, 1e-6
+"""Of the fixed-point iteration for a place, at most, and the change that ends it, mm (far below a pixel). Each one
+multiplies the error by the gradient of the shift, 0.4 at a corner for a lens of 5 % at the sides."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ class Observation:
     def origin(self, seen: np.ndarray) -> np.ndarray:
         """Where the places are that the first picture shows at others, mm, shape (..., dim) as theirs."""
         found = seen
-        for _ in range(_TURNS if self.moves_first else 0):
+        for _ in range(_ITERATIONS if self.moves_first else 0):
             before, found = found, seen - self.first(found)
-            if np.abs(found - before).max(initial=0.0) < _NEAR:
+            if np.abs(found - before).max(initial=0.0) < _CLOSE:
                 break
         return found
 

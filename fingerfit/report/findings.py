@@ -244,7 +244,7 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
         "sentence": verdict.sentence,
         "effects": list(verdict.effects),
         "family": verdict.family,
-        "cure": verdict.cure,
+        "numerics": verdict.numerics,
         "families": [
             {"family": family, "effect": one.candidate.effect.name, "log_odds": odds, "fall": one.finding.fall}
             for family, (one, odds) in families(found.score_test, found.ranking).items()

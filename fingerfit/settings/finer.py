@@ -9,8 +9,6 @@ from fingerfit.settings.parts import MeshSettings
 
 QUADRATIC = {"CPE3": "CPE6", "CPE4": "CPE8", "CPE4H": "CPE8H", "CPS3": "CPS6", "CPS4": "CPS8"}
 """Elements of the next order on the same grid: their error falls with a higher power of their size."""
-
-
 HALVED, ONE_MORE = "half the element size", "a mesh of quadratic elements"
 """A finer mesh, in words."""
 

@@ -335,14 +335,19 @@ def test_a_misspelt_study_is_named(config, tmp_path):
     assert str(caught.value) == f"{mine}: study: found stdy; expected the folder of a study"
 
 
-def rung(folder, model, effects=(), spare=(), error=2.284, verdict="adequate", cure=""):
+def rung(folder, model, effects=(), spare=(), error=2.284, verdict="adequate", numerics=""):
     """Results of a model that is there already."""
     counted = {"run": 9, "reused": 5}
     error = {"fitted": error, "held_out": None}
     keep_json(
         folder / model / "rung.json", {"model": model, "error": error, "simulations": counted, "sentence": "so it is"}
     )
-    found = {"verdict": "missing" if effects else verdict, "effects": list(effects), "spare": list(spare), "cure": cure}
+    found = {
+        "verdict": "missing" if effects else verdict,
+        "effects": list(effects),
+        "spare": list(spare),
+        "numerics": numerics,
+    }
     keep_json(folder / model / "diagnosis.json", {**found, "ranking": []})
 
 
@@ -414,7 +419,7 @@ def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(refuses, confi
     monkeypatch.setattr(call, "SHIPPED", tmp_path)
     if refuses:
         write_text(config, CONFIG.replace("across: 3", "across: 600"))
-    rung(tmp_path / "results/study", "base", verdict="unexplained", cure="coarse_mesh")
+    rung(tmp_path / "results/study", "base", verdict="unexplained", numerics="coarse_mesh")
     assert main(["discover"]) == 0
     said = [line for line in capfd.readouterr().out.splitlines() if "error 2" not in line]
     if refuses:
@@ -427,18 +432,33 @@ def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(refuses, confi
     assert said[-1] == "ladder: results/study/ladder.json; page: results/study/report.html"
     assert load_settings(config).model.mesh.across == (600 if refuses else 12)
     # load steps that are too large are for a person
-    rung(tmp_path / "results/study", "base", verdict="unexplained", cure="load_step")
+    rung(tmp_path / "results/study", "base", verdict="unexplained", numerics="load_step")
     assert main(["discover"]) == 0
     assert "finer mesh" not in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("mesh", "found"),
+    [
+        ("", "none, but a mesh of the study's own"),
+        ("  mesh: {element: C3D8, across: 3, per_layer: 2}\n", "C3D8, a brick"),
+    ],
+    ids=["of the study", "a brick"],
+)
+def test_a_mesh_that_is_no_block_in_the_plane_is_made_finer_by_hand(mesh, found, config):
+    text = CONFIG.replace("  mesh: {element: CPE8, across: 3, per_layer: 2}\n", mesh)
+    write_text(config, text)
+    with pytest.raises(InputError, match=rf"^config.yaml: model.mesh: found {found}; expected a block in the plane"):
+        ladder.refine(config)
+    assert config.read_text() == text
 
 
 def test_discover_takes_a_lens_in_place_of_sides_as_the_picture_shows_them(config, tmp_path, monkeypatch, capfd):
     write_text(tmp_path / "Snakefile", SNAKEFILE)
     write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
     monkeypatch.setattr(call, "SHIPPED", tmp_path)
-    monkeypatch.setattr(
-        ladder, "_refuse", lambda *_: None
-    )  # the mesh would follow a picture that is an empty file here
+    # the mesh would follow a picture, which is an empty file here
+    monkeypatch.setattr(ladder, "_refuse", lambda *_: None)
     study = tmp_path / "results/study"
     rung(study, "base", ["outline"])
     rung(study, "base+outline", ["lens"])
