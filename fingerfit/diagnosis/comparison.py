@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
+from fingerfit.diagnosis.camera_blur import CameraBlur, camera_blur
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.observing import change_seen
@@ -23,7 +25,7 @@ from fingerfit.fit.refine import ANCHOR
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import difference, step_of
 from fingerfit.forward.patches import Patches, Reader, flat
-from fingerfit.forward.predict import Predictor
+from fingerfit.forward.predict import Predictor, Synthesis
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import MESH_ERROR, OBSERVATION, Effect
 from fingerfit.model.observation import Observation
@@ -67,21 +69,31 @@ class Comparison:
     """
 
     def __init__(self, problem: InverseProblem, last: Round, everything: Data, base: Asked | None = None) -> None:
-        self.problem, self.last, self.data = problem, last, everything
+        self.problem, self.last = problem, last
         self.patches = Patches.seen(everything, problem.meshes[SEARCH], ACROSS, ACROSS_POINTS)
         self.base = base or finest(problem, last)
         self.anchor = problem.ask(self.base.values, ANCHOR)
         self.mesh = problem.mesh_of(self.base)
-        predictor = Predictor(everything, problem.meshes[self.mesh])
-        made = predictor.predict(problem.outcome(self.base), problem.seen(self.base.values))
-        if made is None:
-            raise StateError(f"{problem.sims / self.base.sim}: no solution for all steps at the estimate")
+        self.blur: CameraBlur | None = None
+        self.data, made = everything, self._made(everything)
+        if everything.before.ndim == 2 and not everything.blur:  # none is stated
+            self.blur = camera_blur(everything, made, self.patches)
+            if self.blur.sure:
+                self.data = replace(everything, blur=self.blur.size)
+                made = self._made(self.data)
         self.prediction = made.prediction
-        self.residual: Residual = residual_of(everything, made.prediction, made.maps, self.patches)
+        self.residual: Residual = residual_of(self.data, made.prediction, made.maps, self.patches)
         self.places = self.residual.places, self.residual.place_patch
         seen = problem.seen(self.base.values)
         self._readers = {name: self.reader(mesh, seen) for name, mesh in problem.meshes.items()}
         self._read: dict[str, np.ndarray | None] = {}
+
+    def _made(self, data: Data) -> Synthesis:
+        predictor = Predictor(data, self.problem.meshes[self.mesh])
+        made = predictor.predict(self.problem.outcome(self.base), self.problem.seen(self.base.values))
+        if made is None:
+            raise StateError(f"{self.problem.sims / self.base.sim}: no solution for all steps at the estimate")
+        return made
 
     def reader(self, mesh: Mesh, seen: Observation | None) -> Reader:
         """Of solutions on a mesh, at its patches."""

@@ -32,6 +32,7 @@ from fingerfit.diagnosis.reservations import (
     too_coarse,
     traced,
     untried,
+    with_blur,
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_queue import by_one_likelihood, pair_of, partner_of, refit_best
@@ -227,7 +228,7 @@ def _diagnose(
         refits |= {one.candidate.effect.name: refit for one, refit in states}
         run += more
     needless = spare(problem, score_test, found.comparison.base.values) if verdict.kind == "adequate" else []
-    verdict = not_needed(some_far_off(verdict, found.comparison), needless)
+    verdict = with_blur(not_needed(some_far_off(verdict, found.comparison), needless), found.comparison)
     maybe = not_excluded(ranking, score_test, refits, tests) if verdict.kind == "adequate" else []
     verdict = perhaps(verdict, [one.candidate.effect.title for one in maybe])
     untold = found.lacking, untestable(problem), left_out(problem)

@@ -363,6 +363,13 @@ def some_far_off(verdict: Verdict, comparison: Comparison) -> Verdict:
     return replace(verdict, sentence=verdict.sentence + said)
 
 
+def with_blur(verdict: Verdict, comparison: Comparison) -> Verdict:
+    """The verdict, and how much the camera blurs the pictures of each test where that is not stated."""
+    blurs = [one.blur for one in comparison.every if one.blur and one.blur.by_optics]
+    said = "".join(f"; the camera blurs pictures by {blur}: state it as pictures.blur" for blur in blurs)
+    return replace(verdict, sentence=verdict.sentence + said)
+
+
 def not_needed(verdict: Verdict, spare: Sequence[Effect]) -> Verdict:
     """The verdict, and which effects an adequate model may not need beside its others."""
     titles = ", ".join(effect.title for effect in spare)

@@ -82,7 +82,7 @@ class PictureKeys(Strict):
     blur: Above | None = Field(
         default=None,
         description="Standard deviation of the blur of camera or scanner (point spread function), in `units.length`, a"
-        " number above 0: it does not move with the body.",
+        " number above 0: it does not move with the body. Without it the diagnosis estimates it in the plane.",
     )
     trim: Annotated[
         Literal["body"] | Off | Box,
