@@ -248,8 +248,8 @@ def effects(args: argparse.Namespace) -> None:
 def ladder(args: argparse.Namespace) -> None:
     """Put the rungs of a study together, and write the page."""
     from fingerfit.core.files import keep_json
-    from fingerfit.report.findings import ladder
     from fingerfit.report.page import write_page
+    from fingerfit.report.rungs import ladder
 
     study = args.out.parent
     found = ladder(study, args.settings)

@@ -24,7 +24,7 @@ from fingerfit.provenance.results import model_folder, study_folder
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, Settings, load_settings
 from fingerfit.settings.edit import remove_effect, write_effect, write_meshes
-from fingerfit.settings.finer import finer_meshes
+from fingerfit.settings.finer import MESHES, finer_meshes
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.several import of_test
@@ -32,8 +32,6 @@ from fingerfit.study.study import Study
 
 RUNGS = 6
 """Most models that `discover` fits in one call."""
-MESHES = 2
-"""How often it takes a finer mesh: each takes about four times as long as the one before. A choice."""
 
 
 def add(config: Path, name: str) -> str:
@@ -90,7 +88,9 @@ def refine(config: Path) -> str:
     if mesh is None or ELEMENTS[mesh.element].dim == 3:
         found = "none, but a mesh of the study's own" if mesh is None else f"{mesh.element}, a brick"
         raise InputError(config, "model.mesh", found, "a block in the plane, or a finer mesh made by hand")
-    meshes = finer_meshes(settings.model, get_solver(settings.solver).capabilities.elements)
+    elements = get_solver(settings.solver).capabilities.elements
+    made = finer_meshes({"mesh": mesh, "refined": settings.model.refined}, elements)
+    meshes = {key: one for key, one in made.items() if one is not None}
     write_meshes(config, meshes)
     said = (f"{key}: {one.element}, across {one.across}, per_layer {one.per_layer}" for key, one in meshes.items())
     return f"{config}: finer mesh, {'; '.join(said)}"

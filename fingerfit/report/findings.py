@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fingerfit.core.files import digest, keep_json, read_json, write_npz
+from fingerfit.core.files import keep_json, read_json, write_npz
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.diagnose import Diagnosis
 from fingerfit.diagnosis.errors import are_fitted, errors, fitted_steps
@@ -32,7 +31,7 @@ from fingerfit.model.catalogue import as_text
 from fingerfit.model.effect import LOADING, Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.report.drawing import outline
-from fingerfit.settings.choices import read_checked
+from fingerfit.report.rungs import made_with
 from fingerfit.study.several import TESTS, array_ending
 
 SHOWN = 6
@@ -337,44 +336,3 @@ def rung_of(found: Diagnosis, estimate: dict[str, Any], simulations: dict[str, i
         "sentence": found.verdict.sentence,
         "simulations": simulations,
     }
-
-
-COMPARED = ("score", "steps", "smooth", "crop", "bins")
-"""Settings of a fit that its errors depend on; those of the search only say how it is found."""
-
-
-def made_with(settings: Mapping[str, Any]) -> str:
-    """Hash of the settings that rungs of one ladder share: all that errors depend on, but effects and starts."""
-    model, fit = settings["model"], settings["fit"]
-    shared = {key: value for key, value in model.items() if key not in ("effects", "rivals", "parameters")}
-    bounds = {name: {**entry, "start": None} for name, entry in model["parameters"].items()}
-    chosen = [settings["study"], settings["solver"], shared, bounds, [fit[key] for key in COMPARED]]
-    return digest(json.dumps(chosen, sort_keys=True))
-
-
-def ladder(study: Path, settings: Path) -> dict[str, Any]:
-    """The ladder of a model: the rungs on the way to it, from the model without effects.
-
-    Parameters
-    ----------
-    study : Path
-        Results of the study.
-    settings : Path
-        ``settings.json`` of the model.
-
-    Returns
-    -------
-    dict
-        ``study``, ``rungs`` and under ``others`` the models that are not on this ladder, with the reason: a side
-        branch, or a rung that was made with other settings, whose errors are not comparable.
-    """
-    now, path = made_with(read_json(settings)), read_checked(settings).model.path
-    there = {file.parent.name: read_json(file) for file in sorted(study.glob("*/rung.json"))}
-    same = {name for name, rung in there.items() if rung.get("made_with") == now}
-    reasons = {
-        name: "not on the way to this model" if name in same else "made with other settings"
-        for name in there
-        if name not in same or name not in path
-    }
-    others = [{"model": name, "why": why} for name, why in reasons.items()]
-    return {"study": study.name, "rungs": [there[name] for name in path if name in same], "others": others}

@@ -17,8 +17,8 @@ from fingerfit.fit.rounds import Round
 from fingerfit.fit.simulate import measured
 from fingerfit.provenance.results import model_folder, study_folder
 from fingerfit.report.drawing import save
-from fingerfit.report.findings import made_with
 from fingerfit.report.page import profile_figure, write_page
+from fingerfit.report.rungs import made_with
 from fingerfit.settings.choices import KNOWN
 from fingerfit.settings.config import Settings, load_settings
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
-from fingerfit.settings.config import ModelSettings
 from fingerfit.settings.parts import MeshSettings
 
 QUADRATIC = {"CPE3": "CPE6", "CPE4": "CPE8", "CPE4H": "CPE8H", "CPS3": "CPS6", "CPS4": "CPS8"}
 """Elements of the next order on the same grid: their error falls with a higher power of their size."""
+Meshes = Mapping[str, MeshSettings | None]
+"""The meshes of a model by the keys ``mesh`` and ``refined``."""
+MESHES = 2
+"""How often a model gets a finer mesh: each takes about four times as long as the one before. A choice."""
 HALVED, ONE_MORE = "half the element size", "a mesh of quadratic elements"
 """A finer mesh, in words."""
 
@@ -30,7 +33,15 @@ def finer_mesh(mesh: MeshSettings, elements: Collection[str]) -> tuple[MeshSetti
     return mesh.model_copy(update={"across": 2 * mesh.across, "per_layer": 2 * mesh.per_layer}), HALVED
 
 
-def finer_meshes(model: ModelSettings, elements: Collection[str]) -> dict[str, MeshSettings]:
-    """The mesh of the search and, where there is one, the finer mesh, each as from `finer_mesh`, by key."""
-    found = {"mesh": model.mesh, "refined": model.refined}
-    return {key: finer_mesh(mesh, elements)[0] for key, mesh in found.items() if mesh is not None}
+def finer_meshes(meshes: Meshes, elements: Collection[str]) -> Meshes:
+    """The mesh of the search and the finer mesh, each as from `finer_mesh`, by key; None where there is none."""
+    return {key: mesh and finer_mesh(mesh, elements)[0] for key, mesh in meshes.items()}
+
+
+def are_finer(meshes: Meshes, lower: Meshes, elements: Collection[str]) -> bool:
+    """Whether meshes are others as they are made finer, up to `MESHES` times."""
+    for _ in range(MESHES):
+        lower = finer_meshes(lower, elements)
+        if lower == meshes:
+            return True
+    return False

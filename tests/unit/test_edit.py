@@ -203,7 +203,7 @@ def test_finer_meshes_are_written_where_the_old_ones_stood(config, solver_has, m
     text = HEAD + MODEL.replace("CPE8", "CPE4") + refine + PARAMETERS + FIT
     config.write_text(text)
     model = load_settings(config).model
-    write_meshes(config, finer_meshes(model, solver_has))
+    write_meshes(config, finer_meshes({"mesh": model.mesh, "refined": model.refined}, solver_has))
     found = load_settings(config).model
     halved = {} if "CPE8" in solver_has else {"per_layer: &rows 2": "per_layer: 4"}
     for old, new in {
@@ -218,7 +218,7 @@ def test_a_mesh_that_another_one_repeats_stays(config):
     text = HEAD + MODEL.replace("mesh: {", "mesh: &same {").replace("   # coarse\n", "\n  refined: *same\n")
     config.write_text(text + PARAMETERS + FIT)
     with pytest.raises(InputError) as caught:
-        write_meshes(config, {"mesh": finer_meshes(load_settings(config).model, {"CPE8"})["mesh"]})
+        write_meshes(config, finer_meshes({"mesh": load_settings(config).model.mesh}, {"CPE8"}))
     assert str(caught.value) == (
         "config.yaml: model.mesh: found anchors or a layout with which one mesh cannot be changed alone;"
         " expected every mesh written out, on lines of its own"

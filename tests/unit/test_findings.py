@@ -6,7 +6,7 @@ import pytest
 
 from fingerfit.core.files import keep_json
 from fingerfit.provenance.stages import write_settings
-from fingerfit.report.findings import ladder, made_with
+from fingerfit.report.rungs import ladder, made_with
 from fingerfit.settings.config import load_settings
 
 CONFIG = {
@@ -87,6 +87,24 @@ def test_rungs_of_other_settings_are_told_apart(tmp_path, changes):
     found = ladder(tmp_path, last)
     assert models(found) == ["base+tilt"]
     assert found["others"] == [{"model": "base", "why": "made with other settings"}]
+
+
+@pytest.mark.parametrize(
+    ("finer", "on_it"),
+    [({"element": "CPE8H"}, True), ({"element": "CPE8H", "across": 28, "per_layer": 10}, True),
+     ({"element": "CPE8H", "across": 28}, False), ({"element": "CPE3"}, False)],
+)  # fmt: skip
+def test_rungs_of_the_mesh_that_was_made_finer_stay_on_the_ladder(tmp_path, finer, on_it):
+    """Where the mesh is all that differs, and is one that `discover` makes: elements of the next order, then halved."""
+    coarse = {"element": "CPE4H", "across": 14, "per_layer": 5}
+    rung_of(tmp_path, model__mesh=coarse)
+    last = rung_of(tmp_path, ("tilt",), model__mesh=coarse | finer)
+    found = ladder(tmp_path, last)
+    assert models(found) == (["base", "base+tilt"] if on_it else ["base+tilt"])
+    assert [rung.get("coarser", False) for rung in found["rungs"]] == ([True, False] if on_it else [False])
+    assert all(rung["aic"] is None for rung in found["rungs"] if rung.get("coarser"))
+    last = rung_of(tmp_path, ("tilt",), model__mesh=coarse | finer, fit__steps=[1])
+    assert models(ladder(tmp_path, last)) == ["base+tilt"]
 
 
 def test_where_and_how_it_is_searched_makes_no_other_ladder(tmp_path):

@@ -297,6 +297,7 @@ def _rungs(inputs: Inputs) -> list[dict[str, Any]]:
                 "bars": {k: None if v is None else round(100 * v / top, 1) for k, v in error.items()},
                 "line": round(100 / top, 1),
                 "known": bool(rung),
+                "coarser": bool(rung.get("coarser")),
                 "count": rung.get("parameters_count"),
                 "misfit": rung.get("misfit"),
                 "freedom": rung.get("freedom"),

@@ -23,6 +23,12 @@ def rung_label(rung: dict[str, Any], first: bool) -> str:
     return str(rung["model"]) if first or not effects else f"+ {effects[-1]}"
 
 
+def _tick(rung: dict[str, Any], first: bool, most: int) -> str:
+    """The same below a figure."""
+    name = plain(_short(rung_label(rung, first), most))
+    return f"{name}\ncoarser mesh" if rung.get("coarser") else name
+
+
 def ladder_figure(ladder: dict[str, Any]) -> Figure:
     """Error of each rung against the noise.
 
@@ -60,7 +66,7 @@ def ladder_figure(ladder: dict[str, Any]) -> Figure:
     else:
         axes.set_ylim(0, max(1.6, 1.2 * top))
     axes.set_xlim(-0.5, len(rungs) - 0.5)
-    axes.set_xticks(x, [plain(_short(rung_label(rung, i == 0))) for i, rung in enumerate(rungs)])
+    axes.set_xticks(x, [_tick(rung, i == 0, 18) for i, rung in enumerate(rungs)])
     if len(rungs) > 4:
         axes.tick_params(axis="x", rotation=20)
     axes.set_ylabel("error in multiples of the noise level")
@@ -134,7 +140,7 @@ def _constant(axes: Any, name: str, rungs: list[dict[str, Any]]) -> None:
         axes.plot(i, entry["value"], "o", color=COLOURS[4], markersize=6, markeredgecolor="white")
     axes.set_title(plain(f"{name}{f' in {unit}' if unit and unit != '1' else ''}"), fontsize=9.5)
     axes.set_xlim(-0.5, len(rungs) - 0.5)
-    labels = [plain(_short(rung_label(rung, i == 0), 12)) for i, rung in enumerate(rungs)]
+    labels = [_tick(rung, i == 0, 12) for i, rung in enumerate(rungs)]
     axes.set_xticks(range(len(rungs)), labels, fontsize=8.5)
     if len(rungs) > 3:
         axes.tick_params(axis="x", rotation=35)
