@@ -48,7 +48,10 @@ def errors_but_mesh(comparison: Comparison) -> tuple[float, float | None]:
 
 
 def _in_pictures(comparison: Comparison) -> np.ndarray | None:
-    """What the expected error of the mesh makes of each picture, in units of the noise floor; None where none tells."""
+    """What the error of the mesh makes of each picture, in units of the noise floor; None where none tells.
+
+    Of each patch as much as is expected, but no more than it leaves beyond the noise.
+    """
     if not len(comparison.data.picture_step) or REFINED not in comparison.problem.meshes:
         return None
     own, other = comparison.prediction.pictures, None
@@ -58,7 +61,16 @@ def _in_pictures(comparison: Comparison) -> np.ndarray | None:
         other = comparison.pictures_of(comparison.finer[1], comparison.base.values)
     if other is None:
         return None
-    return left_over(comparison.problem, comparison.mesh) * comparison.residual.inside(own - other) / comparison.floor
+    expected = left_over(comparison.problem, comparison.mesh) * (own - other)
+    left, residual = comparison.data.measured - own, comparison.residual
+    made = np.zeros(len(own))
+    for n, (fit, floor) in enumerate(zip(residual.fits, residual.floor, strict=True)):
+        pixels, square, beyond = (
+            np.bincount(fit.patch, values)
+            for values in (None, *(one[n].ravel()[fit.pixel] ** 2 for one in (expected, left)))
+        )
+        made[n] = np.minimum(square, np.maximum(beyond - pixels * floor**2, 0.0)).sum() / max(pixels.sum(), 1)
+    return np.sqrt(made) / comparison.floor
 
 
 def by_finer_mesh(comparison: Comparison, score_test: ScoreTest, threads: int = 1) -> tuple[float, str, int]:

@@ -7,6 +7,7 @@ import pytest
 
 from fingerfit.diagnosis import mesh_errors
 from fingerfit.diagnosis.mesh_errors import errors_but_mesh
+from fingerfit.fit.problem import REFINED
 
 FLOOR = 0.02
 
@@ -39,6 +40,38 @@ def test_what_is_left_but_for_the_mesh(error, by_mesh, left, monkeypatch):
     monkeypatch.setattr(mesh_errors, "_in_pictures", lambda comparison: np.array(by_mesh))
     found, held = errors_but_mesh(compared(error))
     assert (found, held) == (pytest.approx(left), None)
+
+
+@pytest.mark.parametrize(
+    ("expected", "left", "made"),
+    [
+        ((0.2, 0.2), (0.2, 0.2), 0.2),  # as large as expected; each patch has noise beside it
+        ((0.4, 0.0), (0.0, 0.2), 0.0),  # it would be large where nothing is left
+        ((0.4, 0.0), (0.2, 0.2), 0.2 / 2**0.5),
+        ((0.1, 0.1), (0.3, 0.3), 0.1),
+        ((-0.2, 0.2), (0.2, -0.2), 0.2),  # only its size is known
+    ],
+)
+def test_a_mesh_makes_no_more_of_a_patch_than_that_leaves(expected, left, made, monkeypatch):
+    """Two patches of half a picture each."""
+    patch = np.repeat([0, 1], 8)
+    signs = np.tile([1.0, -1.0], 8)
+    own = np.full((1, 4, 4), 0.5)
+    spread = np.hypot(np.array(left)[patch], FLOOR)
+    comparison = SimpleNamespace(
+        data=SimpleNamespace(picture_step=np.array([0]), measured=own + (spread * signs).reshape(own.shape)),
+        problem=SimpleNamespace(meshes={REFINED: None}),
+        mesh=REFINED,
+        anchor=None,
+        pictures=lambda asked: own - np.array(expected)[patch].reshape(own.shape) / 2.0,
+        prediction=SimpleNamespace(pictures=own),
+        residual=SimpleNamespace(
+            fits=[SimpleNamespace(patch=patch, pixel=np.arange(16))], floor=np.array([FLOOR])
+        ),
+        floor=np.array([FLOOR]),
+    )  # fmt: skip
+    monkeypatch.setattr(mesh_errors, "left_over", lambda problem, mesh: 2.0)
+    assert mesh_errors._in_pictures(comparison) * FLOOR == pytest.approx([made], abs=1e-6)
 
 
 def test_held_out_pictures_have_errors_of_their_own(monkeypatch):
