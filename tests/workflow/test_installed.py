@@ -113,7 +113,7 @@ def test_a_study_is_fitted_where_no_clone_is(programs, tmp_path):
     config.write_text(coarse(config), encoding="utf-8")
     done = called(tmp_path, programs / "fingerfit", "run", "mine", "--cores", "2")
     assert done.returncode == 0, done.stderr
-    assert re.search(r"^round +0  one .*simulations: \d run", done.stdout, re.MULTILINE)
+    assert re.search(r"^round +0  one .*simulations: \d run \([\d.]+ s each\)", done.stdout, re.MULTILINE)
     *_, last = done.stdout.splitlines()
     assert last == (
         "table: results/mine/base/table.txt; figures: results/mine/base/figures (deformed_mesh, force, pictures, search)"
