@@ -1,5 +1,6 @@
 """The wheel, installed where no clone is: it has all that a clone has, fits a study, and serves as a Snakemake module."""
 
+import ast
 import re
 import shutil
 import subprocess
@@ -14,7 +15,8 @@ import yaml
 from fingerfit.solvers.registry import get_solver
 
 ROOT = Path(__file__).resolve().parents[2]
-SHIPPED = ("workflow", "templates", "studies/phantom", "studies/hidden-tilt", "Snakefile", "config.yaml")
+STUDIES = ("studies/phantom", "studies/hidden-tilt", "studies/hidden-inclusion")
+SHIPPED = ("workflow", "templates", *STUDIES, "Snakefile", "config.yaml")
 OFFLINE = ("--quiet", "--no-deps", "--no-index", "--disable-pip-version-check")
 MODULE = """\
 from fingerfit.core.folders import SHIPPED
@@ -101,6 +103,11 @@ def test_it_has_what_a_clone_has(built):
         found = [ROOT / name] if (ROOT / name).is_file() else [p for p in (ROOT / name).rglob("*") if p.is_file()]
         expected |= {f"fingerfit/shipped/{p.relative_to(ROOT)}": p for p in found if "__pycache__" not in p.parts}
     assert len(expected) > 300
+    # setuptools takes the module beside what is shipped, too
+    assert {name for name in inside if "/shipped/" in name} <= {*expected, "fingerfit/shipped/setup.py"}
+    (listed,) = re.findall(r"^STUDIES = (.+)$", (ROOT / "setup.py").read_text(encoding="utf-8"), re.MULTILINE)
+    studies = {name.split("/")[3] for name in inside if name.startswith("fingerfit/shipped/studies/")}
+    assert studies == set(ast.literal_eval(listed))
     assert [name for name, path in expected.items() if inside.get(name) != path.read_bytes()] == []
     assert {name.split("/")[0] for name in inside} == {"fingerfit", "fingerfit-0.1.0.dist-info"}
 
