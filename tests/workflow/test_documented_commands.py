@@ -361,7 +361,7 @@ def test_a_session_of_commands(project, name):
         pytest.skip("CalculiX (ccx) is not installed: .ci/run installs it")
     package = {"fast": "pypardiso", "cluster": "snakemake_executor_plugin_slurm"}.get(name)
     if package and importlib.util.find_spec(package) is None:
-        pytest.skip(f"{package}, which it installs, is not here, and tests use no network")
+        pytest.skip(f"{package}, which it installs, is not here, and this test uses no network")
     lines = ["set -euo pipefail"]
     for line in SESSIONS[name]:
         for place, own in PLACES.items():
