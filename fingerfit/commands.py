@@ -133,11 +133,15 @@ def _fit(args: argparse.Namespace, settings: Settings | None = None) -> InverseP
 
 def propose(args: argparse.Namespace) -> None:
     """Score the last round and ask for the next guesses."""
+    from fingerfit.core.progress import say
     from fingerfit.fit.jobs import next_job
     from fingerfit.fit.rounds import Round
+    from fingerfit.fit.took import Took
 
-    last = Round.load(args.last) if args.last else None
-    next_job(_fit(args), last, args.threads, bool(args.solve)).save(args.out)
+    last, took = Round.load(args.last) if args.last else None, Took()
+    next_job(_fit(args), last, args.threads, bool(args.solve), took).save(args.out)
+    if took.number:
+        say(took.told(), error=True)  # into the log of the job, where `fingerfit.provenance.watch` finds it
 
 
 def estimate(args: argparse.Namespace) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 from fingerfit.core.errors import FingerfitError
 from fingerfit.core.progress import Progress, in_words
 from fingerfit.fit.rounds import Round, simulations
+from fingerfit.fit.took import Took
 
 _ROUND = re.compile(r"/rounds/\d+\.json$")
 _SENT = ".sent"
@@ -37,7 +38,7 @@ class Watch(logging.Handler):
     def __init__(self, progress: Progress, finished: Callable[[], object], several: bool) -> None:
         super().__init__(logging.INFO)
         self._progress, self._finished, self._several = progress, finished, several
-        self._jobs: dict[int, tuple[str, float, float]] = {}
+        self._jobs: dict[int, tuple[str, str, float, float]] = {}
         self._seconds: list[float] = []
         self._asked = self._solved = 0
         self._stages: dict[Path, tuple[str, int, float, float]] = {}
@@ -46,7 +47,8 @@ class Watch(logging.Handler):
         """Note the start of a job, tell what its end says, and leave the screen to errors."""
         event, job = str(getattr(getattr(record, "event", None), "value", "")), record.__dict__
         if event == "job_info":
-            self._begin(int(job["jobid"]), str((job.get("output") or [""])[0]), str(job["rule_name"]))
+            output, log = (str((job.get(name) or [""])[0]) for name in ("output", "log"))
+            self._begin(int(job["jobid"]), output, log, str(job["rule_name"]))
         elif event == "job_finished" and job["job_id"] in self._jobs:
             self._end(*self._jobs.pop(job["job_id"]))
         elif record.levelno >= logging.WARNING:
@@ -54,8 +56,8 @@ class Watch(logging.Handler):
         elif record.getMessage().startswith(_NOTHING):
             self._finished()
 
-    def _begin(self, number: int, output: str, rule: str) -> None:
-        self._jobs[number] = output, time.monotonic(), time.time()
+    def _begin(self, number: int, output: str, log: str, rule: str) -> None:
+        self._jobs[number] = output, log, time.monotonic(), time.time()
         if output.endswith("diagnosis.json"):
             self._progress.stop()  # it has a bar of its own
         elif output.endswith("solution.npz"):
@@ -65,7 +67,7 @@ class Watch(logging.Handler):
         elif not _ROUND.search(output):
             self._progress.show(rule)
 
-    def _end(self, output: str, began: float, clock: float) -> None:
+    def _end(self, output: str, log: str, began: float, clock: float) -> None:
         if output.endswith("solution.npz"):
             self._seconds.append(time.monotonic() - began)
             self._solved += 1
@@ -74,7 +76,7 @@ class Watch(logging.Handler):
             self._tell_sent(output, f"finished after {in_words(time.monotonic() - began)}")
         elif _ROUND.search(output):
             try:
-                self._tell(Path(output), Round.load(Path(output)), clock)
+                self._tell(Path(output), Round.load(Path(output)), clock, Took.read(Path(log)))
             except FingerfitError:
                 return  # who reads it next says what is wrong with it
 
@@ -82,19 +84,21 @@ class Watch(logging.Handler):
         now = in_words(time.monotonic() - self._progress.began)
         self._progress.line(f"{now:>8}  {Path(output).parent}: {what}; log: {output.removesuffix(_SENT)}.log")
 
-    def _tell(self, path: Path, current: Round, clock: float) -> None:
+    def _tell(self, path: Path, current: Round, clock: float, took: Took) -> None:
         sims = path.parents[2] / "sims"
         names = dict.fromkeys(asked.sim for asked in simulations(current.everything))
         there = [file for name in names if (file := sims / name / "solution.npz").exists()]
         # by the job of this round, since it began
         run = sum(file.stat().st_mtime >= clock for file in there)
         self._asked, self._solved = len(names) - len(there), 0
-        counts = {"known": len(there) - run, "run": run, "to run": self._asked}
+        # the time of those that this job ran; without any, of those that had jobs of their own before
+        jobs = sum(self._seconds) / len(self._seconds) if self._seconds and not took.number else None
+        counts = {"known": len(there) - run, f"run{_each(took.each)}": run, "to run": self._asked}
         best = current.best["score"] if current.best is not None else None
         parts = [
             f"{in_words(time.monotonic() - self._progress.began)}",
             f"simulations: {', '.join(f'{number} {what}' for what, number in counts.items() if number) or 'none'}"
-            + (f" ({sum(self._seconds) / len(self._seconds):.2g} s each)" if self._seconds else ""),
+            + _each(jobs),
             *([] if best is None else [f"best score {best:.6f}"]),
             *self._left(path.parent, current),
             *([f"stop: {current.stop}"] if current.stop else []),
@@ -122,6 +126,10 @@ class Watch(logging.Handler):
             left = max(further, 1 / max(1, current.number - number)) * (now - began)
             text += f", {in_words(left)} left in this stage"
         return [text]
+
+
+def _each(seconds: float | None) -> str:
+    return "" if seconds is None else f" ({seconds:.2g} s each)"
 
 
 def heard_by(logger: Any, watch: Watch, quiet: Callable[[], bool]) -> None:

@@ -181,6 +181,7 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
         where, source = source, read_yaml(source)
     if isinstance(source, Mapping) and RUNS in source:
         raise InputError(where, RUNS, "several models", "one: a file without runs, with its study, model and fit")
+    _refuse_listed(source, where)
     settings, problems = described(Settings, source, where)
     problems = problems or _cross_check(settings, where)
     if problems:
@@ -189,6 +190,14 @@ def load_settings(source: Mapping[str, Any] | Path, where: Path | str = CONFIG) 
     if problems := [*_strange_rivals(settings, where), *_strange_candidates(settings, where)]:
         raise Problems(problems)
     return settings  # type: ignore[no-any-return]
+
+
+def _refuse_listed(source: object, where: Path | str) -> None:
+    """Name `runs` to those who list studies under a key of their own, or under that of one study."""
+    for key, found in (("studies", "an unknown key"), ("study", "a list")):
+        if isinstance(source, Mapping) and isinstance(source.get(key), list):
+            expected = f"{RUNS}: [{{study: FIRST}}, {{study: SECOND}}], in which several studies are listed"
+            raise InputError(where, key, found, expected)
 
 
 def read_written(path: Path) -> Settings:

@@ -177,16 +177,14 @@ def troubled(cluster, here, tmp_path_factory):
     with started(cluster, place, SLURM) as running:
         seen["waiting"] = wait(cluster, lambda: all(found := [jobs(name, "PENDING") for name in names]) and found)
         cluster.ask("scancel", other)
-        numbers = {name: seen["waiting"][n][0][0] for n, name in enumerate(names[:2])}
+        seen["numbers"] = numbers = {name: seen["waiting"][n][0][0] for n, name in enumerate(names[:2])}
         for name, number in numbers.items():
             wait(cluster, (place / f"results/{name}/base/rounds/0.json").exists)
             cluster.ask("scancel", "--full", "--signal=STOP", number)  # its end is not told: it hangs until it is ended
         cluster.ask("scancel", numbers["cancelled"])
         cluster.ask("scontrol", "update", f"JobId={numbers['late']}", "EndTime=now+1seconds")
-        seen["states"] = [
-            wait(cluster, lambda: jobs("cancelled", "CANCELLED")),
-            wait(cluster, lambda: jobs("late", "TIMEOUT")),
-        ]
+        seen["cancelled"] = wait(cluster, lambda: jobs("cancelled", "CANCELLED"))
+        seen["late"] = wait(cluster, lambda: jobs("late", "TIMEOUT"))
         # the job that comes in its place loses its node
         again = wait(cluster, lambda: jobs("late", "RUNNING"))
         cluster.node_down()
@@ -205,10 +203,19 @@ def test_a_full_queue_is_waited_for(troubled):
 
 
 @pytest.mark.parametrize("name", ["cancelled", "late"])
-def test_a_job_that_was_cancelled_ended_or_lost_its_node_goes_on(troubled, here, name):
+def test_a_job_that_was_cancelled_or_over_its_time_goes_on(troubled, here, name):
+    """Snakemake sends another one in its place, which takes up what the first has made."""
     place, seen = troubled
-    assert all(seen["states"]) and seen["lost"]
+    assert seen[name][0][0] == seen["numbers"][name]
     same(files(place, name), files(here))
+
+
+def test_a_job_that_lost_its_node_goes_on(troubled, here):
+    """SLURM itself puts it back into the queue: the job that was sent for `late` after its first one was ended."""
+    place, seen = troubled
+    (lost,) = seen["lost"]
+    assert lost[0] != seen["numbers"]["late"]
+    same(files(place, "late"), files(here))
 
 
 def test_a_study_that_fails_stops_no_other_one(troubled):

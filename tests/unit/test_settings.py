@@ -239,6 +239,21 @@ def test_wrong_runs_are_one_line(runs, says):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("key", ["studies", "study"])
+@pytest.mark.parametrize("others", [{}, {"study": "studies/phantom"}, {"runs": [{}]}])
+def test_who_lists_studies_looks_for_runs(key, others):
+    shared = {name: value for name, value in CONFIG.items() if name != "study"}
+    with pytest.raises(FingerfitError) as caught:
+        load_runs({**shared, **others, key: ["studies/phantom", "studies/hidden-tilt"]})
+    place = "config.yaml: runs.0: " if "runs" in others else "config.yaml: "
+    found = "an unknown key" if key == "studies" else "a list"
+    expected = "runs: [{study: FIRST}, {study: SECOND}], in which several studies are listed"
+    assert str(caught.value) == f"{place}{key}: found {found}; expected {expected}"
+    # one study under a misspelt key is no list
+    with pytest.raises(FingerfitError, match=r"studies: found an unknown key; expected study \(did you mean that\?\)"):
+        load_runs({**shared, "studies": "studies/phantom"})
+
+
 def test_a_command_for_one_model_refuses_several():
     with pytest.raises(FingerfitError, match=r"config.yaml: runs: found several models; expected one"):
         load_settings({**CONFIG, "runs": [{}]})

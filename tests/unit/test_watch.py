@@ -13,6 +13,7 @@ import pytest
 
 from fingerfit.core.progress import Progress, tell
 from fingerfit.fit.rounds import Asked, Round
+from fingerfit.fit.took import Took
 from fingerfit.provenance.watch import Watch, heard_by
 
 
@@ -70,6 +71,45 @@ def test_a_round_is_one_line_with_what_is_reached_and_what_is_left(tmp_path, mon
         # a half in 5 s, three halves to go
         "round   4  " + start.format("6 s", "1 known, 1 to run (4 s each)", 0.16) + ", 15 s left in this stage",
         "round   5  " + start.format("7 s", "1 known, 2 run (4 s each)", 0.08) + ", 6 s left in this stage",
+    ]
+
+
+def test_the_time_of_simulations_inside_a_round_is_told(tmp_path, monkeypatch):
+    """The job of a round that solves them itself says in its log how long they took."""
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    said = Said()
+    watch = Watch(said, said.stop, several=False)
+    log, sims = tmp_path / "0.log", tmp_path / "results/s/sims"
+    took = Took()
+    for seconds in (0.125, 0.25):
+        took.add(seconds)
+
+    def job(number, output, solves, text):
+        watch.handle(record("job_info", jobid=number, output=[output], rule_name="a", log=[str(log)]))
+        now[0] += 4.0
+        for sim in ("known", "new"):
+            file = sims / sim / "solution.npz"
+            if sim in solves:
+                file.parent.mkdir(parents=True)
+                file.touch()
+            if file.exists():
+                os.utime(file, (time.time() + (1 if sim in solves else -10),) * 2)
+        log.write_text(text, encoding="utf-8")
+        watch.handle(record("job_finished", job_id=number))
+
+    job(0, one_round(tmp_path, 0, 0.3), ["known"], f"a warning\n{took.told()}\n")
+    job(1, str(sims / "other/solution.npz"), [], "")  # this one is not mixed with those
+    job(2, one_round(tmp_path, 1, 0.3), ["new"], f"{took.told()}\n")
+    job(3, one_round(tmp_path, 2, 0.3), [], "simulations solved in this job: many\n")
+    log.unlink()
+    watch.handle(record("job_info", jobid=4, output=[one_round(tmp_path, 3, 0.3)], rule_name="a", log=[str(log)]))
+    watch.handle(record("job_finished", job_id=4))
+    assert [line.partition("simulations: ")[2].partition(", best")[0] for line in said.lines] == [
+        "1 run (0.19 s each), 1 to run",
+        "1 known, 1 run (0.19 s each)",
+        "2 known (4 s each)",
+        "2 known (4 s each)",
     ]
 
 

@@ -1,7 +1,7 @@
 """Every command that README.md, docs/*.md and `--help` show is run: here as it stands, or by the file that a table names.
 
 What is run here are sessions of a shell in a copy of the project, in the order of the documents, with a coarse mesh and
-a short search in config.yaml. A command that a document shows and that is neither in a session nor in the table fails.
+a short search in config.yaml; only the first one of README.md, `make run`, has the settings of the project. A command that a document shows and that is neither in a session nor in the table fails.
 """
 
 import argparse
@@ -23,6 +23,7 @@ from fingerfit.cli import _parser, main
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 PROGRAMS = r"fingerfit|snakemake|make|python3?|pip|source|sed|cp|mkdir"
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMAND = re.compile(rf"(?:[A-Z_]+=\S+ )*(?:{PROGRAMS}) .+")
 NAME = re.compile(r"(fingerfit|snakemake) ([a-z]+)")
 """A command's name alone, as a sentence mentions it."""
@@ -192,6 +193,9 @@ LEFT = {
     "case": {"studies/hidden/relaxation/study.yaml": ["layers"]},
 }
 """What a session leaves, and texts in it."""
+AS_SHIPPED = {"run": 60}
+"""Sessions with the settings of the project, which fit the phantom as users do, and the lines that they may print: what
+fits on a screen or two."""
 DIAGNOSED = ("diagnose", "tilt")
 """Sessions that fit each layer, as a diagnosis needs it; in the others one constant is enough."""
 SLOW = ("tests", "run", "study", "shared", "calculix", "diagnose", "tilt", "fingertip", "case", "breast")
@@ -314,6 +318,8 @@ def project(tmp_path, request):
             text = text.replace(old, new)
         (tmp_path / name).write_text(text, encoding="utf-8")
     for path in (tmp_path / "config.yaml", tmp_path / "studies/phantom/calculix.yaml"):
+        if request.node.callspec.params["name"] in AS_SHIPPED:
+            continue
         config = yaml.safe_load(path.read_text(encoding="utf-8"))
         config["model"]["mesh"] |= {"across": 4, "per_layer": 1}
         config["model"].pop("refined", None)
@@ -355,7 +361,7 @@ def test_a_session_of_commands(project, name):
         pytest.skip("CalculiX (ccx) is not installed: .ci/run installs it")
     package = {"fast": "pypardiso", "cluster": "snakemake_executor_plugin_slurm"}.get(name)
     if package and importlib.util.find_spec(package) is None:
-        pytest.skip(f"{package}, which it installs, is not here, and tests use no network")
+        pytest.skip(f"{package}, which it installs, is not here, and this test uses no network")
     lines = ["set -euo pipefail"]
     for line in SESSIONS[name]:
         for place, own in PLACES.items():
@@ -375,3 +381,12 @@ def test_a_session_of_commands(project, name):
         path = project / file
         assert path.stat().st_size > 0
         assert all(text in path.read_text(encoding="utf-8") for text in texts), file
+    if name in AS_SHIPPED:
+        # the shell's own lines are what was typed
+        printed = [line for line in (done.stdout + done.stderr).splitlines() if not line.startswith("+ ")]
+        assert len(printed) <= AS_SHIPPED[name], "\n".join(printed)
+        assert any(re.match(r"round +0  .*: \d+ run \([\d.]+ s each\)", line) for line in printed)
+        # README.md ends with the same lines but for digits, which another machine may round otherwise
+        (table,) = re.findall(r"^```\n(studies/phantom, model base.*?)^```", README, re.MULTILINE | re.DOTALL)
+        words = [[re.sub(r"\d[\d.]*", "0", line).split() for line in lines] for lines in (table.splitlines(), printed)]
+        assert [line for line in words[0] if line not in words[1]] == []

@@ -1,5 +1,6 @@
 """The wheel, installed where no clone is: it has all that a clone has, fits a study, and serves as a Snakemake module."""
 
+import ast
 import re
 import shutil
 import subprocess
@@ -14,8 +15,11 @@ import yaml
 from fingerfit.solvers.registry import get_solver
 
 ROOT = Path(__file__).resolve().parents[2]
-SHIPPED = ("workflow", "templates", "studies/phantom", "studies/hidden-tilt", "Snakefile", "config.yaml")
+STUDIES = ("studies/phantom", "studies/hidden-tilt", "studies/hidden-inclusion")
+SHIPPED = ("workflow", "templates", *STUDIES, "Snakefile", "config.yaml")
 OFFLINE = ("--quiet", "--no-deps", "--no-index", "--disable-pip-version-check")
+ASKED = "argcomplete"
+"""The smallest of our dependencies, to see whether an index answers."""
 MODULE = """\
 from fingerfit.core.folders import SHIPPED
 
@@ -82,6 +86,30 @@ def programs(built, tmp_path_factory):
     return folder / "bin"
 
 
+@pytest.fixture(scope="module")
+def resolved(built, tmp_path_factory):
+    """The programs of an empty environment with the wheel and what pip finds for it in the index of this machine."""
+    folder = tmp_path_factory.mktemp("resolved")
+    environment, pip = folder / "environment", [sys.executable, "-m", "pip"]
+    quiet = ["--quiet", "--disable-pip-version-check"]
+    try:
+        ask = [*pip, "download", *quiet, "--no-deps", "--no-cache-dir", "--retries", "0", "--timeout", "10", ASKED]
+        asked = subprocess.run([*ask, "--dest", str(folder)], capture_output=True, text=True, timeout=60)
+        said = asked.stderr if asked.returncode else ""
+    except subprocess.TimeoutExpired:
+        said = "no answer in a minute"
+    if said:
+        pytest.skip(f"pip finds no package index here: {said.strip().splitlines()[-1]}")
+    try:
+        subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True)
+        into = [*pip, "--python", str(environment / "bin/python"), "install", *quiet, "--no-compile"]
+        done = subprocess.run([*into, str(built)], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        yield environment / "bin"
+    finally:
+        shutil.rmtree(folder)  # 700 MB
+
+
 def coarse(path, **others):
     """Settings of a fit of seconds."""
     config = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -101,6 +129,11 @@ def test_it_has_what_a_clone_has(built):
         found = [ROOT / name] if (ROOT / name).is_file() else [p for p in (ROOT / name).rglob("*") if p.is_file()]
         expected |= {f"fingerfit/shipped/{p.relative_to(ROOT)}": p for p in found if "__pycache__" not in p.parts}
     assert len(expected) > 300
+    # setuptools takes the module beside what is shipped, too
+    assert {name for name in inside if "/shipped/" in name} <= {*expected, "fingerfit/shipped/setup.py"}
+    (listed,) = re.findall(r"^STUDIES = (.+)$", (ROOT / "setup.py").read_text(encoding="utf-8"), re.MULTILINE)
+    studies = {name.split("/")[3] for name in inside if name.startswith("fingerfit/shipped/studies/")}
+    assert studies == set(ast.literal_eval(listed))
     assert [name for name, path in expected.items() if inside.get(name) != path.read_bytes()] == []
     assert {name.split("/")[0] for name in inside} == {"fingerfit", "fingerfit-0.1.0.dist-info"}
 
@@ -113,7 +146,7 @@ def test_a_study_is_fitted_where_no_clone_is(programs, tmp_path):
     config.write_text(coarse(config), encoding="utf-8")
     done = called(tmp_path, programs / "fingerfit", "run", "mine", "--cores", "2")
     assert done.returncode == 0, done.stderr
-    assert re.search(r"^round +0  one .*simulations: \d run", done.stdout, re.MULTILINE)
+    assert re.search(r"^round +0  one .*simulations: \d run \([\d.]+ s each\)", done.stdout, re.MULTILINE)
     *_, last = done.stdout.splitlines()
     assert last == (
         "table: results/mine/base/table.txt; figures: results/mine/base/figures (deformed_mesh, force, pictures, search)"
@@ -127,6 +160,24 @@ def test_a_study_is_fitted_where_no_clone_is(programs, tmp_path):
     solver = yaml.safe_load(next(tmp_path.glob("results/mine/sims/*/solver.json")).read_text(encoding="utf-8"))
     solver.pop("includes")
     assert solver == get_solver("builtin").identity()
+
+
+@pytest.mark.slow
+def test_an_empty_environment_needs_nothing_that_pyproject_does_not_name(resolved, tmp_path):
+    """Where nothing else is installed: not even what the tests need."""
+    assert "No module named 'pytest'" in called(tmp_path, resolved / "python", "-c", "import pytest").stderr
+    doctor = called(tmp_path, resolved / "fingerfit", "doctor")
+    assert doctor.returncode == 0, doctor.stdout + doctor.stderr
+    assert re.search(r"^solver builtin .*self test passed", doctor.stdout, re.MULTILINE)
+    for name in (study.removeprefix("studies/") for study in STUDIES):
+        made = called(tmp_path, resolved / "fingerfit", "new", name, "--example", name)
+        assert made.returncode == 0, made.stderr
+    config = tmp_path / "phantom/config.yaml"
+    config.write_text(coarse(config), encoding="utf-8")
+    done = called(tmp_path, resolved / "fingerfit", "run", "phantom", "--cores", "1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "mu " in (tmp_path / "results/phantom/base/table.txt").read_text(encoding="utf-8")
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.slow
