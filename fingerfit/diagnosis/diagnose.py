@@ -18,7 +18,7 @@ from fingerfit.diagnosis.form_or_state import form_or_state
 from fingerfit.diagnosis.mesh_errors import by_finer_mesh, errors_but_mesh
 from fingerfit.diagnosis.ranges import not_excluded
 from fingerfit.diagnosis.ranking import Ranked, stiffness_map
-from fingerfit.diagnosis.refit import LOUD, Refit, explains
+from fingerfit.diagnosis.refit import EXPLAINED, Refit, explains
 from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
@@ -156,7 +156,7 @@ def _diagnose(
     fitted, held_out = errors(found.comparison)
     but_mesh = errors_but_mesh(found.comparison)
     at_least, held = but_mesh
-    if at_least > LOUD:  # that something is missing is known: nothing is named by chance because much was tried
+    if at_least > EXPLAINED:  # that something is missing is known: nothing is named by chance because much was tried
         found = replace(found, tests=1)
     score_test, ranking, tests = found.score_test, found.ranking, found.tests
     halves, ended = set[str](), dict[str, Refit]()

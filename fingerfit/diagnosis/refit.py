@@ -14,9 +14,8 @@ LEVEL = 0.01
 GOOD = 1.25
 """Misfit per degree of freedom up to which a model is adequate, unless chance alone allows more."""
 EXPLAINED = 1.25
-"""Error in units of the noise floor up to which every pixel counts as explained, beside the patches. A choice."""
-LOUD = 1.5
-"""Error in units of the noise floor beyond which no model is adequate."""
+"""Error in units of the noise floor up to which every pixel counts as explained, beside the patches; beyond it no model
+is adequate. A choice (decision 19)."""
 
 
 @dataclass(frozen=True)

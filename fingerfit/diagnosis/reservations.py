@@ -11,7 +11,7 @@ from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
-from fingerfit.diagnosis.refit import EXPLAINED, LOUD, Refit, excess, explains
+from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, odds_after, threshold
@@ -95,7 +95,7 @@ def largest_part(
     """The verdict, but where nothing explains it all, what surely is the largest part of it: more is missing.
 
     Beside effects that are known to be some of it already, also what is no more than a part, as long as much is left:
-    an error of more than `LOUD`. It must lower the errors on fitted and on held-out steps by more than `MATTERS`.
+    an error of more than `EXPLAINED`. It must lower the errors on fitted and on held-out steps by more than `MATTERS`.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def largest_part(
     falls = [error - own.fitted]
     if held_out is not None and own.held_out is not None:
         falls.append(held_out - own.held_out)
-    part = beside and error > LOUD and min(falls) > MATTERS
+    part = beside and error > EXPLAINED and min(falls) > MATTERS
     if not (beyond and (share > LARGEST or part) and leads(score_test, ranking, one, behind)):
         return verdict
     fell = f"the error falls from {error:.2g} to {own.fitted:.2g} times the noise level"
@@ -217,7 +217,7 @@ def traced(
     explains the data without it, are more than `SURE`; before it was seen, each of those that were tested had an equal
     share of what speaks for any of them. Nor is it where what it explains is no more than the form of the effects that
     the model has may be off by; what a model leaves beyond the noise may be that as well, where the pictures are
-    explained. Where these differ by more than `LOUD`, nothing is a trace.
+    explained. Where these differ by more than `EXPLAINED`, nothing is a trace.
 
     Parameters
     ----------
@@ -238,13 +238,13 @@ def traced(
     form : float
         Misfit that the form of the model's own effects may leave: `form_of`.
     """
-    if verdict.kind == "adequate" or base.at_least > LOUD:
+    if verdict.kind == "adequate" or base.at_least > EXPLAINED:
         return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     names = " or ".join(one.candidate.effect.title for one in named)
     fall = max((refits[name].fall for name in verdict.effects), default=0.0)
     if not explains(score_test):
-        if excess(score_test) >= form or fall >= form or base.at_least > EXPLAINED:
+        if excess(score_test) >= form or fall >= form:
             return verdict
         text = "the model leaves no more than what the form of its own effects may be off by"
         return Verdict("adequate", (), f"{text}; a trace: {names}" if names else text, verdict.threshold)
@@ -325,7 +325,7 @@ def doubted(verdict: Verdict, error: float) -> Verdict:
     error : float
         Of the fitted measurements in units of the noise floor.
     """
-    if verdict.kind != "adequate" or not error > LOUD:
+    if verdict.kind != "adequate" or not error > EXPLAINED:
         return verdict
     text = f"unexplained: the residual is {error:.2g} times the noise level, but no known effect explains it"
     return Verdict("unexplained", (), text, verdict.threshold)
@@ -342,7 +342,7 @@ def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect
     effect : Effect
         The one that stands for the mesh.
     """
-    if verdict.kind != "adequate" or not error > LOUD >= at_least:
+    if verdict.kind != "adequate" or not error > EXPLAINED >= at_least:
         return verdict
     made = f"the pictures differ by {error:.2g} times the noise, by {at_least:.2g} without what the mesh makes of them"
     return replace(verdict, sentence=f"{verdict.sentence}; {made}{CURE}{cure_of(effect)[1]}")

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from fingerfit.diagnosis.families import SURE, nominated
 from fingerfit.diagnosis.ranking import Ranked, spread_of
-from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
+from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.effect import NUMERICS
 
@@ -100,10 +100,11 @@ def too_small(score_test: ScoreTest, ranking: Sequence[Ranked], error: float) ->
     score_test : ScoreTest
     ranking : sequence of Ranked
     error : float
-        Of the model on the fitted steps, in units of the noise floor: beyond `LOUD` the first pass does not see all.
+        Of the model on the fitted steps, in units of the noise floor: beyond `EXPLAINED` the first pass does not see
+        all.
     """
     shares = [one.refitted.share for one in ranking if one.refitted]
-    seen = bool(shares) and error <= LOUD and not explains(score_test)
+    seen = bool(shares) and error <= EXPLAINED and not explains(score_test)
     return seen and max(shares) < FALLS_SHORT * LARGEST
 
 

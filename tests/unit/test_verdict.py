@@ -11,7 +11,7 @@ from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
-from fingerfit.diagnosis.refit import LEVEL, LOUD, Refit, excess, explains
+from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
 from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, loud_by_mesh, perhaps, too_coarse, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, ended_well, half_explained
@@ -223,7 +223,7 @@ def test_a_verdict_names_what_it_does_not_exclude(titles, said):
     assert perhaps(Verdict("adequate", (), "so it is; a trace: skin", 0.0), titles).sentence == said
 
 
-@pytest.mark.parametrize(("error", "at_least", "told"), [(1.6, 1.2, True), (1.4, 1.2, False), (1.6, 1.55, False)])
+@pytest.mark.parametrize(("error", "at_least", "told"), [(1.6, 1.2, True), (1.2, 1.1, False), (1.6, 1.3, False)])
 def test_a_mesh_that_makes_the_pictures_differ_is_to_be_finer(error, at_least, told):
     verdict = Verdict("adequate", (), "so it is", 0.0)
     found = loud_by_mesh(verdict, error, at_least, EFFECTS["coarse_mesh"])
@@ -601,7 +601,7 @@ def test_what_does_not_matter_is_a_trace(found, misfit, value, held_out, kind):
 def test_where_pictures_surely_differ_nothing_is_a_trace():
     score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
     named, refits = Verdict("missing", ("tilt",), "", 12.0), {"tilt": Refit(60.0, 99, 1.0, 1.0, {"mu_top": 0.1})}
-    for fitted, kind in ((0.99 * LOUD, "adequate"), (1.01 * LOUD, "missing")):
+    for fitted, kind in ((0.99 * EXPLAINED, "adequate"), (1.01 * EXPLAINED, "missing")):
         base = Refit(100.0, 100, fitted, 1.0, {"mu_top": 0.1})
         assert traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20).kind == kind
 
