@@ -3,7 +3,7 @@
 A camera (or scanner) blurs each picture as it is, by its point spread function. The picture before compression carries
 its blur along when it is warped, so that it is blurred less across than along where the body is pressed together. What
 that changes follows from the second derivatives of the warped picture: blurring by a Gaussian of covariance C is the
-diffusion of the picture over that covariance, here to first order.
+diffusion of the picture over that covariance, here to first order and by no more than the blur itself.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ def blurred_in_place(picture: np.ndarray, way: BackwardMap, spread: np.ndarray) 
     covariance = np.diag(np.square(spread))
     deformation = np.linalg.inv(_gradient_of_map(way))
     change = covariance - deformation @ covariance @ np.swapaxes(deformation, -1, -2)
+    # first order holds for small changes; at a singular corner the warp may have carried many times the blur along
+    size, most = np.linalg.norm(change, axis=(1, 2)), np.linalg.norm(covariance)
+    change *= (most / np.maximum(size, most))[:, None, None]
     found = np.zeros(len(way.pixel))
     for i in range(dim):
         for j in range(i + 1):

@@ -78,6 +78,16 @@ def test_a_body_that_turns_or_stays_keeps_its_blur(dim):
                               warped.ravel()[np.setdiff1d(np.arange(made.size), way.pixel)])  # fmt: skip
 
 
+def test_no_more_than_the_blur_itself_is_taken_back():
+    """Where a map is all but singular, as at the corner of a glued edge, first order would be a hundred times as much."""
+    _, warped, way, inner = pictures(2, np.eye(2), 0.25, generator(3))
+    made = blurred_in_place(warped, replace(way, index=way.index * [0.1, 1.0]), 0.25 / PIXEL[:2])
+    within = np.where(inner, warped, np.nan)
+    second = [np.nanmax(np.abs(np.diff(within, n=2, axis=axis))) for axis in (0, 1)]
+    most = 0.5 * np.linalg.norm(np.square(0.25 / PIXEL[:2])) * sum(second)
+    assert 0.0 < np.abs(made - warped)[inner].max() < most
+
+
 NOISE = 0.01
 DEFORMATIONS = [
     np.array([[1.0 + 0.5 * c, 0.1, 0.0], [0.0, 1.0 - c, 0.0], [0.0, 0.0, 1.0]])[:2, :2] for c in (0.1, 0.15)
