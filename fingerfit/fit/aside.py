@@ -42,7 +42,7 @@ def predicted(
     """
     volumes = len(shape) == IN_SPACE and min(shape) > 0
     # opened here, so that a process that helps writes into the file that this one reads
-    files = [tempfile.TemporaryFile(dir=folder) if volumes else None for _ in guesses]  # noqa: SIM115
+    files = [tempfile.TemporaryFile(buffering=0, dir=folder) if volumes else None for _ in guesses]  # noqa: SIM115
 
     def made(number: int) -> tuple[Prediction, bool] | None:
         synthesis = make(guesses[number])

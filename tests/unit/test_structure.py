@@ -2,11 +2,13 @@
 
 import ast
 import json
+import shutil
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+CCX = pytest.mark.skipif(shutil.which("ccx") is None, reason="needs CalculiX")
 PACKAGE = ROOT / "fingerfit"
 FILES = sorted(PACKAGE.rglob("*.py"))
 # low to high: a package imports only from itself and from packages above it in this list
@@ -124,7 +126,7 @@ def parts(config):
     ("key", "value", "stages"),
     [
         ("study", "studies/hidden-tilt", {"prepare", "propose", "ladder"}),
-        ("solver", "calculix", {"propose", "diagnose", "ladder"}),
+        pytest.param("solver", "calculix", {"propose", "diagnose", "ladder"}, marks=CCX),
         ("model.mesh.across", 5, {"prepare", "propose", "estimate", "diagnose", "ladder"}),
         ("model.material.alpha", 2.0, {"propose", "estimate", "diagnose", "ladder"}),
         ("fit.smooth", 2.0, {"prepare", "propose", "estimate", "diagnose", "ladder"}),
