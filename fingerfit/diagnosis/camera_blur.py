@@ -52,8 +52,8 @@ class CameraBlur:
 
     @property
     def by_optics(self) -> bool:
-        """Whether it surely is more than that of a mean over each pixel."""
-        return self.variance - SURELY * self.error > OF_PIXEL * self.pixel**2
+        """Whether it surely is more than twice that of a mean over each pixel, which is found to a fifth or so."""
+        return self.variance - SURELY * self.error > 2.0 * OF_PIXEL * self.pixel**2
 
     @property
     def size(self) -> float:

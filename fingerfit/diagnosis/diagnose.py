@@ -18,7 +18,7 @@ from fingerfit.diagnosis.form_or_state import form_or_state
 from fingerfit.diagnosis.mesh_errors import by_finer_mesh, errors_but_mesh
 from fingerfit.diagnosis.ranges import not_excluded
 from fingerfit.diagnosis.ranking import Ranked, stiffness_map
-from fingerfit.diagnosis.refit import EXPLAINED, Refit, explains
+from fingerfit.diagnosis.refit import Refit, explains, loud
 from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
@@ -156,9 +156,10 @@ def _diagnose(
     fitted, held_out = errors(found.comparison)
     but_mesh = errors_but_mesh(found.comparison)
     at_least, held = but_mesh
-    if at_least > EXPLAINED:  # that something is missing is known: nothing is named by chance because much was tried
+    score_test, ranking = found.score_test, found.ranking
+    if loud(at_least, score_test.freedom):  # that something is missing is known: nothing is named by chance
         found = replace(found, tests=1)
-    score_test, ranking, tests = found.score_test, found.ranking, found.tests
+    tests, pictured = found.tests, all(len(test.data.picture_step) for test in found.comparison.every)
     halves, ended = set[str](), dict[str, Refit]()
     outline = found.outline
     verdict = decide(score_test, ranking, {}, tests, held_out=held)
@@ -187,7 +188,8 @@ def _diagnose(
         refits = by_one_likelihood({**pair, **refits}, found.comparison.weighed)
         well = ended_well(score_test, refits, at_least)
         ended, missed = nearest(well), refits.keys() - well.keys()
-        verdict = doubted(decide(score_test, ranking, ended, tests, None, held, missed), at_least)
+        verdict = decide(score_test, ranking, ended, tests, None, held, missed)
+        verdict = doubted(verdict, at_least, held if pictured else None, score_test.freedom)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held), tests)
         # a probe has as many numbers as several effects: no partner is looked for beside it
         if half is not None and not (probed or half.candidate.effect.probe or half.candidate.effect.name in halves):

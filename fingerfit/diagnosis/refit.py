@@ -15,7 +15,7 @@ GOOD = 1.25
 """Misfit per degree of freedom up to which a model is adequate, unless chance alone allows more."""
 EXPLAINED = 1.25
 """Error in units of the noise floor up to which every pixel counts as explained, beside the patches; beyond it no model
-is adequate. A choice (decision 19)."""
+is adequate, unless chance alone allows more. A choice (decision 19)."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,15 @@ def good(freedom: int) -> float:
     (1.25, 1.9)
     """
     return max(GOOD, chance(freedom) / max(freedom, 1))
+
+
+def loud(error: float, freedom: int) -> bool:
+    """Whether an error, in units of the noise floor, is more than an adequate model may have; few values scatter more.
+
+    >>> loud(1.3, 1000), loud(1.3, 5)
+    (True, False)
+    """
+    return error > max(EXPLAINED, (chance(freedom) / max(freedom, 1)) ** 0.5)
 
 
 def chance(freedom: int) -> float:

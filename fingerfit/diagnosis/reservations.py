@@ -11,7 +11,7 @@ from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
-from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains
+from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, odds_after, threshold
@@ -95,7 +95,7 @@ def largest_part(
     """The verdict, but where nothing explains it all, what surely is the largest part of it: more is missing.
 
     Beside effects that are known to be some of it already, also what is no more than a part, as long as much is left:
-    an error of more than `EXPLAINED`. It must lower the errors on fitted and on held-out steps by more than `MATTERS`.
+    an error that is `loud`. It must lower the errors on fitted and on held-out steps by more than `MATTERS`.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def largest_part(
     falls = [error - own.fitted]
     if held_out is not None and own.held_out is not None:
         falls.append(held_out - own.held_out)
-    part = beside and error > EXPLAINED and min(falls) > MATTERS
+    part = beside and loud(error, score_test.freedom) and min(falls) > MATTERS
     if not (beyond and (share > LARGEST or part) and leads(score_test, ranking, one, behind)):
         return verdict
     fell = f"the error falls from {error:.2g} to {own.fitted:.2g} times the noise level"
@@ -217,7 +217,7 @@ def traced(
     explains the data without it, are more than `SURE`; before it was seen, each of those that were tested had an equal
     share of what speaks for any of them. Nor is it where what it explains is no more than the form of the effects that
     the model has may be off by; what a model leaves beyond the noise may be that as well, where the pictures are
-    explained. Where these differ by more than `EXPLAINED`, nothing is a trace.
+    explained. Where these differ by much (`loud`), nothing is a trace.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def traced(
     form : float
         Misfit that the form of the model's own effects may leave: `form_of`.
     """
-    if verdict.kind == "adequate" or base.at_least > EXPLAINED:
+    if verdict.kind == "adequate" or loud(base.at_least, score_test.freedom):
         return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     names = " or ".join(one.candidate.effect.title for one in named)
@@ -314,20 +314,22 @@ def _matters(refit: Refit, base: Refit, tolerance: float, intervals: Mapping[str
     return any(changes) or float(before or 0.0) - float(after or 0.0) > MATTERS
 
 
-def doubted(verdict: Verdict, error: float) -> Verdict:
+def doubted(verdict: Verdict, error: float, held_out: float | None, freedom: int) -> Verdict:
     """The verdict, but no *adequate* where the pictures still differ by much more than their noise.
 
-    Few and coarse patches can have no misfit while every pixel shows that the model is wrong.
+    Few and coarse patches can have no misfit while every pixel shows that the model is wrong. So can fitted pictures.
 
     Parameters
     ----------
     verdict : Verdict
-    error : float
-        Of the fitted measurements in units of the noise floor.
+    error, held_out : float
+        Of the fitted measurements, and of held-out pictures if there are any, in units of the noise floor.
+    freedom : int
     """
-    if verdict.kind != "adequate" or not error > EXPLAINED:
+    where = "" if held_out is None or error >= held_out else " on held-out steps"
+    if verdict.kind != "adequate" or not loud(most := max(error, held_out or 0.0), freedom):
         return verdict
-    text = f"unexplained: the residual is {error:.2g} times the noise level, but no known effect explains it"
+    text = f"unexplained: the residual is {most:.2g} times the noise level{where}, but no known effect explains it"
     return Verdict("unexplained", (), text, verdict.threshold)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from fingerfit.diagnosis.families import SURE, nominated
 from fingerfit.diagnosis.ranking import Ranked, spread_of
-from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
+from fingerfit.diagnosis.refit import LEVEL, Refit, excess, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.effect import NUMERICS
 
@@ -100,11 +100,11 @@ def too_small(score_test: ScoreTest, ranking: Sequence[Ranked], error: float) ->
     score_test : ScoreTest
     ranking : sequence of Ranked
     error : float
-        Of the model on the fitted steps, in units of the noise floor: beyond `EXPLAINED` the first pass does not see
+        Of the model on the fitted steps, in units of the noise floor: where it is `loud` the first pass does not see
         all.
     """
     shares = [one.refitted.share for one in ranking if one.refitted]
-    seen = bool(shares) and error <= EXPLAINED and not explains(score_test)
+    seen = bool(shares) and not loud(error, score_test.freedom) and not explains(score_test)
     return seen and max(shares) < FALLS_SHORT * LARGEST
 
 

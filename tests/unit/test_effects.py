@@ -933,6 +933,27 @@ def test_pictures_that_are_turned_stretched_and_wander():
         assert wandering == pytest.approx(np.broadcast_to([0.1 * k, 0.0], MESH.points.shape))
 
 
+@pytest.mark.parametrize(
+    ("effect", "number"),
+    [("turned_pictures", "angle"), ("stretched_pictures", "lean"), ("distorted_pictures", "barrel"),
+     ("wandering_pictures", "y"), ("bias_field", "along")],
+)  # fmt: skip
+def test_what_is_seen_may_grow_with_the_load(effect, number):
+    """Where the load grows unevenly, here with the square of the step."""
+    uneven = tuple({**step, "loaded": (step["k"] / step["n"]) ** 2} for step in COURSE)
+    place, picture = np.array([[3.0, 10.0], [9.0, 2.0]]), np.ones((1, 2))
+
+    def seen(growing, k):
+        values = {f"{effect}.{number}": 0.02, f"{effect}.growing": growing}
+        one = Observation.of(EFFECTS.values(), values, MESH.points, uneven)
+        return one.intensity(picture, k, *place.T[:, None]) - picture if one.lit else one.shift(k, place)
+
+    for k in (1, 3, 4):
+        assert np.abs(seen(2.0, k)).max() > 0.0
+        assert seen(2.0, k) == pytest.approx((k / 4) ** 2 * seen(1.0, 4))
+        assert seen(1.0, k) == pytest.approx(k / 4 * seen(1.0, 4))
+
+
 def test_the_probe_of_the_observation_does_what_its_members_do():
     alike = {
         "misregistration": {"x": "aside", "y": "upwards"},

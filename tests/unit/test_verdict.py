@@ -425,11 +425,15 @@ def test_alarms_by_chance_are_rare(world, rng):
 
 def test_no_model_is_adequate_whose_pictures_differ_by_much_more_than_their_noise(world):
     found = answer(world, 0 * world.signal(0), tilt=world.signal(0))
-    assert doubted(found, 1.2) is found
-    assert doubted(found, 1.8).kind == "unexplained"
-    assert "1.8 times the noise level" in doubted(found, 1.8).sentence
+    for held_out in (None, 0.9, 1.2):
+        assert doubted(found, 1.2, held_out, 1000) is found
+        assert doubted(found, 1.8, held_out, 1000).kind == "unexplained"
+        assert "1.8 times the noise level, but" in doubted(found, 1.8, held_out, 1000).sentence
+    assert doubted(found, 1.2, 1.4, 1000).kind == "unexplained"
+    assert "1.4 times the noise level on held-out steps, but" in doubted(found, 1.2, 1.4, 1000).sentence
+    assert doubted(found, 1.4, None, 5) is found  # chance alone leaves as much of so few values
     missing = answer(world, 30 * world.signal(0), tilt=world.signal(0))
-    assert doubted(missing, 5.0) is missing
+    assert doubted(missing, 5.0, 5.0, 1000) is missing
 
 
 def test_the_next_best_are_refitted_after_the_best(world):
