@@ -32,9 +32,13 @@ FAMILIES = {
 """Families of effects, and the words for them. Members of one look alike more often than those of two."""
 FAMILY_OF = {"boundary": "indenter"}
 """Family of an effect that names none, where it is not called as what it acts on."""
-NEEDS = ("time", "pictures", "displacements", "block", "layers", "base", "indenter", "plane", "space", "refined")
+NEEDS = (
+    *("time", "pictures", "displacements", "block", "layers", "base", "indenter", "sliding_base", "sliding_indenter"),
+    *("plane", "space", "refined"),
+)
 """What an effect may need of a study: times of all steps, pictures, pictures or points, a block or a brick,
-flat layers, a flat base, a flat side under the indenter, a body in the plane, a body in space, a finer mesh."""
+flat layers, a flat base, a flat side under the indenter, such sides that slide, a body in the plane, a body in space, a
+finer mesh."""
 OUTLINE = "outline"
 """Name of the effect whose mesh has the sides that the picture before compression shows. It has no number and changes
 no deck, and is found without a refit."""

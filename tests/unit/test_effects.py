@@ -116,6 +116,9 @@ def test_at_its_step_the_deck_is_another_one_and_has_a_solution(name, tmp_path, 
     effect = EFFECTS[name]
     control = effect.control or "force"
     of = study() if control == "force" else study("displacement", [0.5, 1.0])
+    if slides := {side for side in ("base", "indenter") if f"sliding_{side}" in effect.needs}:
+        of = replace(of, **dict.fromkeys(slides, "slides"))
+        plain = solve(deck(of=of), tmp_path / "free")
     text = deck(at_step(effect), of=of)
     assert text != deck(of=of)
     outcome = solve(text, tmp_path)
@@ -517,6 +520,43 @@ def test_brightness_may_be_a_polynomial_of_second_degree():
     seen = observation(bias_field__gain=0.1, bias_field__across_2=0.2)
     one, up = np.ones((1, 3)), np.full((1, 3), 3.0)
     assert seen.intensity(one, 2, np.array([[0.0, 6.0, 12.0]]), up) == pytest.approx(np.array([[1.15, 1.1, 1.15]]))
+
+
+def side_moves(values, folder, name, **slides):
+    """How far the left and the right of a side go aside, mm."""
+    nodes = MESH.node_sets["TOP" if "indenter" in slides else "BOTTOM"]
+    nodes = nodes[np.argsort(MESH.points[nodes, 0])]
+    moved = solve(deck(values, of=replace(study(), **slides)), folder / name).displacement[-1, nodes, 0]
+    return np.array([moved[0], moved[-1]])
+
+
+@pytest.mark.parametrize("side", ["base", "indenter"])
+def test_friction_and_sticking_hold_a_side_that_slides(side, tmp_path):
+    """Both ends by the same amount; nearly wholly stuck hardly any of it moves."""
+    slides = {side: "slides"}
+    free = side_moves({}, tmp_path, "free", **slides)
+    assert free[0] < 0 < free[1]
+    for n, values in enumerate(({f"{side}_coulomb.coefficient": 0.1}, {f"{side}_sticks.share": 0.5})):
+        moved = side_moves(values, tmp_path, f"held{n}", **slides)
+        assert moved[0] == pytest.approx(-moved[1], rel=1e-6)
+        assert 0.1 * free[1] < moved[1] < 0.9 * free[1]
+    stuck = side_moves({f"{side}_sticks.share": 0.99}, tmp_path, "stuck", **slides)
+    assert 0 < stuck[1] < 0.1 * free[1]
+
+
+@pytest.mark.parametrize("side", ["base", "indenter"])
+def test_friction_is_a_share_of_the_force_on_each_half(side):
+    """But for the middle, which sticks: a row of nodes has 0.9 of it or so."""
+    of = replace(study(), **{side: "slides"})
+    name = "TOP" if side == "indenter" else "BOTTOM"
+    nodes = {int(node) + 1: MESH.points[node, 0] for node in MESH.node_sets[name]}
+    for step, force in zip(deck({f"{side}_coulomb.coefficient": 0.1}, of=of).split("*STEP")[1:], FORCES, strict=True):
+        loads = [row for block in cards(step, "CLOAD") for row in block if row[1] == 1]
+        left, right = (
+            sum(load for node, _, load in loads if bool(nodes[int(node)] < 6.0) is before) for before in (True, False)
+        )
+        assert left == pytest.approx(-right)
+        assert 0.8 * 0.1 * force / 2 < left < 0.1 * force / 2
 
 
 @pytest.mark.parametrize("curve", [0.02, -0.02])
