@@ -14,7 +14,7 @@ from fingerfit.diagnosis.designs import Further, identification, separation
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.evidence import spare
 from fingerfit.diagnosis.first_pass import widened
-from fingerfit.diagnosis.form_or_state import form_or_state
+from fingerfit.diagnosis.form_or_state import form_or_state, shown
 from fingerfit.diagnosis.mesh_errors import by_finer_mesh, errors_but_mesh
 from fingerfit.diagnosis.ranges import not_excluded
 from fingerfit.diagnosis.ranking import Ranked, stiffness_map
@@ -36,6 +36,7 @@ from fingerfit.diagnosis.reservations import (
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_queue import by_one_likelihood, pair_of, partner_of, refit_best
+from fingerfit.diagnosis.sides import Sides, sides_of
 from fingerfit.diagnosis.tested import test_all
 from fingerfit.diagnosis.verdict import (
     Verdict,
@@ -139,6 +140,11 @@ def diagnose(
     """
     with Lost.noting([one.lost for one in (problem, *problem.every)]) as lost:
         found = _diagnose(problem, last, everything, threads, intervals)
+        if found.verdict.kind == "unexplained" and (sides := sides_of(found.comparison)).off:
+            # neither another form nor a state explains it: where the sides lie is not what is missing, or not all
+            again = _diagnose(problem, last, everything, threads, intervals, Sides())
+            text = f"{again.verdict.sentence}; {shown(sides)}"
+            found = replace(again, verdict=replace(again.verdict, sentence=text), run=found.run + again.run)
         problem.asked.difference_update(lost.names)  # they have no answer, and are none of those that were run
     return found
 
@@ -149,9 +155,13 @@ def _diagnose(
     everything: Everything,
     threads: int,
     intervals: Mapping[str, Sequence[float]] | None,
+    sides: Sides | None = None,
 ) -> Diagnosis:
-    """As `diagnose`, where simulations that the solver ends without an answer are noted."""
-    found = test_all(problem, last, everything, threads)
+    """As `diagnose`, where simulations that the solver ends without an answer are noted.
+
+    With `sides` as if they lay there.
+    """
+    found = test_all(problem, last, everything, threads, sides=sides)
     run, refits = found.run, dict[str, Refit]()
     fitted, held_out = errors(found.comparison)
     but_mesh = errors_but_mesh(found.comparison)

@@ -84,7 +84,7 @@ def strained(verdict: Verdict, sides: Sides, probe: tuple[Ranked, Refit] | None)
     probe : (Ranked, Refit) or None
         That of states before the first picture, refitted.
     """
-    text = f"{_shown(sides)}, but a body that is at rest in that shape would not deform like this one"
+    text = f"{shown(sides)}, but a body that is at rest in that shape would not deform like this one"
     if probe is None or not explains(probe[1]):
         return Verdict("unexplained", (), f"unexplained: {text}", verdict.threshold, STATE)
     effect = probe[0].candidate.effect
@@ -134,8 +134,7 @@ def elsewhere(
     stated : ScoreTest, optional
         Of the model as it is: a state that explains no more than that, sides included, is none.
     """
-    shown = _shown(sides, "one")
-    text = f"missing: {ANOTHER}; {shown}"
+    text = f"missing: {ANOTHER}; {shown(sides, 'one')}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
     near = near_enough(sides, form)
 
@@ -156,7 +155,7 @@ def elsewhere(
     if own is not None and explains(own):
         rivals = [shaped, *(left(refit) for _, refit in able)]
         if left(own) + verdict.threshold + _chance(form, own) < min(rivals):
-            return replace(verdict, sentence=f"{verdict.sentence}; {_shown(sides)}")
+            return replace(verdict, sentence=f"{verdict.sentence}; {shown(sides)}")
     if not able:
         return another
     one, refit = min(able, key=lambda each: left(each[1]))
@@ -174,15 +173,16 @@ def elsewhere(
     if gain < tell:  # twelve numbers that happen to be those of a state would be a coincidence: the states come first
         names, titles = [*names, OUTLINE], [*titles, ANOTHER]
     if len(names) > 1:
-        text = f"missing: {' or '.join(titles)}; these data cannot tell them apart; {_shown(sides)}"
+        text = f"missing: {' or '.join(titles)}; these data cannot tell them apart; {shown(sides)}"
         return Verdict("indistinguishable", tuple(names), text, verdict.threshold, effect.family)
-    text = f"missing: {title}; with it {_shown(sides)}"
+    text = f"missing: {title}; with it {shown(sides)}"
     if refit.sides.off:
         text += f", and {refit.sides.off:.2g} mm from where this model has it"
     return Verdict("missing", (effect.name,), text, verdict.threshold, effect.family)
 
 
-def _shown(sides: Sides, which: str = "a side") -> str:
+def shown(sides: Sides, which: str = "a side") -> str:
+    """Where the picture has the sides, in words."""
     return f"the picture before compression shows {which} {sides.off:.2g} mm from where body in study.yaml has it"
 
 

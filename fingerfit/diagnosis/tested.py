@@ -60,6 +60,7 @@ def test_all(
     threads: int,
     known: Tested | None = None,
     family: str = "",
+    sides: Sides | None = None,
 ) -> Tested:
     """Test all candidates, or the members of one family.
 
@@ -76,6 +77,8 @@ def test_all(
         Of a model with an effect less, whose slopes are taken.
     family : str
         Whose members alone are tested, its probe left out.
+    sides : Sides, optional
+        Where the sides are taken to be; found in the picture before compression when left out.
     """
     if known is None:
         found, lacking = candidates(problem, finest(problem, last).values)
@@ -92,7 +95,7 @@ def test_all(
     run = solve_missing(problem, [anchor_of(problem, last)], threads, needed=True)
     comparison = comparison_of(problem, last, everything)
     run += solve_missing(problem, comparison.read_beside(asked, threads, without), threads)
-    score_test, outline = comparison.score_test, sides_of(comparison)
+    score_test, outline = comparison.score_test, sides_of(comparison) if sides is None else sides
     everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
     unsolved = _unsolved(problem, found, everywhere)
     ranking = best_places(everywhere)
