@@ -44,8 +44,8 @@ TOGETHER = {2: 32, 3: 8}
 materials relax, each such part solves the known deck once more."""
 ALIKE = 0.9
 """Correlation of that error between steps."""
-CHANCE = 2.0
-"""Standard deviations of the noise of a load that chance makes: 95 of 100 loads are within. A choice (decision 19)."""
+CHANCE = 3.0
+"""Standard deviations of the noise of a load that chance makes: 997 of 1000 loads are within. A choice (decision 19)."""
 
 
 Everything = Data | Sequence[Data]
