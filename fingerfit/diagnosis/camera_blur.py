@@ -61,7 +61,7 @@ class CameraBlur:
         return float(np.sqrt(self.variance)) if self.sure else 0.0
 
     def __str__(self) -> str:
-        return f"{self.size / self.pixel:.2g} pixels ({self.size:.2g} mm)"
+        return f"{self.size / self.pixel:.2f} pixels ({self.size:.2g} mm)"
 
 
 def camera_blur(data: Data, made: Synthesis, patches: Patches, seed: int = 1) -> CameraBlur:
