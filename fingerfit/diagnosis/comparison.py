@@ -45,7 +45,7 @@ materials relax, each such part solves the known deck once more."""
 ALIKE = 0.9
 """Correlation of that error between steps."""
 CHANCE = 3.0
-"""Standard deviations of the noise of a load that chance makes: 997 of 1000 loads are within. A choice (decision 19)."""
+"""Standard deviations of a load that chance makes: 997 of 1000 loads are within. A choice (decision 19)."""
 
 
 Everything = Data | Sequence[Data]

@@ -536,12 +536,21 @@ def test_friction_and_sticking_hold_a_side_that_slides(side, tmp_path):
     slides = {side: "slides"}
     free = side_moves({}, tmp_path, "free", **slides)
     assert free[0] < 0 < free[1]
-    for n, values in enumerate(({f"{side}_coulomb.coefficient": 0.1}, {f"{side}_sticks.share": 0.5})):
+    even = dict.fromkeys(("left", "left_half", "middle", "right_half", "right"), 0.5)
+    for n, values in enumerate(
+        (
+            {f"{side}_coulomb.coefficient": 0.1},
+            {f"{side}_sticks.share": 0.5},
+            {f"{side}_sticks_probe.{place}": share for place, share in even.items()},
+        )
+    ):
         moved = side_moves(values, tmp_path, f"held{n}", **slides)
         assert moved[0] == pytest.approx(-moved[1], rel=1e-6)
         assert 0.1 * free[1] < moved[1] < 0.9 * free[1]
     stuck = side_moves({f"{side}_sticks.share": 0.99}, tmp_path, "stuck", **slides)
     assert 0 < stuck[1] < 0.1 * free[1]
+    left = side_moves({f"{side}_sticks_probe.left": 0.9}, tmp_path, "left", **slides)
+    assert abs(left[0]) < 0.7 * left[1]
 
 
 @pytest.mark.parametrize("side", ["base", "indenter"])
