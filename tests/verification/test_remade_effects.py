@@ -106,7 +106,11 @@ def test_its_decks_are_ours_byte_for_byte(name, remade, finger):
         else:
             mesh, mu, templates = layered_block(12.0, LAYERS, 4, 2, "CPE8H"), MU, ["block.inp.j2"]
             study = phantom(control, list(steps[control == "force"]))
-            study = replace(study, steps=tuple(replace(step, time=10.0 * step.number) for step in study.steps))
+            # friction needs forces that were measured
+            forced = tuple(replace(step, force=step.force or 20.0 * step.number) for step in study.steps)
+            sides = {side: "slides" for side in ("base", "indenter") if f"sliding_{side}" in effect.needs}
+            timed = tuple(replace(step, time=10.0 * step.number) for step in forced)
+            study = replace(study, steps=timed, **sides)
         for size in (0.0, 1.0, 3.0):
             numbers = {p.name: min(p.null + size * p.step, p.upper) for p in effect.parameters}
             there = [one for one in effect.places() if one.get(effect.key("layer"), 0) <= len(study.layer_names)]

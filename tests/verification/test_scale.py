@@ -39,7 +39,7 @@ SIZES = {
 }  # fmt: skip
 """Factors on numbers of effects; those that are not here have none."""
 PLACES = {
-    "skin.thickness": LARGER, "relaxation.time": SLOWER, "ellipse.radius": LARGER, "wall.gap": LARGER,
+    "skin.thickness": LARGER, "side_skin.thickness": LARGER, "relaxation.time": SLOWER, "ellipse.radius": LARGER, "wall.gap": LARGER,
     "band.above": LARGER, "band.wide": LARGER,
 }  # fmt: skip
 
