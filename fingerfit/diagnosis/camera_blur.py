@@ -25,6 +25,8 @@ SURELY = 3.0
 """Standard errors from which on there is a blur."""
 OF_PIXEL = 1.0 / 12.0
 """Variance of a pixel's own extent, pixels squared: pictures that are means over pixels have it without optics."""
+_TOLD = 2.0
+"""Times that variance from which on a blur is told: to first order it is found to a fifth or so. A choice."""
 _DRAWS = 4
 """Of the noise, of which only two sums over all pixels are needed; a choice."""
 
@@ -52,8 +54,8 @@ class CameraBlur:
 
     @property
     def by_optics(self) -> bool:
-        """Whether it surely is more than twice that of a mean over each pixel, which is found to a fifth or so."""
-        return self.variance - SURELY * self.error > 2.0 * OF_PIXEL * self.pixel**2
+        """Whether it surely is larger than that of a mean over each pixel."""
+        return self.variance - SURELY * self.error > _TOLD * OF_PIXEL * self.pixel**2
 
     @property
     def size(self) -> float:

@@ -66,9 +66,18 @@ class Comparison:
         Prepared with all pictures, fitted or not.
     base : Asked, optional
         The simulation that is compared; the last one on the finest mesh when left out.
+    find_blur : bool
+        Whether the camera's blur is looked for where none is stated: refits take that of the model without the effect.
     """
 
-    def __init__(self, problem: InverseProblem, last: Round, everything: Data, base: Asked | None = None) -> None:
+    def __init__(
+        self,
+        problem: InverseProblem,
+        last: Round,
+        everything: Data,
+        base: Asked | None = None,
+        find_blur: bool = True,
+    ) -> None:
         self.problem, self.last = problem, last
         self.patches = Patches.seen(everything, problem.meshes[SEARCH], ACROSS, ACROSS_POINTS)
         self.base = base or finest(problem, last)
@@ -76,7 +85,7 @@ class Comparison:
         self.mesh = problem.mesh_of(self.base)
         self.blur: CameraBlur | None = None
         self.data, made = everything, self._made(everything)
-        if everything.before.ndim == 2 and not everything.blur:  # none is stated
+        if find_blur and everything.before.ndim == 2 and not everything.blur:  # none is stated
             self.blur = camera_blur(everything, made, self.patches)
             if self.blur.sure:
                 self.data = replace(everything, blur=self.blur.size)

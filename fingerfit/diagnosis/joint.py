@@ -36,14 +36,20 @@ class JointComparison(Comparison):
         Its last round.
     everything : sequence of Data
         Of each test, prepared with all pictures.
+    find_blur : bool
+        As of `Comparison`.
     """
 
-    def __init__(self, problem: InverseProblem, last: Round, everything: Sequence[Data]) -> None:
+    def __init__(
+        self, problem: InverseProblem, last: Round, everything: Sequence[Data], find_blur: bool = True
+    ) -> None:
         self.problem, self.last = problem, last
         self.base, self.anchor = finest(problem, last), anchor_of(problem, last)
         self.mesh = problem.mesh_of(self.base)
         self._tests = tuple(
-            Comparison(test, replace(last, batch=[asked.every[n] for asked in last.batch]), data, self.base.every[n])
+            Comparison(
+                test, replace(last, batch=[asked.every[n] for asked in last.batch]), data, self.base.every[n], find_blur
+            )
             for n, (test, data) in enumerate(zip(problem.every, everything, strict=True))
         )
         kept, known = ([getattr(one.residual, name) for one in self._tests] for name in ("kept", "vector"))
@@ -106,11 +112,11 @@ class JointComparison(Comparison):
         return np.concatenate([test.observed(effect, values, name) for test in self._tests])
 
 
-def comparison_of(problem: InverseProblem, last: Round, everything: Everything) -> Comparison:
+def comparison_of(problem: InverseProblem, last: Round, everything: Everything, find_blur: bool = True) -> Comparison:
     """A fitted model against its study, of one test or of several."""
     if isinstance(everything, Data):
-        return Comparison(problem, last, everything)
-    return JointComparison(problem, last, everything)
+        return Comparison(problem, last, everything, find_blur=find_blur)
+    return JointComparison(problem, last, everything, find_blur)
 
 
 def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:

@@ -132,7 +132,7 @@ def _fit(before: Comparison, one: Ranked, threads: int, share: float) -> tuple[E
         end, run = _run(wider, threads)
     finally:
         before.problem.asked.update(wider.asked)
-    return Ended(comparison_of(wider, end, before.everything), share), run
+    return Ended(comparison_of(wider, end, before.everything, find_blur=False), share), run
 
 
 def _run(wider: InverseProblem, threads: int) -> tuple[Round, int]:

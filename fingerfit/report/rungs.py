@@ -13,7 +13,8 @@ from fingerfit.settings.finer import are_finer
 from fingerfit.settings.parts import MeshSettings
 from fingerfit.solvers.registry import get_solver
 
-MESHES = ("mesh", "refined")
+KEYS = ("mesh", "refined")
+"""Of the meshes in the settings of a model."""
 COMPARED = ("score", "steps", "smooth", "crop", "bins")
 """Settings of a fit that its errors depend on; those of the search only say how it is found."""
 
@@ -70,10 +71,10 @@ def _on_coarser_mesh(file: Path, made: str | None, now: Mapping[str, Any]) -> bo
     if not lower or made != made_with(lower):  # those of a later run, too
         return False
     meshes, below = (
-        {key: settings["model"][key] and MeshSettings.model_validate(settings["model"][key]) for key in MESHES}
+        {key: settings["model"][key] and MeshSettings.model_validate(settings["model"][key]) for key in KEYS}
         for settings in (now, lower)
     )
     if not are_finer(meshes, below, get_solver(now["solver"]).capabilities.elements):
         return False
-    alike = {**lower, "model": {**lower["model"], **{key: now["model"][key] for key in MESHES}}}
+    alike = {**lower, "model": {**lower["model"], **{key: now["model"][key] for key in KEYS}}}
     return made_with(alike) == made_with(now)
