@@ -13,7 +13,7 @@ import numpy as np
 
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.forward.predict import Predictor, since_first_picture
+from fingerfit.forward.predict import Predictor
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh.flat import is_flat
 from fingerfit.mesh.mesh import Mesh
@@ -101,8 +101,7 @@ def _reached(problem: InverseProblem, asked: Asked) -> Outcome | None:
     begun = twin.steps > steps
     if whole.steps <= begun:
         return None
-    body = replace(whole, displacement=whole.displacement[:, : len(problem.meshes[REFINED].points)])
-    return since_first_picture(body, whole.steps - begun, problem.data.outline > 0)
+    return problem.seen_since(whole, asked, whole.steps - begun)
 
 
 def _usable(problem: InverseProblem, asked: Asked, coarse: Outcome, fine: Outcome, data: Data) -> int:

@@ -25,6 +25,7 @@ from fingerfit.fit.priors import Priors, unit
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.decks import make_deck, refusal, template_of
 from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
+from fingerfit.forward.raised import lift
 from fingerfit.forward.score import Prediction, chi_square, deviations, score
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import unmet
@@ -270,10 +271,11 @@ class InverseProblem:
         """
         return self.lost.answer(sim, self.meshes[SEARCH].dim) or Outcome.load(self.sims / sim / "solution.npz")
 
-    def seen_since(self, whole: Outcome, asked: Asked) -> Outcome:
-        """The same of what a solver answers to the deck of a guess."""
-        body = whole.displacement[:, : len(self.meshes[self.mesh_of(asked)].points)]
-        return since_first_picture(replace(whole, displacement=body), len(self.data.step), self.data.outline > 0)
+    def seen_since(self, whole: Outcome, asked: Asked, steps: int = 0) -> Outcome:
+        """The same of what a solver answers to the deck of a guess; of the first few steps where so many are known."""
+        mesh = self.meshes[self.mesh_of(asked)]
+        body = replace(whole, displacement=whole.displacement[:, : len(mesh.points)])
+        return since_first_picture(body, steps or len(self.data.step), self.data.outline > 0, lift(mesh, asked.deck))
 
     def synthesis(self, asked: Asked) -> Synthesis:
         """What should have been measured by a guess that must have a solution, and its maps."""
@@ -318,20 +320,17 @@ class InverseProblem:
     def _read_kept(self, batch: Sequence[Asked]) -> None:
         for asked in batch:
             key = _key(asked)
-            if self.kept is None or key in self._predictions or not self._keeps(asked):
+            if self.kept is None or key in self._predictions or self.seen(asked.values) is not None:
                 continue
             if (found := self.kept.load(key)) is not None:
                 self._predictions[key], self._folded[key] = found
-
-    def _keeps(self, asked: Asked) -> bool:
-        """Whether a prediction is kept: the formulas of effects on the observation are no part of its name."""
-        return self.seen(asked.values) is None
 
     def keep(self, batch: Sequence[Asked]) -> None:
         """Keep the predictions of guesses that were made for the jobs that follow, and no others."""
         if self.kept is None:
             return
-        by_key = {_key(asked): asked for asked in batch if self._keeps(asked)}
+        # the formulas of effects on the observation are no part of a name
+        by_key = {_key(asked): asked for asked in batch if self.seen(asked.values) is None}
         self.kept.only(by_key)
         for key in by_key.keys() & self._predictions.keys():
             self.kept.save(key, self._predictions[key], self._folded[key])

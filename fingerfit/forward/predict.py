@@ -148,10 +148,13 @@ def positions(frame: Picture, pixel: np.ndarray | None = None) -> tuple[np.ndarr
     return tuple(column.reshape(shape if pixel is None else -1) for column in points.T)
 
 
-def since_first_picture(outcome: Outcome, steps: int, elsewhere: bool = False) -> Outcome:
+def since_first_picture(
+    outcome: Outcome, steps: int, elsewhere: bool = False, lift: np.ndarray | float = 0.0
+) -> Outcome:
     """An outcome whose displacements count from the state of the first picture, where that is a step of its own.
 
-    With `elsewhere` its nodes lie there in that picture; else the mesh is the body in that picture already.
+    With `elsewhere` its nodes lie there in that picture; else the mesh is the body in that picture already. `lift`,
+    in the shape of displacements in mm, is how far from the mesh's they lie without load.
     """
     if outcome.steps <= steps:
         return outcome
@@ -161,7 +164,7 @@ def since_first_picture(outcome: Outcome, steps: int, elsewhere: bool = False) -
         reaction=outcome.reaction[1:] - outcome.reaction[:1],
         indenter=outcome.indenter[1:] - outcome.indenter[:1],
         iterations=outcome.iterations[1:],
-        begun=outcome.displacement[0] if elsewhere else None,
+        begun=outcome.displacement[0] + lift if elsewhere else None,
     )
 
 

@@ -110,7 +110,9 @@ class Effect:
         Formulas for what goes into the deck: ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a factor on
         mu at a place), ``force``, ``displacement`` (prescribed), ``displacement_x``, in space ``displacement_y`` (of
         the indenter sideways, mm),
-        ``before`` (prescribed before the first picture), ``increment`` (of the solver, as a share of a step),
+        ``before`` (prescribed before the first picture), ``pictured`` (1 where the stated height of a
+        block is that in the first picture, under what is prescribed before), ``increment`` (of the solver, as a share
+        of a step),
         ``deeper`` (mm that the indenter goes deeper at a node under it than at its own, at a step), ``beside_x``,
         ``beside_y`` (where the indenter comes down, mm from where it was said to),
         ``swelling`` (change of volume at a place and step, as a share), ``expansion`` (1 in layers that swell so, 0 in

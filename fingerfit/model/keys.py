@@ -38,6 +38,7 @@ CHANGES = (
     "displacement",
     *ASIDE,
     "before",
+    "pictured",
     "increment",
     "deeper",
     "beside_x",

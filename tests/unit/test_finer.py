@@ -42,9 +42,10 @@ def known(tmp_path):
         data = SimpleNamespace(step=np.arange(1, 5), controlled=-SIZE, picture_step=np.array([1, 2]), outline=0.0,
                                spacing=np.array([0.2, 0.2]), measured=np.zeros((2, 1)))  # fmt: skip
         answer = lambda sim: Outcome.load(tmp_path / sim / "solution.npz")  # noqa: E731
-        load = lambda asked: since_first_picture(answer(asked.sim), 4)  # noqa: E731
+        since = lambda whole, asked, steps=4: since_first_picture(whole, steps)  # noqa: E731
+        load = lambda asked: since(answer(asked.sim), asked)  # noqa: E731
         problem = SimpleNamespace(
-            meshes=MESHES, answer=answer, data=data, outcome=load, seen=lambda values: None,
+            meshes=MESHES, answer=answer, data=data, outcome=load, seen_since=since, seen=lambda values: None,
             ask=lambda values: Asked(values, SEARCH, SEARCH, ""), is_solved=lambda asked: True,
         )  # fmt: skip
         asked = Asked({}, REFINED, REFINED, "", FINAL)

@@ -1,0 +1,106 @@
+"""A block whose stated height is that in the first picture, under a load before it: how high it is without load."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from fingerfit.core.files import digest, write_text
+from fingerfit.deck.changed import changed_by
+from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.effect import Effect
+from fingerfit.solvers.builtin import BuiltinSolver
+from fingerfit.solvers.contract import CONVERGED, Outcome
+from fingerfit.study.study import Study
+
+_CLOSE = 1e-6
+"""Change of the factor that ends the search: by secants the one after it is far smaller still."""
+_ROUNDS = 10
+"""At most; three for a body that was pressed by 5 %."""
+_HEAD = "** --- the body without load: the stated height, in the first picture, times {}\n"
+_END = "*END STEP\n"
+_known: dict[str, float] = {}
+
+
+def is_raised(study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float]) -> bool:
+    """Whether the stated height of a block in the plane is that in the first picture.
+
+    Not in space: each guess there would take three long simulations more.
+    """
+    return study.body.mesh is None and mesh.dim == 2 and bool(changed_by("pictured", 0.0, {}, present, values))
+
+
+def with_raised(mesh: Mesh, included: str, deck_of: Callable[[Mesh], str]) -> str:
+    """The deck of a body that is so much higher without load that it has the mesh's height after the first step.
+
+    All heights grow by one factor, which secants find with the built-in solver, whichever one solves the deck. Where
+    the first step has no equilibrium the body stays as it is stated.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Of the stated body.
+    included : str
+        What the deck includes as the mesh, which then stands in the deck.
+    deck_of : callable
+        Text of the deck with a mesh.
+    """
+    line = f"*INCLUDE, INPUT={included}\n"
+
+    def raised(factor: float) -> str:
+        body = _scaled(mesh, factor)
+        return deck_of(body).replace(line, _HEAD.format(f"{factor:.10g}") + format_mesh(body))
+
+    stated = raised(1.0)
+    key = digest(stated)
+    if key not in _known:
+        _known[key] = _factor(raised, float(np.ptp(mesh.body[:, -1])))
+    return raised(_known[key])
+
+
+def without_load(mesh: Mesh, deck: str) -> Mesh:
+    """The mesh of a deck that was made from one: higher, where the stated height is that in the first picture."""
+    _, found, rest = deck.partition(_HEAD.partition("{")[0])
+    return _scaled(mesh, float(rest.partition("\n")[0])) if found else mesh
+
+
+def lift(mesh: Mesh, deck: str) -> np.ndarray | float:
+    """How far its nodes lie from those of the mesh that it was made from, mm, shape (nodes, dim); 0 where nowhere."""
+    body = without_load(mesh, deck)
+    return 0.0 if body is mesh else body.points - mesh.points
+
+
+def _scaled(mesh: Mesh, factor: float) -> Mesh:
+    points, low = mesh.points.copy(), mesh.body[:, -1].min()
+    points[:, -1] = low + factor * (points[:, -1] - low)
+    return replace(mesh, points=points)
+
+
+def _factor(raised: Callable[[float], str], height: float) -> float:
+    """How many times the stated height the body has without load: where the first step leaves the stated one."""
+    known: Outcome | None = None
+    with tempfile.TemporaryDirectory(prefix="fingerfit-") as folder:
+        path = Path(folder) / "deck.inp"
+
+        def off(factor: float) -> float | None:
+            """How far the height is off under the load, as a share of it; None without equilibrium."""
+            nonlocal known
+            write_text(path, raised(factor).partition(_END)[0] + _END)
+            known = BuiltinSolver().solve(path, Path(folder), nearby=known)
+            return factor - 1.0 + known.indenter[0, -1] / height if known.status == CONVERGED else None
+
+        before, last = 1.0, off(1.0)
+        factor = before if last is None else before - last
+        for _ in range(_ROUNDS):
+            now = off(factor) if last is not None else None
+            if now is None or last is None:
+                return 1.0
+            before, last, factor = factor, now, factor - now * (factor - before) / ((now - last) or np.inf)
+            if abs(factor - before) < _CLOSE:
+                break
+    return float(f"{factor:.10g}")
