@@ -21,6 +21,9 @@ _PATIENCE = ((4, 0.5), (8, 0.1))
 """Iterations after which at most this share of the first residual force may be left, for a body in contact: else
 contact opens and closes from iteration to iteration, and a shorter increment is cheaper. Tried on fingers
 (docs/decisions/0006-large-systems.md)."""
+_STUCK = (4, 0.5)
+"""Iterations that must halve the residual of a body in contact without friction: else a point goes to and fro between
+two facets, and has no place at this load. A choice."""
 _SECANTS, _FLAT = 3, 0.3
 """Secants at most in search of the least energy along a step, and the share of the first slope that ends it. An
 evaluation costs a tenth of an iteration (docs/decisions/0006-large-systems.md); the share is a choice."""
@@ -130,7 +133,7 @@ class Newton:
                 return None, 1
             q, known = started
         matrix: Any = None
-        first = 0.0
+        first, residuals, rubs_not = 0.0, list[float](), system.touches and not system.remembers
         for iteration in range(1, ITERATIONS + 1):
             u = system.expand(q, load.given)
             # what led here has asked for the forces already
@@ -145,6 +148,9 @@ class Newton:
             left = error * scale
             first = first or left
             if system.slides and any(iteration > after and left > share * first for after, share in _PATIENCE):
+                return None, iteration
+            residuals.append(left)
+            if rubs_not and len(residuals) > _STUCK[0] and left > _STUCK[1] * residuals[-1 - _STUCK[0]]:
                 return None, iteration
             if error < tolerance:
                 return State(q, u, internal), iteration

@@ -19,6 +19,9 @@ from fingerfit.fem.system import Contribution, Evaluation, System
 
 _ROUNDS = 20
 """Iterations at most in search of a step, as many as of an increment; a choice."""
+_STALLED, _LOWER = 3, 0.9
+"""Iterations in a row whose residual is not below this share of the least one before, after which nothing nearer is
+found: a point goes to and fro between two facets. A choice."""
 _SECANTS, _FLAT = 8, 0.3
 """Secants at most along one of them, which cost next to nothing, and the share of the first slope that ends it; a
 choice."""
@@ -62,7 +65,7 @@ def meet(
     touching = system.touching(here)
     residual = fixed + system.reduce(_force(touching, system.size))
     enough = (max(close, _RUBBED) if system.remembers else close) * np.abs(residual).max()
-    total, first = np.zeros(len(residual)), None
+    total, first, least, stalled = np.zeros(len(residual)), None, np.inf, 0
     for _ in range(_ROUNDS):
         matrix = system.matrix(system.replaced(evaluation, touching))
         step = system.solve(matrix, -residual, close)
@@ -78,7 +81,9 @@ def meet(
         share, residual = _ahead(system, line, step, falls)
         total, here, fixed = total + share * step, here + share * way, fixed + share * bends
         first = step if first is None else first
-        if np.abs(residual).max() <= enough:
+        left = float(np.abs(residual).max())
+        least, stalled = min(least, left), 0 if left < _LOWER * least else stalled + 1
+        if left <= enough or (stalled == _STALLED and not system.remembers):
             break
         touching = system.touching(here)
     else:

@@ -33,7 +33,7 @@ LENGTHS = {
 }  # fmt: skip
 SIZES = {
     **LENGTHS,
-    "preload.force": FORCE, "force_offset.offset": FORCE, "guide_friction.most": FORCE,
+    "preload.force": FORCE, "force_offset.offset": FORCE, "force_drift.drift": FORCE, "guide_friction.most": FORCE,
     "loading_probe.load": FORCE, "loading_probe.midway": FORCE,
     "indenter_probe.curve": 1 / LARGER, "indenter_probe.lowered": LARGER,
 }  # fmt: skip
