@@ -345,6 +345,8 @@ def test_second_term_keeps_the_shear_modulus():
 def test_relaxation_needs_times():
     text = deck({"relaxation.share": 0.3, "relaxation.time": 20.0})
     assert cards(text, "VISCOELASTIC") == [[[0.3, 0.3, 20.0]]] * 3
+    shear_alone = deck({"relaxation.share": 0.3, "relaxation.time": 20.0, "relaxation.bulk": 0.0})
+    assert cards(shear_alone, "VISCOELASTIC") == [[[0.3, 0.0, 20.0]]] * 3
     assert [block[0][1] for block in cards(text, "VISCO")] == [10.0, 10.0]
     assert "*VISCO" not in PLAIN
 
