@@ -14,6 +14,7 @@ from fingerfit.diagnosis.designs import Further, identification, separation
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.evidence import spare
 from fingerfit.diagnosis.first_pass import widened
+from fingerfit.diagnosis.form import form_of
 from fingerfit.diagnosis.form_or_state import form_or_state, shown
 from fingerfit.diagnosis.mesh_errors import by_finer_mesh, errors_but_mesh
 from fingerfit.diagnosis.ranges import not_excluded
@@ -22,7 +23,6 @@ from fingerfit.diagnosis.refit import Refit, explains, loud
 from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
-    form_of,
     largest_part,
     loud_by_mesh,
     not_needed,

@@ -10,6 +10,7 @@ import numpy as np
 from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
+from fingerfit.diagnosis.form import NO_FORM, Form
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest
@@ -17,15 +18,12 @@ from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, odds_after, threshold
 from fingerfit.fit.far_off import far_off
 from fingerfit.model.applicable import CURE, cure_of
-from fingerfit.model.effect import FAMILIES, NUMERICS, OBSERVATION, Effect
-from fingerfit.study.several import AT
+from fingerfit.model.effect import FAMILIES, LOADING, NUMERICS, Effect
 
 BEYOND = "the misfit beyond the noise"
 """What shares of an explanation are of, in words."""
 NAMED = 3
 """Effects that a sentence names at most."""
-FORM = 0.1
-"""Share of an effect's signal by which its form may be off from what is there. A choice (decision 19)."""
 
 
 def of_family(
@@ -207,7 +205,7 @@ def traced(
     tolerance: float,
     tests: int,
     intervals: Mapping[str, Sequence[float]] | None = None,
-    form: float = 0.0,
+    form: Form = NO_FORM,
 ) -> Verdict:
     """The verdict, but *adequate* where the model explains the data and what is named does not matter or is not likely.
 
@@ -216,8 +214,8 @@ def traced(
     where there are no others) by more than `MATTERS`. It is likely when the odds for it, against the model that
     explains the data without it, are more than `SURE`; before it was seen, each of those that were tested had an equal
     share of what speaks for any of them. Nor is it where what it explains is no more than the form of the effects that
-    the model has may be off by; what a model leaves beyond the noise may be that as well, where the pictures are
-    explained. Where these differ by much (`loud`), nothing is a trace.
+    the model has may be off by (`Form`); what a model leaves beyond the noise may be that as well, where the pictures
+    are explained. Where these differ by much (`loud`), nothing is a trace.
 
     Parameters
     ----------
@@ -235,8 +233,8 @@ def traced(
         How many effects, and places of them, were tested.
     intervals : mapping, optional
         Lower and upper end of the 95 % interval of each constant of the model without the effects.
-    form : float
-        Misfit that the form of the model's own effects may leave: `form_of`.
+    form : Form
+        Of the model's own effects.
     """
     if verdict.kind == "adequate" or loud(base.at_least, score_test.freedom):
         return verdict
@@ -244,7 +242,7 @@ def traced(
     names = " or ".join(one.candidate.effect.title for one in named)
     fall = max((refits[name].fall for name in verdict.effects), default=0.0)
     if not explains(score_test):
-        if excess(score_test) >= form or fall >= form:
+        if max(excess(score_test), fall) >= form.left:
             return verdict
         text = "the model leaves no more than what the form of its own effects may be off by"
         return Verdict("adequate", (), f"{text}; a trace: {names}" if names else text, verdict.threshold)
@@ -257,49 +255,11 @@ def traced(
         text += f"beyond chance, but a trace that moves no constant {far}: {names}"
     elif odds < SURE:
         text += f"a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
-    elif fall < form:
+    elif fall < (form.quiet if all(_is_quiet(one, refits, base) for one in named) else form.left):
         text += f"a trace, no more than what the form of the model's own effects may be off by: {names}"
     else:
         return verdict
     return Verdict("adequate", (), text, verdict.threshold)
-
-
-def form_of(comparison: Comparison, named: Sequence[Effect] = ()) -> float:
-    """Misfit that the form of a model's own effects may leave: a share of what they explain.
-
-    A probe has no form of its own; what it stands for may differ from it by as much as an answer need not explain.
-    """
-    members, probes = (_signal_of(comparison, named, probes) for probes in (False, True))
-    return FORM**2 * members + (1.0 - ENOUGH) * probes
-
-
-def _signal_of(comparison: Comparison, named: Sequence[Effect], probes: bool) -> float:
-    """Misfit that a model would have without the numbers of its probes, or of its members, the constants following.
-
-    By slopes.
-
-    A shift or a brightness that has another form leaves shifts and brightness: where all that is `named` acts on the
-    body, effects on the observation do not count.
-    """
-    bodily = bool(named) and all(effect.acts != OBSERVATION for effect in named)
-    problem, score_test = comparison.problem, comparison.score_test
-    parameters, values = problem.settings.parameters(), comparison.base.values
-    amounts = {
-        effect.key(number.name): number.null
-        for effect in map(problem.effects.get, problem.settings.model.effects)
-        if effect is not None and not (bodily and effect.acts == OBSERVATION)
-        if effect.probe == probes
-        for number in effect.parameters
-    }
-    names = [p.name.partition(AT)[0] for p in parameters]
-    free = [n for n, name in enumerate(names) if name in problem.settings.model.parameters]
-    signal = np.zeros(len(score_test.left))
-    for n, (parameter, name) in enumerate(zip(parameters, names, strict=True)):
-        if name in amounts and not parameter.log:
-            signal += score_test.own[:, n] * (values[parameter.name] - amounts[name]) / parameter.scale
-    constants = score_test.own[:, free]
-    left = signal - constants @ np.linalg.lstsq(constants, signal, rcond=1e-6)[0]
-    return float(left @ left)
 
 
 def _matters(refit: Refit, base: Refit, tolerance: float, intervals: Mapping[str, Sequence[float]]) -> bool:
@@ -308,10 +268,20 @@ def _matters(refit: Refit, base: Refit, tolerance: float, intervals: Mapping[str
         reach = tolerance * abs(value)
         return not min(low, value - reach) <= refit.values[name] <= max(high, value + reach)
 
-    changes = [moves(name, value) for name, value in base.values.items()]
+    return any(moves(name, value) for name, value in base.values.items()) or _lowers(refit, base) > MATTERS
+
+
+def _lowers(refit: Refit, base: Refit) -> float:
+    """By how much an effect lowers the error on held-out steps, or on fitted ones where there are no others."""
     known = base.held_at_least is not None and refit.held_at_least is not None
     before, after = (base.held_at_least, refit.held_at_least) if known else (base.at_least, refit.at_least)
-    return any(changes) or float(before or 0.0) - float(after or 0.0) > MATTERS
+    return float(before or 0.0) - float(after or 0.0)
+
+
+def _is_quiet(one: Ranked, refits: Mapping[str, Refit], base: Refit) -> bool:
+    """Whether an effect is one of the body, or of pictures, and hardly lowers their error."""
+    effect = one.candidate.effect
+    return effect.acts != LOADING and _lowers(refits[effect.name], base) <= MATTERS
 
 
 def doubted(verdict: Verdict, error: float, held_out: float | None, freedom: int) -> Verdict:

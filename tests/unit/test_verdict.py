@@ -10,9 +10,10 @@ from scipy.stats import binom, chi2, norm
 from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.form import Form, form_of
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
-from fingerfit.diagnosis.reservations import by_settings, doubted, form_of, loud_by_mesh, perhaps, too_coarse, traced
+from fingerfit.diagnosis.reservations import by_settings, doubted, loud_by_mesh, perhaps, too_coarse, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, ended_well, half_explained
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
@@ -571,10 +572,10 @@ def test_a_fall_by_one_covariance_counts_where_the_refit_explains(world, misfit,
     assert "explains 100 %" in found.sentence or kind == "adequate"
 
 
-def likely(odds):
-    """The tilt with a logarithm of the odds."""
+def likely(odds, name="tilt"):
+    """An effect with a logarithm of the odds."""
     return SimpleNamespace(
-        candidate=Candidate(EFFECTS["tilt"], {}),
+        candidate=Candidate(EFFECTS[name], {}),
         finding=Finding(1.0, WIDE, 1.0, 1.0),
         refitted=None,
         odds=lambda spread, fall=None: odds,
@@ -666,9 +667,28 @@ def test_what_the_form_of_the_models_own_effects_may_be_off_by_is_a_trace(signal
     base = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1})
     refits = {"tilt": Refit(60.0, 99, 0.9, 0.9, {"mu_top": 0.2}, fall=40.0)}
     named = Verdict("missing", ("tilt",), "", 12.0)
-    verdict = traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20, form=0.01 * signal)
+    verdict = traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20, form=Form(signal))
     assert verdict.kind == kind
     assert ("the form of the model's own effects" in verdict.sentence) == (kind == "adequate")
+
+
+@pytest.mark.parametrize(
+    ("name", "signal", "fitted", "kind"),
+    [
+        ("tilt", 650.0, 0.96, "adequate"),
+        ("tilt", 630.0, 0.96, "missing"),  # it explains more
+        ("tilt", 650.0, 0.94, "missing"),  # it lowers the error of the pictures
+        ("onset", 650.0, 0.96, "missing"),  # it acts on the loading alone, where few values are
+    ],
+)
+def test_beside_effects_a_quiet_one_may_be_their_form(name, signal, fitted, kind):
+    """A quarter of their signal, a sixteenth of the misfit, where the data as a whole are explained."""
+    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
+    base = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1})
+    refits = {name: Refit(60.0, 99, fitted, fitted, {"mu_top": 0.2}, fall=40.0)}
+    named = Verdict("missing", (name,), "", 12.0)
+    one = likely(20.0, name)
+    assert traced(named, score_test, [one], refits, base, 0.02, 20, form=Form(signal)).kind == kind
 
 
 @pytest.mark.parametrize(
@@ -687,7 +707,7 @@ def test_what_a_model_leaves_may_be_the_form_of_its_own_effects(found, signal, f
     base = Refit(1000.0, 1000, fitted, 1.0, {"mu_top": 0.1})
     refits = {"tilt": Refit(800.0, 999, 1.0, 1.0, {"mu_top": 0.2}, fall=200.0)}
     given = Verdict(found, ("tilt",) if found == "missing" else (), "", 12.0)
-    verdict = traced(given, score_test, [likely(20.0)], refits, base, 0.02, 20, form=0.01 * signal)
+    verdict = traced(given, score_test, [likely(20.0)], refits, base, 0.02, 20, form=Form(signal))
     assert verdict.kind == kind
     assert ("no more than what the form" in verdict.sentence) == (kind == "adequate")
 
@@ -739,9 +759,9 @@ def test_a_shift_is_no_excuse_for_what_acts_on_the_body():
     )
     tilt, shift = (0.6 / parameters[1].scale) ** 2, (0.8 / parameters[2].scale) ** 2
     both = [EFFECTS["gradient"], EFFECTS["turned_pictures"]]
-    assert form_of(comparison, both[:1]) == pytest.approx(0.01 * tilt)
+    assert form_of(comparison, both[:1]).left == pytest.approx(0.01 * tilt)
     for named in (both, ()):
-        assert form_of(comparison, named) == pytest.approx(0.01 * (tilt + shift))
+        assert form_of(comparison, named).left == pytest.approx(0.01 * (tilt + shift))
     # a probe has no form: a quarter
     comparison.problem.effects["tilt"] = replace(EFFECTS["tilt"], probe=True)
-    assert form_of(comparison) == pytest.approx(0.25 * tilt + 0.01 * shift)
+    assert form_of(comparison).left == pytest.approx(0.25 * tilt + 0.01 * shift)
