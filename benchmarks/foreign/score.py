@@ -73,6 +73,7 @@ FAMILY = {
     "outline": "geometry",
     "pixel_size": "observation",
     "preload": "state",
+    "preshear": "state",
     "prestretch": "state",
     "prestretch_in_space": "state",
     "relaxation": "loading",

@@ -35,6 +35,21 @@ def _aside(study: Study, step: Step | None, moved: float) -> dict[int, float]:
     return {AXES.index(axis) + 1: getattr(step, f"displacement_{axis}") for axis in study.moved_sideways if step}
 
 
+def _goes_aside(
+    mesh: Mesh,
+    aside: Mapping[int, float],
+    names: Mapping[str, float],
+    present: Sequence[Effect],
+    values: Mapping[str, float],
+) -> dict[int, float]:
+    """What effects make of where the indenter goes aside at a step, mm, by axes from 1; those that one changes."""
+    return {
+        axis: float(changed_by(what, aside.get(axis, 0.0), names, present, values))
+        for axis, what in enumerate(ASIDE[: mesh.dim - 1], 1)
+        if any(what in effect.changes for effect in present)
+    }
+
+
 def from_rest(study: Study, present: Sequence[Effect]) -> bool:
     """Whether an indenter under given displacements goes on from where a force before the first picture has left it."""
     held = study.control == "displacement" and not study.direction
@@ -65,13 +80,15 @@ def loading_steps(
         warm = [temperature(row) for row in swelling]
     steps, last = [], 0.0
     if any("before" in effect.changes for effect in present) or swelling[0].any():
-        names = {**unloaded(study.course), "time": 0.0, "largest": largest}
+        names = {**unloaded(study.course), "time": 0.0, "largest": largest, "share": 0.0}
         steps.append(
             {
                 **({"force": before, "displacement": 0.0} if resting else {control: before}),
                 "period": None,
                 "temperature": warm[0],
-                "aside": sorted(_aside(study, None, begun).items()),
+                "aside": sorted(
+                    {**_aside(study, None, begun), **_goes_aside(mesh, {}, names, present, values)}.items()
+                ),
                 "deeper": _deeper(mesh, names, present, values),
             }
         )
@@ -86,10 +103,7 @@ def loading_steps(
             entry[control] = float(changed_by(control, entry[control], names, present, values)) + begun
         aside = _aside(study, step, entry["displacement"])
         shared = {**names, "share": abs(getattr(step, control) or 0.0) / (largest or 1.0)}
-        for axis, what in enumerate(ASIDE[: mesh.dim - 1], 1):
-            if any(what in effect.changes for effect in present):
-                aside[axis] = float(changed_by(what, aside.get(axis, 0.0), shared, present, values))
-        entry["aside"] = sorted(aside.items())
+        entry["aside"] = sorted({**aside, **_goes_aside(mesh, aside, shared, present, values)}.items())
         entry["deeper"] = _deeper(mesh, names, present, values)
         steps.append(entry)
     return steps

@@ -759,6 +759,24 @@ def test_preload_counts_from_the_first_picture(tmp_path, plain):
     assert since_first_picture(plain, 2) is plain
 
 
+@pytest.mark.parametrize("control", ["force", "displacement"])
+def test_a_body_that_was_sheared_before_leans_from_the_start(control, tmp_path):
+    of = study() if control == "force" else study("displacement", [0.5, 1.0])
+    outcome = solve(deck({"preshear.aside": 0.8}, of=of), tmp_path)
+    assert outcome.steps == 3
+    assert outcome.indenter[:, 0] == pytest.approx(0.8)
+    assert outcome.reaction[0, 1] == pytest.approx(0.0, abs=1e-6)
+    # to first order a layer is sheared in proportion to its height over its modulus
+    compliance = {name: height / MU[f"mu_{name}"] for name, height in LAYERS}
+    top = np.isclose(MESH.points[:, 1], 12.0)
+    border = np.isclose(MESH.points[:, 1], 12.0 - LAYERS[0][1])
+    middle = np.isclose(MESH.points[:, 0], 6.0)
+    assert outcome.displacement[0, top, 0] == pytest.approx(0.8)
+    expected = 0.8 * (1 - compliance["top"] / sum(compliance.values()))
+    assert outcome.displacement[0, border & middle, 0] == pytest.approx(expected, rel=0.1)
+    assert since_first_picture(outcome, 2).indenter[:, 0] == pytest.approx(0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     "values",
     [{"preload.force": 4.0}, {"swollen.volume": 0.05}, {"prestretch.stretch": 0.05}, {"state_probe.swollen": 0.05}],

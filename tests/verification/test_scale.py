@@ -21,7 +21,7 @@ LARGER, SLOWER = 5.0, 3.0
 """Factors on lengths and on times; stresses stay, so that forces grow with the square of lengths."""
 FORCE = LARGER**2
 LENGTHS = {
-    "onset.offset": LARGER, "soft_frame.most": LARGER,
+    "onset.offset": LARGER, "soft_frame.most": LARGER, "preshear.aside": LARGER,
     **{f"{name}.{axis}": LARGER for name in ("misregistration", "wandering_pictures") for axis in "xy"},
     **{f"jumping_pictures.{axis}{k}": LARGER for axis in "xy" for k in range(1, 13)},
     **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
