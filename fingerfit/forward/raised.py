@@ -18,8 +18,9 @@ from fingerfit.solvers.builtin import BuiltinSolver
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.study.study import Study
 
-_CLOSE = 1e-6
-"""Change of the factor that ends the search: by secants the one after it is far smaller still."""
+_CLOSE, _DIGITS = 1e-6, 7
+"""Change of the factor that ends the search (by secants the one after it is far smaller still), and its decimals: below
+the last one there is what a solver leaves, which another machine leaves otherwise."""
 _ROUNDS = 10
 """At most; three for a body that was pressed by 5 %."""
 _HEAD = "** --- the body without load: the stated height, in the first picture, times {}\n"
@@ -103,4 +104,4 @@ def _factor(raised: Callable[[float], str], height: float) -> float:
             before, last, factor = factor, now, factor - now * (factor - before) / ((now - last) or np.inf)
             if abs(factor - before) < _CLOSE:
                 break
-    return float(f"{factor:.10g}")
+    return round(factor, _DIGITS)
