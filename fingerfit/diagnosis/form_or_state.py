@@ -117,8 +117,8 @@ def elsewhere(
     That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
     or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
     off, or where another form explains nothing, to bring them nearer; then the criterion of Schwarz (1978) decides. It
-    knows the sides as data, which another form has as numbers. A state whose pictures are clearly nearer than those of
-    another form is not excluded by it.
+    knows the sides as data, which another form has as numbers, and between states that do as well. A state whose
+    pictures are clearly nearer than those of another form is not excluded by it.
 
     Parameters
     ----------
@@ -169,6 +169,10 @@ def elsewhere(
         effect, title = one.candidate.effect, one.candidate.effect.title
     # patches say the one and pixels another: these data cannot tell them apart
     named = [*(each.candidate.effect for each, its in able if nearer(its, refit)), effect]
+    for each, its in able:
+        alike = left(its) - left(refit) < verdict.threshold + _chance(its, refit)
+        if alike and each.candidate.effect not in named:
+            named.append(each.candidate.effect)
     names, titles = [each.name for each in named], [each.title for each in named]
     if gain < tell:  # twelve numbers that happen to be those of a state would be a coincidence: the states come first
         names, titles = [*names, OUTLINE], [*titles, ANOTHER]

@@ -193,6 +193,15 @@ def test_a_state_that_is_nearer_in_the_pictures_is_named_beside_the_one_that_pat
     assert "0.6 mm" in found.sentence
 
 
+@pytest.mark.parametrize(("misfit", "named"), [(1008.0, ("preload", "prestretch")), (1012.0, ("preload",))])
+def test_states_that_explain_as_much_are_named_together(misfit, named):
+    """As much: by less than the threshold, 10 here; the one that explains most comes first."""
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    states = [(ranked("preload", "preload"), refit(1000.0)), (ranked("prestretch", "prestretch"), refit(misfit))]
+    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states)
+    assert found.effects == named
+
+
 @pytest.mark.parametrize(
     ("errors", "named"),
     [((0.97, 0.96), ("preload", "outline")), ((0.97, 0.99), ("outline",)), ((1.0, 1.0), ("outline",))],
