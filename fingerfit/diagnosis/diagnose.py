@@ -232,7 +232,8 @@ def _diagnose(
     if mesh:
         if coarse:
             verdict = too_coarse(verdict, score_test, (by_mesh, finer), seen, mesh, fitted)
-        verdict = loud_by_mesh(verdict, fitted, at_least, mesh)
+        unknown = all(problem.effects[name].probe for name in verdict.effects) and not (coarse or outline.off)
+        verdict = loud_by_mesh(verdict, fitted, at_least, mesh, unknown)
     if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
         verdict, states, more = form_or_state(verdict, found, refits, threads)
         begins = {one.candidate.effect.name: one for one, _ in states}

@@ -303,8 +303,10 @@ def doubted(verdict: Verdict, error: float, held_out: float | None, freedom: int
     return Verdict("unexplained", (), text, verdict.threshold)
 
 
-def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect) -> Verdict:
+def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect, unknown: bool = False) -> Verdict:
     """The verdict, and a finer mesh where what is expected of this one is why the pictures still differ by much.
+
+    Then nothing of no known form is named either: the error of the mesh is known to be there.
 
     Parameters
     ----------
@@ -313,11 +315,16 @@ def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect
         Of the fitted measurements in units of the noise floor, and the same without what the mesh is expected to make.
     effect : Effect
         The one that stands for the mesh.
+    unknown : bool
+        Whether the verdict names no known effect.
     """
-    if verdict.kind != "adequate" or not error > EXPLAINED >= at_least:
+    if not (unknown or verdict.kind == "adequate") or not error > EXPLAINED >= at_least:
         return verdict
     made = f"the pictures differ by {error:.2g} times the noise, by {at_least:.2g} without what the mesh makes of them"
-    return replace(verdict, sentence=f"{verdict.sentence}; {made}{CURE}{cure_of(effect)[1]}")
+    wrong, cure = cure_of(effect)
+    if verdict.kind != "adequate":
+        return Verdict("unexplained", (), f"{wrong}: {made}{CURE}{cure}", verdict.threshold, NUMERICS, effect.name)
+    return replace(verdict, sentence=f"{verdict.sentence}; {made}{CURE}{cure}")
 
 
 def far_off_of(test: Comparison) -> str:

@@ -235,6 +235,17 @@ def test_a_mesh_that_makes_the_pictures_differ_is_to_be_finer(error, at_least, t
     assert (found is verdict) is not told
     missing = replace(verdict, kind="missing")
     assert loud_by_mesh(missing, error, at_least, EFFECTS["coarse_mesh"]) is missing
+    # what is of no known form may be the mesh's: the answer is a finer one first
+    found = loud_by_mesh(missing, error, at_least, EFFECTS["coarse_mesh"], unknown=True)
+    assert (found is missing) is not told
+    if told:
+        assert (found.kind, found.effects, found.family, found.numerics) == (
+            "unexplained",
+            (),
+            "numerics",
+            "coarse_mesh",
+        )
+        assert found.sentence.startswith("the mesh is too coarse: the pictures differ by 1.6 times the noise, by 1.2 ")
 
 
 def test_nothing_known_explains_it(world):
