@@ -41,13 +41,14 @@ def _goes_aside(
     names: Mapping[str, float],
     present: Sequence[Effect],
     values: Mapping[str, float],
-) -> dict[int, float]:
-    """What effects make of where the indenter goes aside at a step, mm, by axes from 1; those that one changes."""
-    return {
+) -> list[tuple[int, float]]:
+    """Where the indenter goes aside at a step, mm, by axes from 1: what is prescribed, as effects change it."""
+    changed = {
         axis: float(changed_by(what, aside.get(axis, 0.0), names, present, values))
         for axis, what in enumerate(ASIDE[: mesh.dim - 1], 1)
         if any(what in effect.changes for effect in present)
     }
+    return sorted({**aside, **changed}.items())
 
 
 def from_rest(study: Study, present: Sequence[Effect]) -> bool:
@@ -86,9 +87,7 @@ def loading_steps(
                 **({"force": before, "displacement": 0.0} if resting else {control: before}),
                 "period": None,
                 "temperature": warm[0],
-                "aside": sorted(
-                    {**_aside(study, None, begun), **_goes_aside(mesh, {}, names, present, values)}.items()
-                ),
+                "aside": _goes_aside(mesh, _aside(study, None, begun), names, present, values),
                 "deeper": _deeper(mesh, names, present, values),
             }
         )
@@ -103,7 +102,7 @@ def loading_steps(
             entry[control] = float(changed_by(control, entry[control], names, present, values)) + begun
         aside = _aside(study, step, entry["displacement"])
         shared = {**names, "share": abs(getattr(step, control) or 0.0) / (largest or 1.0)}
-        entry["aside"] = sorted({**aside, **_goes_aside(mesh, aside, shared, present, values)}.items())
+        entry["aside"] = _goes_aside(mesh, aside, shared, present, values)
         entry["deeper"] = _deeper(mesh, names, present, values)
         steps.append(entry)
     return steps

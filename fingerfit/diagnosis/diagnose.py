@@ -11,10 +11,10 @@ from fingerfit.core.errors import InputError
 from fingerfit.diagnosis.candidates import left_out, untestable
 from fingerfit.diagnosis.comparison import Comparison, Everything
 from fingerfit.diagnosis.designs import Further, identification, separation
+from fingerfit.diagnosis.effect_form import form_of
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.evidence import spare
 from fingerfit.diagnosis.first_pass import widened
-from fingerfit.diagnosis.form import form_of
 from fingerfit.diagnosis.form_or_state import form_or_state, shown
 from fingerfit.diagnosis.mesh_errors import by_finer_mesh, errors_but_mesh
 from fingerfit.diagnosis.ranges import not_excluded

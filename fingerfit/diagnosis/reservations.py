@@ -9,8 +9,8 @@ import numpy as np
 
 from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.effect_form import NO_FORM, Form
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
-from fingerfit.diagnosis.form import NO_FORM, Form
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest

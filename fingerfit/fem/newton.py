@@ -133,7 +133,7 @@ class Newton:
                 return None, 1
             q, known = started
         matrix: Any = None
-        first, residuals, rubs_not = 0.0, list[float](), system.touches and not system.remembers
+        residuals, frictionless = list[float](), system.touches and not system.remembers
         for iteration in range(1, ITERATIONS + 1):
             u = system.expand(q, load.given)
             # what led here has asked for the forces already
@@ -146,11 +146,10 @@ class Newton:
             error = np.abs(residual).max() / scale if len(residual) else 0.0
             # in N: of a surface that was pushed in too deep, the largest force falls with the residual
             left = error * scale
-            first = first or left
-            if system.slides and any(iteration > after and left > share * first for after, share in _PATIENCE):
-                return None, iteration
             residuals.append(left)
-            if rubs_not and len(residuals) > _STUCK[0] and left > _STUCK[1] * residuals[-1 - _STUCK[0]]:
+            if system.slides and any(iteration > after and left > share * residuals[0] for after, share in _PATIENCE):
+                return None, iteration
+            if frictionless and iteration > _STUCK[0] and left > _STUCK[1] * residuals[-1 - _STUCK[0]]:
                 return None, iteration
             if error < tolerance:
                 return State(q, u, internal), iteration

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,9 @@ from fingerfit.core.errors import InputError
 from fingerfit.core.folders import template_folders
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
-from fingerfit.forward.raised import is_raised, with_raised
+from fingerfit.forward.raised import of_height
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import Effect
-from fingerfit.model.laws import OGDEN
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.study import Study
 
@@ -52,33 +51,13 @@ def make_deck(
     """
     included = f"../../meshes/{mesh_name}.inp"
     everything = {**settings.fixed(effects), **values}
-    template, folders = template_of(settings, study), template_folders(Path(settings.study))
-    model = settings.model
-    return deck_text(study, mesh, included, everything, model.material, effects, template, folders, model.law)
+    fixed, law, folders = settings.model.material, settings.model.law, template_folders(Path(settings.study))
 
+    def deck_of(body: Mesh) -> str:
+        context = deck_context(study, body, included, everything, fixed, effects, law)
+        return render_deck(template_of(settings, study), context, folders)
 
-def deck_text(
-    study: Study,
-    mesh: Mesh,
-    included: str,
-    values: Mapping[str, float],
-    material: Mapping[str, float],
-    effects: Mapping[str, Effect],
-    template: str,
-    folders: Sequence[Path],
-    law: str = OGDEN,
-) -> str:
-    """Text of a deck; of a body whose stated height is that in the first picture with the mesh in it.
-
-    Parameters are those of `fingerfit.deck.context.deck_context` and `fingerfit.deck.render.render_deck`.
-    """
-
-    def of(body: Mesh) -> str:
-        context = deck_context(study, body, included, values, material, effects, law)
-        return render_deck(template, context, folders)
-
-    present = [effect for effect in effects.values() if effect.present(values)]
-    return with_raised(mesh, included, of) if is_raised(study, mesh, present, values) else of(mesh)
+    return of_height(study, mesh, included, effects, everything, deck_of)
 
 
 def with_effect(effect: Effect, place: Mapping[str, float], parameter: str) -> dict[str, float]:

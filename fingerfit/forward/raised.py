@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,42 +24,51 @@ _CLOSE, _DIGITS = 1e-6, 7
 the last one there is what a solver leaves, which another machine leaves otherwise."""
 _ROUNDS = 10
 """At most; three for a body that was pressed by 5 %."""
-_HEAD = "** --- the body without load: the stated height, in the first picture, times {}\n"
+_HEAD = "** --- the body without load: the stated height, in the first picture, times {:.10g}\n"
 _END = "*END STEP\n"
 _known: dict[str, float] = {}
 
 
-def is_raised(study: Study, mesh: Mesh, present: Sequence[Effect], values: Mapping[str, float]) -> bool:
-    """Whether the stated height of a block in the plane is that in the first picture.
+def of_height(
+    study: Study,
+    mesh: Mesh,
+    included: str,
+    effects: Mapping[str, Effect],
+    values: Mapping[str, float],
+    deck_of: Callable[[Mesh], str],
+) -> str:
+    """The deck of a body, higher than its mesh where the stated height of a block in the plane is that under a load.
 
-    Not in space: each guess there would take three long simulations more.
-    """
-    return study.body.mesh is None and mesh.dim == 2 and bool(changed_by("pictured", 0.0, {}, present, values))
-
-
-def with_raised(mesh: Mesh, included: str, deck_of: Callable[[Mesh], str]) -> str:
-    """The deck of a body that is so much higher without load that it has the mesh's height after the first step.
-
-    All heights grow by one factor, which secants find with the built-in solver, whichever one solves the deck. Where
-    the first step has no equilibrium the body stays as it is stated.
+    Without load it is then so much higher that it has the mesh's height after the first step. All heights grow by one
+    factor, which secants find with the built-in solver, whichever one solves the deck. Where the first step has no
+    equilibrium the body stays as it is stated. So it does in space, where each guess would take three long simulations
+    more.
 
     Parameters
     ----------
+    study : Study
     mesh : Mesh
         Of the stated body.
     included : str
-        What the deck includes as the mesh, which then stands in the deck.
+        What the deck includes as the mesh, which stands in the deck of a higher body.
+    effects : mapping
+        All that are known; ``pictured`` of one that is present says that the height is that in the first picture.
+    values : mapping
+        The guess.
     deck_of : callable
         Text of the deck with a mesh.
     """
+    present = [effect for effect in effects.values() if "pictured" in effect.changes and effect.present(values)]
+    if study.body.mesh is not None or mesh.dim != 2 or not changed_by("pictured", 0.0, {}, present, values):
+        return deck_of(mesh)
     line = f"*INCLUDE, INPUT={included}\n"
 
+    @cache
     def raised(factor: float) -> str:
         body = _scaled(mesh, factor)
-        return deck_of(body).replace(line, _HEAD.format(f"{factor:.10g}") + format_mesh(body))
+        return deck_of(body).replace(line, _HEAD.format(factor) + format_mesh(body))
 
-    stated = raised(1.0)
-    key = digest(stated)
+    key = digest(raised(1.0))
     if key not in _known:
         _known[key] = _factor(raised, float(np.ptp(mesh.body[:, -1])))
     return raised(_known[key])

@@ -15,10 +15,12 @@ from fingerfit.core.errors import FingerfitError, InputError, LimitError, Solver
 from fingerfit.core.files import digest, write_text
 from fingerfit.core.folders import template_folders
 from fingerfit.core.progress import tell
+from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
+from fingerfit.deck.render import render_deck
 from fingerfit.fit.rounds import simulation_name
-from fingerfit.forward.decks import deck_text
 from fingerfit.forward.predict import since_first_picture
+from fingerfit.forward.raised import of_height
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.mesh.mesh import Mesh
@@ -150,11 +152,14 @@ def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, th
     """Solve a deck that includes its mesh by the name of its content, unless its solution is in the folder."""
     solver = get_solver(truth.solver)
     try:
-        effects, folders = (
-            _in_the_body(truth.known),
-            template_folders(*([truth.own] if truth.own else []), truth.folder),
-        )
-        deck = deck_text(study, mesh, included, truth.values, truth.material, effects, truth.template, folders)
+        effects = _in_the_body(truth.known)
+        folders = template_folders(*([truth.own] if truth.own else []), truth.folder)
+
+        def deck_of(body: Mesh) -> str:
+            context = deck_context(study, body, included, truth.values, truth.material, effects)
+            return render_deck(truth.template, context, folders)
+
+        deck = of_height(study, mesh, included, effects, truth.values, deck_of)
         write_text(folder / "deck.inp", deck)
         known = folder / f"{simulation_name(deck, solver.identity())}.npz"
         if not known.exists():

@@ -81,6 +81,17 @@ def test_a_step_prescribes_what_the_table_says(tmp_path):
     assert "INDENTER, 2, 2, -0.4\n*BOUNDARY\nTOP, 1, 1, 0.3\n" in oblique
 
 
+def test_a_displacement_before_the_first_picture_goes_along_the_direction_beside_an_effect_that_goes_aside(tmp_path):
+    folder = written(tmp_path, "step,displacement,force\n1,500,10\n", boundary=OBLIQUE)
+    settings = load_settings(folder / "config.yaml")
+    study = settings.read_study()
+    mesh, known = make_mesh(study, settings.model.mesh), settings.known_effects()
+    before = {**settings.starts(), "preload.force": 0.1}
+    for beside in ({}, {"sideways.moved": 0.2}):  # in proportion to the load: there is none yet
+        deck = make_deck(settings, study, mesh, "mesh", {**before, **beside}, known)
+        assert "INDENTER, 2, 2, -0.08\n*BOUNDARY\nTOP, 1, 1, 0.06\n" in deck
+
+
 def test_forces_across_the_load_alone_change_no_deck(tmp_path):
     """A study that only measures them has the decks of one that does not."""
     rows = "step,displacement,force,force_x\n1,400,10,1\n"

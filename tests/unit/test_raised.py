@@ -5,10 +5,11 @@ import pytest
 from conftest import LAYERS, MU, ROOT, phantom
 
 from fingerfit.core.files import write_text
+from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.forward.decks import deck_text
+from fingerfit.deck.render import render_deck
 from fingerfit.forward.predict import in_first_picture, since_first_picture
-from fingerfit.forward.raised import lift, without_load
+from fingerfit.forward.raised import lift, of_height, without_load
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.catalogue import catalogue
 from fingerfit.solvers.contract import CONVERGED
@@ -21,9 +22,13 @@ PRESSED = {"preload.force": 20.0}
 
 def deck(values, control="force", mesh=MESH):
     steps = [20.0, 40.0] if control == "force" else [0.5, 1.0]
-    known, folders = catalogue(), [ROOT / "templates"]
-    material = {"alpha": 1.4, "poisson": 0.49}
-    return deck_text(phantom(control, steps), mesh, "mesh.inp", MU | values, material, known, "block.inp.j2", folders)
+    study, known = phantom(control, steps), catalogue()
+
+    def deck_of(body):
+        context = deck_context(study, body, "mesh.inp", MU | values, {"alpha": 1.4, "poisson": 0.49}, known)
+        return render_deck("block.inp.j2", context, [ROOT / "templates"])
+
+    return of_height(study, mesh, "mesh.inp", known, MU | values, deck_of)
 
 
 def solved(text, folder, solver="builtin", mesh=MESH):

@@ -10,7 +10,7 @@ from scipy.stats import binom, chi2, norm
 from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
-from fingerfit.diagnosis.form import Form, form_of
+from fingerfit.diagnosis.effect_form import Form, form_of
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
 from fingerfit.diagnosis.reservations import by_settings, doubted, loud_by_mesh, perhaps, too_coarse, traced
