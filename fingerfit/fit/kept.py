@@ -18,6 +18,7 @@ from fingerfit.core.checksums import told_of
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import digest, read_npz, write_npz
 from fingerfit.core.folders import PACKAGE
+from fingerfit.forward.partial_volume import PartialVolume
 from fingerfit.forward.score import Prediction
 from fingerfit.study.data import Data
 
@@ -71,7 +72,8 @@ class Kept:
         pictures = np.full(self.data.measured.shape, self.data.background, dtype=found["covered"].dtype)
         size = pictures.size
         pictures.ravel()[np.unpackbits(found["where"], count=size).view(bool)] = found["covered"]
-        return Prediction(pictures, found["response"], found["points"]), bool(found["folded"])
+        partial = PartialVolume(found["partial"], found["weight"]) if "partial" in found else None
+        return Prediction(pictures, found["response"], found["points"], partial), bool(found["folded"])
 
     def save(self, key: str, prediction: Prediction, folded: bool) -> None:
         """Keep a prediction; of its pictures only what is not background."""
@@ -84,6 +86,8 @@ class Kept:
             "points": prediction.points,
             "folded": np.array(folded),
         }
+        if prediction.partial:
+            arrays |= {"partial": prediction.partial.pixel, "weight": prediction.partial.weight}
         if not self._file(key).exists():
             write_npz(self._file(key), arrays, compressed=False)
 

@@ -78,10 +78,7 @@ class LinearModel:
             return self._similarity(data, bins, offset)
         base = self.base if offset is None else self.base + offset
         pictures, others = weights(kind, data)
-        left = base.pictures - data.measured
-        middle = pictures * _inner(left, left)
-        gradient = pictures * np.array([_inner(left, slope.pictures) for slope in self.slopes])
-        curvature = pictures * self._products
+        middle, gradient, curvature = self._squares(base.pictures - data.measured, kind, pictures)
         if others:
             away = deviations(base, data)
             columns = np.array([deviations(base + slope, data) - away for slope in self.slopes])
@@ -125,9 +122,8 @@ class LinearModel:
         """Chi-square of each kind of data, as `fingerfit.forward.score.chi_square`, as a function of delta."""
         found: dict[str, Objective] = {}
         if data.measured.size and data.picture_noise > 0:
-            left, share = self.base.pictures - data.measured, 0.5 / data.picture_noise**2
-            gradient = share * np.array([_inner(left, slope.pictures) for slope in self.slopes])
-            found["pictures"] = Objective.quadratic(share * _inner(left, left), gradient, share * self._products)
+            squares = self._squares(self.base.pictures - data.measured, "likelihood", 0.5 / data.picture_noise**2)
+            found["pictures"] = Objective.quadratic(*squares)
         by_slope = [deviations_by_kind(self.base + slope, data) for slope in self.slopes]
         for kind, away in deviations_by_kind(self.base, data).items():
             columns = np.array([own[kind] - away for own in by_slope])
@@ -152,6 +148,23 @@ class LinearModel:
             return total
 
         return at
+
+    def _squares(self, left: np.ndarray, kind: str, factor: float) -> tuple[float, np.ndarray, np.ndarray]:
+        """Sum of the squares of a difference of pictures, half its slopes and half its curvature, times a factor."""
+        middle, gradient = _inner(left, left), np.array([_inner(left, slope.pictures) for slope in self.slopes])
+        products, partial = self._products, self.base.partial
+        if partial and kind == "likelihood":
+            own = partial.read(left)
+            middle -= partial.missing(own, own)
+            gradient = gradient - partial.missing(self._partial, own)
+            products = products - partial.missing(self._partial, self._partial.T)
+        return factor * middle, factor * gradient, factor * products
+
+    @cached_property
+    def _partial(self) -> np.ndarray:
+        """The slopes at pixels of partial volume, shape (parameters, pixels)."""
+        partial = self.base.partial
+        return np.array([partial.read(slope.pictures) for slope in self.slopes if partial])
 
     @cached_property
     def _products(self) -> np.ndarray:

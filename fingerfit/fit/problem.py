@@ -144,7 +144,7 @@ class InverseProblem:
 
     def predictor(self, mesh: str) -> Predictor:
         """Predictor of solutions on a mesh."""
-        return Predictor(self.data, self.meshes[mesh])
+        return Predictor(self.data, self.meshes[mesh], self.settings.fit.score == "likelihood")
 
     def ask(
         self,

@@ -38,7 +38,9 @@ def _window(model: LinearModel, margin: int) -> Window:
 
 def _cut(model: LinearModel, window: Window) -> LinearModel:
     def cut(one: Prediction) -> Prediction:
-        return Prediction(np.ascontiguousarray(one.pictures[(slice(None), *window)]), one.response, one.points)
+        pictures = np.ascontiguousarray(one.pictures[(slice(None), *window)])
+        partial = one.partial and one.partial.cut(one.pictures.shape, window)
+        return Prediction(pictures, one.response, one.points, partial)
 
     control = cut(model.control) if model.control else None
     return LinearModel(cut(model.base), tuple(map(cut, model.slopes)), control, model.values)
@@ -50,7 +52,8 @@ def _cut_map(way: BackwardMap, window: Window) -> BackwardMap:
     inside = ((place >= low) & (place < high)).all(axis=0)
     shape = tuple(own.stop - own.start for own in window)
     pixel = np.ravel_multi_index(tuple((place - low)[:, inside]), shape)
-    return replace(way, pixel=pixel, index=way.index[inside], element=way.element[inside], shape=shape)
+    index, element, beside = (own[inside] for own in (way.index, way.element, way.beside))
+    return replace(way, pixel=pixel, index=index, element=element, beside=beside, shape=shape)
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,8 @@ class _Noise:
         N or mm.
     points : ndarray, shape (points, dim)
         mm.
+    partial : ndarray, shape (pixels,)
+        What pixels of partial volume during compression have beside, smoothed.
     """
 
     control: np.ndarray
@@ -76,6 +81,7 @@ class _Noise:
     during: list[np.ndarray]
     response: np.ndarray
     points: np.ndarray
+    partial: np.ndarray
 
 
 class Replicates:
@@ -152,7 +158,9 @@ class Replicates:
             during = [self._gauss(picture.shape, data.picture_noise) for picture in base.pictures]
         response = self._gauss(base.response.shape, data.response[1])
         response = response + base.response * self._gauss((1,), data.response_gain)
-        return _Noise(control, before, during, response, self._points_noise())
+        points = self._points_noise()
+        partial = base.partial.noise(data.picture_noise, self.rng) if base.partial else np.zeros(0)
+        return _Noise(control, before, during, response, points, partial)
 
     def _objective(self, noise: _Noise) -> tuple[Objective, np.ndarray]:
         data, base = self.data, self.model.base
@@ -162,6 +170,8 @@ class Replicates:
             carried = spline_coefficients(noise.before)
             pictures = pictures + np.array([self._warped(carried, way) for way in self.maps])
             measured = measured + np.array([smooth(one, data.smooth) for one in noise.during])
+        if base.partial:
+            measured.reshape(-1)[base.partial.pixel] += noise.partial
         offset = Prediction(pictures, shift.response, shift.points)
         along, lateral = data.split(np.where(np.isfinite(data.response[0]), base.response, np.nan) + noise.response)
         responses: dict[str, Any] = {data.response_name(0)[0]: along, "lateral_force": lateral}

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fingerfit.forward.partial_volume import PartialVolume
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.blur import REACH, blurred_in_place
 from fingerfit.imaging.pictures import Picture
@@ -64,10 +65,12 @@ class Predictor:
         Measured data.
     mesh : Mesh
         Mesh of the decks.
+    likely : bool
+        Whether the score is the likelihood, to which pixels of partial volume tell less.
     """
 
-    def __init__(self, data: Data, mesh: Mesh) -> None:
-        self.data, self.mesh = data, mesh
+    def __init__(self, data: Data, mesh: Mesh, likely: bool = False) -> None:
+        self.data, self.mesh, self._likely = data, mesh, likely and data.picture_noise > 0
         self._probe = Probe(mesh, data.points)
         self._frame = Picture(data.before, data.spacing, data.origin, data.direction)
 
@@ -98,7 +101,8 @@ class Predictor:
         measured = response_of(outcome, data)
         if seen is not None:
             measured = seen_response(seen, measured, data)
-        return Synthesis(Prediction(pictures, measured, points), maps)
+        partial = PartialVolume.of(pictures, maps, data) if self._likely and len(maps) else None
+        return Synthesis(Prediction(pictures, measured, points, partial), maps)
 
     def picture(self, way: BackwardMap, step: int, seen: Observation | None = None) -> np.ndarray:
         """Picture of a step, by its index, with its map."""

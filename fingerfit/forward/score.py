@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fingerfit.forward.partial_volume import PartialVolume
 from fingerfit.imaging.similarity import LIMITS, nmi, ssd
 from fingerfit.study.data import Data
 
@@ -25,14 +26,19 @@ class Prediction:
         then lateral forces, N.
     points : ndarray, shape (points, dim)
         Displacements of the measured points, mm.
+    partial : PartialVolume, optional
+        Pixels that count less in the likelihood. A sum has those of its first part.
     """
 
     pictures: np.ndarray
     response: np.ndarray
     points: np.ndarray
+    partial: PartialVolume | None = None
 
     def __add__(self, other: Prediction) -> Prediction:
-        return Prediction(self.pictures + other.pictures, self.response + other.response, self.points + other.points)
+        return Prediction(
+            self.pictures + other.pictures, self.response + other.response, self.points + other.points, self.partial
+        )
 
     def __sub__(self, other: Prediction) -> Prediction:
         return self + other * -1.0
@@ -108,7 +114,12 @@ def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
     """
     total: dict[str, float] = {}
     if data.measured.size and data.picture_noise > 0:
-        total["pictures"] = float(np.sum((prediction.pictures - data.measured) ** 2) / (2.0 * data.picture_noise**2))
+        left = prediction.pictures - data.measured
+        squares = float(np.sum(left**2))
+        if prediction.partial:
+            own = prediction.partial.read(left)
+            squares -= prediction.partial.missing(own, own)
+        total["pictures"] = squares / (2.0 * data.picture_noise**2)
     return total | {kind: float(np.sum(own**2)) for kind, own in deviations_by_kind(prediction, data).items()}
 
 

@@ -16,6 +16,8 @@ from fingerfit.imaging.inverse import local_coordinates
 from fingerfit.imaging.raster import distances, scan, slabs
 from fingerfit.mesh.shapes import EDGES
 
+BESIDE_BODY = 2.0
+"""Depth of a pixel beside the body, less its distance in pixels."""
 INSIDE = 5e-7
 """Barycentric coordinates down to minus this count as inside, so that no pixel on a common face is lost by rounding:
 the depth in `inverse`, up to 1 + 2e-6 there, is 1 minus four times the smallest coordinate."""
@@ -46,7 +48,7 @@ class Claims:
     source : ndarray, shape (claims, 3)
         Continuous index (x, y, z) of the material point in the reference state.
     depth : ndarray, shape (claims,)
-        0 in the middle of the element, 1 at its border, 2 plus the distance in pixels outside.
+        0 in the middle of the element, 1 at its border, `BESIDE_BODY` plus the distance in pixels outside.
     """
 
     element: np.ndarray
@@ -161,7 +163,7 @@ class Tetrahedra:
         z, row = np.divmod(pixel[first], self.size[0] * self.size[1])
         y, x = np.divmod(row, self.size[0])
         element, place = element[owner[first]], np.stack([x, y, z]).astype(float)
-        pixel, depth = pixel[first], 2.0 + away[first]
+        pixel, depth = pixel[first], BESIDE_BODY + away[first]
         share, lost = self._settle(element, place)
         if len(lost):
             share[:, lost] = self._solved(element[lost], place[:, lost])

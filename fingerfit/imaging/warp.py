@@ -16,7 +16,7 @@ import numpy as np
 from fingerfit.imaging.inverse import bulge, interpolate, local_coordinates
 from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.preprocess import reach_of, smooth
-from fingerfit.imaging.tetrahedra import Claims, Tetrahedra, border_faces
+from fingerfit.imaging.tetrahedra import BESIDE_BODY, Claims, Tetrahedra, border_faces
 from fingerfit.mesh.elements import ELEMENTS, distance, rule, shape
 from fingerfit.mesh.mesh import Mesh
 
@@ -46,6 +46,8 @@ class BackwardMap:
         Element that covers the pixel.
     shape : tuple of int
         Shape of the picture.
+    beside : ndarray of bool, shape (covered,)
+        Which pixels lie beside the body, within the margin.
     inverted : int
         Elements that are turned inside out somewhere. Tetrahedra that are so between their corners cover nothing.
     overlaps : int
@@ -58,6 +60,7 @@ class BackwardMap:
     index: np.ndarray
     element: np.ndarray
     shape: tuple[int, ...]
+    beside: np.ndarray
     inverted: int = 0
     overlaps: int = 0
     folded: bool = False
@@ -124,7 +127,7 @@ def _search(
     near = np.isfinite(outside)
     element, flat, xi, outside = element[near], flat[near], xi[near], outside[near]
     source = interpolate(kind, reference, element, xi)
-    depth = np.where(outside > 0, 2.0 + outside, np.minimum(distance(kind, xi), 1.0))
+    depth = np.where(outside > 0, BESIDE_BODY + outside, np.minimum(distance(kind, xi), 1.0))
     return Claims(element, flat, source, depth)
 
 
@@ -150,7 +153,8 @@ def _winners(claims: Claims, shape: tuple[int, ...], inverted: int) -> BackwardM
         folded = bool(overlaps) and _is_deep(twice.reshape(shape))
     # in the order of the picture: what is read there lies close together
     kept = owner[owner >= 0]
-    return BackwardMap(claims.pixel[kept], claims.source[kept], claims.element[kept], shape, inverted, overlaps, folded)
+    pixel, source, element, depth = (own[kept] for own in (claims.pixel, claims.source, claims.element, claims.depth))
+    return BackwardMap(pixel, source, element, shape, depth >= BESIDE_BODY, inverted, overlaps, folded)
 
 
 def _is_deep(twice: np.ndarray) -> bool:

@@ -1,5 +1,6 @@
 """Predictions that are kept for the jobs that follow, and repetitions of volumes cut to what moves."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from fingerfit.fit import replicates
 from fingerfit.fit.kept import Kept, forget
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.replicates import Replicates
+from fingerfit.forward.partial_volume import PartialVolume
 from fingerfit.forward.score import Prediction
 from fingerfit.imaging.warp import BackwardMap
 from fingerfit.study.data import Data
@@ -49,7 +51,7 @@ def prepared(tmp_path, monkeypatch):
 
 def test_a_prediction_is_read_as_it_was_kept(prepared):
     file, data = prepared
-    one = prediction_of(generator(2))
+    one = replace(prediction_of(generator(2)), partial=PartialVolume(np.arange(5), np.linspace(0.1, 0.5, 5)))
     kept = Kept.beside(file, data)
     assert kept.load("a") is None
     kept.save("a", one, True)
@@ -59,6 +61,8 @@ def test_a_prediction_is_read_as_it_was_kept(prepared):
         ours, theirs = getattr(found, name), getattr(one, name)
         assert ours.dtype == theirs.dtype
         assert np.array_equal(ours, theirs)
+    for name in ("pixel", "weight"):
+        assert np.array_equal(getattr(found.partial, name), getattr(one.partial, name))
     # less than half of it is body
     assert next(kept.folder.iterdir()).stat().st_size < 0.5 * one.pictures.nbytes
 
@@ -104,12 +108,13 @@ def test_volumes_are_cut_to_what_moves(monkeypatch, kind):
     rng = generator(4)
     data = data_of(rng)
     slopes = tuple(prediction_of(rng, 0.0) for _ in range(2))
-    model = LinearModel(prediction_of(rng), slopes, prediction_of(rng, 0.0), {})
+    unsure = PartialVolume(np.sort(rng.choice(np.prod(SHAPE), 300, replace=False)), rng.uniform(0.01, 0.99, 300))
+    model = LinearModel(replace(prediction_of(rng), partial=unsure), slopes, prediction_of(rng, 0.0), {})
     inside = np.zeros(SHAPE[1:], dtype=bool)
     inside[BODY[1:]] = True
     pixel = np.flatnonzero(inside)
     index = np.array(np.unravel_index(pixel, SHAPE[1:]))[::-1].T + 0.3
-    maps = [BackwardMap(pixel, index, np.zeros(len(pixel), dtype=int), SHAPE[1:])] * 2
+    maps = [BackwardMap(pixel, index, np.zeros(len(pixel), dtype=int), SHAPE[1:], np.zeros(len(pixel), dtype=bool))] * 2
     cut, ours = shifts(data, model, maps, 1, kind)
     assert cut.model.base.pictures.shape == (2, 11, 11, 14)
     monkeypatch.setattr(replicates, "IN_SPACE", 99)
