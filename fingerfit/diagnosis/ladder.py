@@ -30,7 +30,7 @@ from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.several import of_test
 from fingerfit.study.study import Study
 
-RUNGS = 6
+RUNGS = 8
 """Most models that `discover` fits in one call."""
 
 
@@ -107,7 +107,8 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
 
     Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so. An effect that
     an adequate model may not need is dropped; where the model is not adequate without it, it comes back, and that is
-    all. Where the mesh is too coarse, a finer one is taken.
+    all. So is one of no known form beside an effect that was added later, by which known effects may be seen: these
+    are then added in its place. Where the mesh is too coarse, a finer one is taken.
 
     Raises
     ------
@@ -121,18 +122,20 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         settings = load_settings(config)
         say(_told(read_record(model_folder(settings) / "rung.json", "model", "error", "simulations", "sentence")))
         diagnosis = read_record(model_folder(settings) / "diagnosis.json", "effects", "verdict")
-        if dropped and diagnosis["verdict"] != "adequate":
+        known = effects_of(Path(settings.study))
+        instead = bool(dropped) and known[dropped].probe and _names_known(diagnosis, known)
+        if dropped and diagnosis["verdict"] != "adequate" and not instead:
             say(f"without {dropped} the model is not adequate: {dropped} is taken back")
             write_text(config, adequate)
             dropped, done = "", "the last effect is taken back"
             continue
-        spare = diagnosis.get("spare", ())
+        spare = [*diagnosis.get("spare", ()), *_without_form(settings, known)]
         if spare and not diagnosis["effects"] and (dropped or not adequate):
             adequate, dropped, done = read_text(config), spare[0], "the last effect is dropped"
             say(f"{dropped} may not be needed beside the others: dropping it")
             say(drop(config, dropped))
             continue
-        if meshes < MESHES and _is_too_coarse(settings, diagnosis):
+        if meshes < MESHES and _is_too_coarse(known, diagnosis):
             try:
                 say(refine(config))
             except FingerfitError as error:
@@ -147,16 +150,26 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         if others:
             say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
         say(add(config, first))
-        if OUTLINE in settings.model.effects and effects_of(Path(settings.study))[first].moves_first:
+        if OUTLINE in settings.model.effects and known[first].moves_first:
             say(f"{first} says where the first picture shows the sides: {OUTLINE}, by which they lie there, is dropped")
             say(drop(config, OUTLINE))
         done = "the last effect is added"
     return say(f"stopped after {RUNGS} models; {done}, but not fitted anew: {run_again(config)}")
 
 
-def _is_too_coarse(settings: Settings, diagnosis: Mapping[str, Any]) -> bool:
+def _without_form(settings: Settings, known: Mapping[str, Effect]) -> list[str]:
+    """Effects of no known form in a model, beside others that were added later."""
+    return [name for name in list(settings.model.effects)[:-1] if known[name].probe]
+
+
+def _names_known(diagnosis: Mapping[str, Any], known: Mapping[str, Effect]) -> bool:
+    """Whether a diagnosis names an effect first that has a form."""
+    return bool(diagnosis["effects"]) and not known[diagnosis["effects"][0]].probe
+
+
+def _is_too_coarse(known: Mapping[str, Effect], diagnosis: Mapping[str, Any]) -> bool:
     """Whether a diagnosis blames the mesh of a model."""
-    blamed = effects_of(Path(settings.study)).get(diagnosis.get("numerics", ""))
+    blamed = known.get(diagnosis.get("numerics", ""))
     return blamed is not None and blamed.signal == MESH_ERROR
 
 

@@ -399,6 +399,33 @@ def test_discover_drops_what_is_not_needed_beside_a_later_effect(without, needed
     assert list(load_settings(config).model.effects) == (["tilt", "skin"] if needed else ["skin"])
 
 
+@pytest.mark.parametrize(
+    ("instead", "ends"),
+    [
+        (["gradient"], ["skin", "gradient"]),
+        (["state_probe"], ["stiffness_field", "skin"]),
+        ([], ["stiffness_field", "skin"]),
+    ],
+    ids=["a known effect", "no known form again", "nothing"],
+)
+def test_discover_looks_again_for_what_had_no_known_form(instead, ends, config, tmp_path, monkeypatch, capfd):
+    """Beside an effect that was added later, the first one may have a form that is known."""
+    write_text(tmp_path / "Snakefile", SNAKEFILE)
+    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
+    monkeypatch.setattr(call, "SHIPPED", tmp_path)
+    study, missing = tmp_path / "results/study", "missing" if instead else "unexplained"
+    rung(study, "base", ["stiffness_field"])
+    rung(study, "base+stiffness_field", ["skin"])
+    rung(study, "base+stiffness_field+skin")
+    rung(study, "base+skin", instead, verdict=missing)
+    rung(study, "base+skin+gradient")
+    assert main(["discover"]) == 0
+    said = capfd.readouterr().out
+    assert "stiffness_field may not be needed beside the others: dropping it" in said
+    assert ("taken back" in said) == (ends[0] == "stiffness_field")
+    assert list(load_settings(config).model.effects) == ends
+
+
 @pytest.mark.parametrize(("last", "done"), [("added", ["skin"]), ("dropped", [])])
 def test_discover_says_what_it_did_last_to_a_model_that_is_not_fitted(last, done, config, tmp_path, monkeypatch, capfd):
     write_text(tmp_path / "Snakefile", SNAKEFILE)

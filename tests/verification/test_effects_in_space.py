@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import LAYERS as PLANE
 from conftest import ROOT, phantom
+from scipy.spatial.transform import Rotation
 
 from fingerfit.core.files import write_text
 from fingerfit.deck.context import deck_context
@@ -261,7 +262,19 @@ def test_the_probe_of_the_observation_can_be_its_members(name, growing, k):
             its = f"{called}_{its}" if name == "stretched_in_space" else f"{called}_{its[-1]}"
         member = shifts({f"{name}.{own}": 0.01, f"{name}.growing": growing}, k)
         assert np.abs(member).max() > 0.002
-        assert shifts({f"observation_probe_in_space.{its}": 0.01}, k) == pytest.approx(member, abs=1e-12)
+        # a turn is to first order in the probe: half its square times half the diagonal is left
+        left = 0.5 * 0.01**2 * np.linalg.norm([WIDTH, WIDTH, 6.0]) / 2 if name == "turned_in_space" else 1e-12
+        assert shifts({f"observation_probe_in_space.{its}": 0.01}, k) == pytest.approx(member, abs=left)
+
+
+def test_volumes_turn_as_a_rigid_body_does():
+    vector, middle = np.array([0.08, -0.06, 0.1]), np.array([WIDTH, WIDTH, 6.0]) / 2
+    values = dict(zip(("about_x", "about_y", "about_z"), vector, strict=True))
+    for growing, share in ((0.0, 1.0), (1.0, 0.5)):
+        named = {f"turned_in_space.{own}": value for own, value in (values | {"growing": growing}).items()}
+        turned = Rotation.from_rotvec(share * vector).apply(MESH.points - middle) + middle
+        # the series ends at the fourth power of the angle, 0.14
+        assert shifts(named, 2) == pytest.approx(turned - MESH.points, abs=1e-5)
 
 
 def test_volumes_are_distorted_about_their_middle():
