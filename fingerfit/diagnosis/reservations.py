@@ -15,7 +15,7 @@ from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
-from fingerfit.diagnosis.worth import LARGEST, odds_after, threshold
+from fingerfit.diagnosis.worth import LARGEST, LIKELY_ENOUGH, odds_of_any, threshold
 from fingerfit.fit.far_off import far_off
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, LOADING, NUMERICS, Effect
@@ -211,11 +211,11 @@ def traced(
 
     With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance
     and out of the interval that the model without it has given, or lowers the error on held-out steps (on fitted ones,
-    where there are no others) by more than `MATTERS`. It is likely when the odds for it, against the model that
-    explains the data without it, are more than `SURE`; before it was seen, each of those that were tested had an equal
-    share of what speaks for any of them. Nor is it where what it explains is no more than the form of the effects that
-    the model has may be off by (`Form`); what a model leaves beyond the noise may be that as well, where the pictures
-    are explained. Where these differ by much (`loud`), nothing is a trace.
+    where there are no others) by more than `MATTERS`. What is named is likely when the odds that one of it is there,
+    against the model that explains the data without it, are more than `LIKELY_ENOUGH`; before it was seen, each of
+    those that were tested had an equal share of what speaks for any of them. Nor is it where what it explains is no
+    more than the form of the effects that the model has may be off by (`Form`); what a model leaves beyond the noise
+    may be that as well, where the pictures are explained. Where these differ by much (`loud`), nothing is a trace.
 
     Parameters
     ----------
@@ -248,12 +248,12 @@ def traced(
         return Verdict("adequate", (), f"{text}; a trace: {names}" if names else text, verdict.threshold)
     if verdict.kind == "unexplained":
         return verdict
-    odds = max(odds_after(one, score_test, ranking, tests, refits[one.candidate.effect.name]) for one in named)
+    odds = odds_of_any(named, score_test, ranking, tests, refits)
     text = f"{WITHIN}; "
     if not any(_matters(refits[name], base, tolerance, intervals or {}) for name in verdict.effects):
         far = "out of its interval" if intervals else f"by more than {100 * tolerance:g} %"
         text += f"beyond chance, but a trace that moves no constant {far}: {names}"
-    elif odds < SURE:
+    elif odds < LIKELY_ENOUGH:
         text += f"a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
     elif fall < (form.quiet if all(_is_quiet(one, refits, base) for one in named) else form.left):
         text += f"a trace, no more than what the form of the model's own effects may be off by: {names}"

@@ -125,7 +125,8 @@ def imitated(known: Tested) -> Ranked | None:
     """A member that may be one of two that the probe of its family imitates; None where none may be.
 
     In the first pass the probe is likelier than all others and explains enough, and its likeliest member a part of it:
-    what the probe does not explain, two of its members will not either.
+    what the probe does not explain, two of its members will not either. Where an effect of another family explains
+    enough alone, that comes first.
     """
     spread = spread_of(known.score_test.misfit, known.ranking, known.score_test.freedom)
     refitted = ((one, one.refitted) for one in known.ranking if one.refitted)
@@ -136,6 +137,8 @@ def imitated(known: Tested) -> Ranked | None:
     if not probe.candidate.effect.probe or first.share < ENOUGH:
         return None
     family = probe.candidate.effect.family
+    if any(there.share >= ENOUGH for one, there in others if one.candidate.effect.family != family):
+        return None
     kin = (one for one, there in others if one.candidate.effect.family == family and there.share >= PART)
     return next(kin, None)
 

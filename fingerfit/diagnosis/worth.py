@@ -15,6 +15,9 @@ SEEN, SEEN_OF_FEW = 0.02, 0.002
 alone, all signals are alike, and refits, which decide, cost little."""
 FEW = 50
 """Number of values up to which they are few."""
+LIKELY_ENOUGH = 3.0
+"""Logarithm of the odds from which something is missing in a model that explains the data: 20 to 1, as for a 95 %
+interval."""
 TRIED = 4
 """Effects that are refitted at once."""
 LARGEST = 0.5
@@ -39,8 +42,9 @@ def to_refit(
     """Effects that are worth a refit: beyond chance, seen by the data, among the best, no matter of the solver's.
 
     Where some are `known` and did not explain it, the next best: far from the truth predictions from slopes rank
-    roughly. Those that only slopes speak for take no place of those that the first pass has refitted. None where the
-    model explains the data and the first pass is sure of no other one.
+    roughly. Those that only slopes speak for take no place of those that the first pass has refitted. Members of the
+    best one's family that are as likely in the first pass come beside them. None where the model explains the data and
+    the first pass is sure of no other one.
     """
     if explains(score_test) and not _sure(score_test, ranking, tests):
         return []
@@ -51,6 +55,7 @@ def to_refit(
         and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         and one.finding.visible > _seen(score_test)
     ]
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     parts = [[one for one in found if bool(one.refitted) == refitted] for refitted in (True, False)]
     if known:
         left = [[one for one in part if one.candidate.effect.name not in known] for part in parts]
@@ -60,13 +65,21 @@ def to_refit(
         left = [
             [one for one in part if one.finding.fall > LARGE * fall] for part, fall in zip(parts, most, strict=True)
         ]
-    return [one for one in found if any(one is other for part in left for other in part[:TRIED])]
+    chosen = [one for part in left for one in part[:TRIED]]
+    chosen += [one for part in left for one in part[TRIED:] if _tied(one, part[0], spread)]
+    return [one for one in found if any(one is other for other in chosen)]
+
+
+def _tied(one: Ranked, best: Ranked, spread: float) -> bool:
+    """Whether the first pass cannot tell an effect from the best one, which is of the same family."""
+    kin = one.candidate.effect.family == best.candidate.effect.family
+    return kin and best.odds(spread) - one.odds(spread) < SURE
 
 
 def _sure(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int) -> bool:
-    """Whether the odds of an effect are above `SURE` after so many tests, or are not known from a first pass."""
-    odds = [odds_after(one, score_test, ranking, tests) for one in ranking if one.refitted]
-    return not odds or max(odds) >= SURE
+    """Whether an effect is `LIKELY_ENOUGH` after so many tests, or their odds are not known from a first pass."""
+    known = [one for one in ranking if one.refitted]
+    return not known or odds_of_any(known, score_test, ranking, tests) >= LIKELY_ENOUGH
 
 
 def odds_after(
@@ -80,6 +93,21 @@ def odds_after(
 
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     return one.odds(spread, refit.fall if refit else None) - float(log(max(tests, 1)))
+
+
+def odds_of_any(
+    those: Sequence[Ranked],
+    score_test: ScoreTest,
+    ranking: Sequence[Ranked],
+    tests: int,
+    refits: Mapping[str, Refit] | None = None,
+) -> float:
+    """Logarithm of the odds that one of several effects is there, whichever it is: the sum of their odds."""
+    from numpy import logaddexp
+
+    known = refits or {}
+    odds = [odds_after(one, score_test, ranking, tests, known.get(one.candidate.effect.name)) for one in those]
+    return float(logaddexp.reduce(odds))
 
 
 def _seen(score_test: ScoreTest) -> float:

@@ -397,6 +397,19 @@ def test_effects_worth_a_refit(world):
     assert to_refit(score_test, blind, TESTS) == []
 
 
+def test_all_members_of_a_family_that_are_as_likely_are_refitted(world):
+    """Of another family, or far less likely, no more than a few."""
+    score_test = world.score_test(10 * world.signal(0))
+    alike = {name: world.signal(0) for name in ("relaxation", "force_offset", "ageing", "onset", "guide_friction")}
+    less = np.sqrt(0.5) * (world.signal(0) + world.signal(1))
+    ranking = world.ranking(score_test, **alike, soft_frame=less, tilt=world.signal(0))
+    chosen = {one.candidate.effect.name for one in to_refit(score_test, ranking, TESTS)}
+    of_loading = {name for name in alike if EFFECTS[name].family == "loading"}
+    assert len(of_loading) > TRIED
+    assert of_loading <= chosen
+    assert "soft_frame" not in chosen
+
+
 def test_the_threshold_is_that_of_chance(world, rng):
     score_test = world.score_test(0 * world.signal(0))
     limit = threshold(score_test, [], TESTS)
@@ -732,15 +745,31 @@ def test_without_held_out_steps_the_fitted_ones_tell():
         assert verdict.kind == kind
 
 
-@pytest.mark.parametrize(("misfit", "tests", "kind"), [(1.0, 1, "missing"), (1.0, 3, "adequate"), (9.0, 3, "missing")])
+@pytest.mark.parametrize(
+    ("misfit", "tests", "kind"), [(1.0, 12, "missing"), (1.0, 13, "adequate"), (9.0, 13, "missing")]
+)
 def test_what_is_not_likely_after_as_many_tests_is_a_trace(misfit, tests, kind):
-    """Odds of 245 to 1 for one effect are 82 to 1 for the best of three; a model that leaves much needs none."""
+    """Odds of 245 to 1 for one effect are 19 to 1 for the best of thirteen, and 20 are needed; a model that leaves much needs none."""
     score_test = SimpleNamespace(misfit=100.0 * misfit, freedom=100, common_misfit=0.0, common_freedom=0)
     base = Refit(100.0 * misfit, 100, 1.0, 1.0, {"mu_top": 0.1})
     refits = {"tilt": Refit(60.0, 99, 0.9, 0.9, {"mu_top": 0.2})}
     verdict = traced(Verdict("missing", ("tilt",), "", 12.0), score_test, [likely(5.5)], refits, base, 0.02, tests)
     assert verdict.kind == kind
-    assert ("odds of only 82 to 1 for it after 3 tests" in verdict.sentence) == (kind == "adequate")
+    assert ("odds of only 19 to 1 for it after 13 tests" in verdict.sentence) == (kind == "adequate")
+
+
+@pytest.mark.parametrize(("tests", "kind"), [(13, "missing"), (24, "missing"), (25, "adequate")])
+def test_the_odds_of_effects_that_are_named_together_add_up(tests, kind):
+    """One of two is there with twice the odds of each of them."""
+    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
+    base = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1})
+    refits = {name: Refit(60.0, 99, 0.9, 0.9, {"mu_top": 0.2}) for name in ("tilt", "wall")}
+    given = Verdict("indistinguishable", ("tilt", "wall"), "", 12.0)
+    ranking = [likely(5.5), likely(5.5, "wall")]
+    assert (
+        traced(given, score_test, ranking, refits, base, 0.02, tests).kind.replace("indistinguishable", "missing")
+        == kind
+    )
 
 
 @pytest.mark.parametrize(
