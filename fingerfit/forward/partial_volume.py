@@ -87,7 +87,7 @@ def _near_outline(picture: np.ndarray, way: BackwardMap, sigma: float, noise: fl
     body = np.zeros(way.shape, dtype=np.float32)
     body.ravel()[way.pixel[~way.beside]] = 1.0
     near = np.abs(smooth(body[window], sigma) - 0.5) < _WITHIN
-    steep: np.ndarray = sum(np.square(slope) for slope in np.gradient(picture[window].astype(float)))
+    steep: np.ndarray = sum(np.square(slope) for slope in np.gradient(picture[window]))
     # as far as a spline carries an edge, whose line is about a pixel wide
     steep = smooth(steep, sigma) * np.sqrt(2 * np.pi) * sigma
     unsure = steep * UNKNOWN**2 / (2.0 * noise**2)
