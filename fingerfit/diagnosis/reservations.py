@@ -306,7 +306,7 @@ def doubted(verdict: Verdict, error: float, held_out: float | None, freedom: int
 def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect, unknown: bool = False) -> Verdict:
     """The verdict, and a finer mesh where what is expected of this one is why the pictures still differ by much.
 
-    Then nothing of no known form is named either: the error of the mesh is known to be there.
+    `discover` takes one, also where the model is adequate. Then nothing of no known form is named either: the error of the mesh is known to be there.
 
     Parameters
     ----------
@@ -324,7 +324,7 @@ def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect
     wrong, cure = cure_of(effect)
     if verdict.kind != "adequate":
         return Verdict("unexplained", (), f"{wrong}: {made}{CURE}{cure}", verdict.threshold, NUMERICS, effect.name)
-    return replace(verdict, sentence=f"{verdict.sentence}; {made}{CURE}{cure}")
+    return replace(verdict, sentence=f"{verdict.sentence}; {made}{CURE}{cure}", numerics=effect.name)
 
 
 def far_off_of(test: Comparison) -> str:

@@ -438,15 +438,17 @@ def test_discover_says_what_it_did_last_to_a_model_that_is_not_fitted(last, done
     assert f"stopped after 2 models; the last effect is {last}, but not fitted anew" in capfd.readouterr().out
 
 
-@pytest.mark.parametrize("refuses", [False, True])
-def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(refuses, config, tmp_path, monkeypatch, capfd):
+@pytest.mark.parametrize(("refuses", "verdict"), [(False, "unexplained"), (True, "unexplained"), (False, "adequate")])
+def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(
+    refuses, verdict, config, tmp_path, monkeypatch, capfd
+):
     """At most twice; a mesh that cannot be changed stays, and the verdict with it."""
     write_text(tmp_path / "Snakefile", SNAKEFILE)
     write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
     monkeypatch.setattr(call, "SHIPPED", tmp_path)
     if refuses:
         write_text(config, CONFIG.replace("across: 3", "across: 600"))
-    rung(tmp_path / "results/study", "base", verdict="unexplained", numerics="coarse_mesh")
+    rung(tmp_path / "results/study", "base", verdict=verdict, numerics="coarse_mesh")
     assert main(["discover"]) == 0
     said = [line for line in capfd.readouterr().out.splitlines() if "error 2" not in line]
     if refuses:

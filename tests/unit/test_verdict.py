@@ -233,6 +233,7 @@ def test_a_mesh_that_makes_the_pictures_differ_is_to_be_finer(error, at_least, t
     )
     assert found.sentence.startswith("so it is" + made * told)
     assert (found is verdict) is not told
+    assert (found.kind, found.numerics) == ("adequate", "coarse_mesh" if told else "")
     missing = replace(verdict, kind="missing")
     assert loud_by_mesh(missing, error, at_least, EFFECTS["coarse_mesh"]) is missing
     # what is of no known form may be the mesh's: the answer is a finer one first
