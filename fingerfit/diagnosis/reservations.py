@@ -306,7 +306,8 @@ def doubted(verdict: Verdict, error: float, held_out: float | None, freedom: int
 def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect, unknown: bool = False) -> Verdict:
     """The verdict, and a finer mesh where what is expected of this one is why the pictures still differ by much.
 
-    `discover` takes one, also where the model is adequate. Then nothing of no known form is named either: the error of the mesh is known to be there.
+    `discover` takes one, also where the model is adequate. Then nothing of no known form is named either: the error of
+    the mesh is known to be there.
 
     Parameters
     ----------
