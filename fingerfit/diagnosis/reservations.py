@@ -215,7 +215,8 @@ def traced(
     against the model that explains the data without it, are more than `LIKELY_ENOUGH`; before it was seen, each of
     those that were tested had an equal share of what speaks for any of them. Nor is it where what it explains is no
     more than the form of the effects that the model has may be off by (`Form`); what a model leaves beyond the noise
-    may be that as well, where the pictures are explained. Where these differ by much (`loud`), nothing is a trace.
+    may be that as well, where the pictures are explained; or what neither matters nor acts on the loading. Where these
+    differ by much (`loud`), nothing is a trace.
 
     Parameters
     ----------
@@ -241,21 +242,28 @@ def traced(
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     names = " or ".join(one.candidate.effect.title for one in named)
     fall = max((refits[name].fall for name in verdict.effects), default=0.0)
+    matter = any(_matters(refits[name], base, tolerance, intervals or {}) for name in verdict.effects)
+    far = "out of its interval" if intervals else f"by more than {100 * tolerance:g} %"
+    quiet = all(_is_quiet(one, refits, base) for one in named)
     if not explains(score_test):
-        if max(excess(score_test), fall) >= form.left:
+        if max(excess(score_test), fall) < form.left:
+            text = "the model leaves no more than what the form of its own effects may be off by"
+            text += f"; a trace: {names}" if names else ""
+        elif named and not matter and quiet and form.left > 0:
+            text = f"the model leaves little beside its effects: a trace that moves no constant {far} and hardly"
+            text += f" lowers the error: {names}"
+        else:
             return verdict
-        text = "the model leaves no more than what the form of its own effects may be off by"
-        return Verdict("adequate", (), f"{text}; a trace: {names}" if names else text, verdict.threshold)
+        return Verdict("adequate", (), text, verdict.threshold)
     if verdict.kind == "unexplained":
         return verdict
     odds = odds_of_any(named, score_test, ranking, tests, refits)
     text = f"{WITHIN}; "
-    if not any(_matters(refits[name], base, tolerance, intervals or {}) for name in verdict.effects):
-        far = "out of its interval" if intervals else f"by more than {100 * tolerance:g} %"
+    if not matter:
         text += f"beyond chance, but a trace that moves no constant {far}: {names}"
     elif odds < LIKELY_ENOUGH:
         text += f"a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
-    elif fall < (form.quiet if all(_is_quiet(one, refits, base) for one in named) else form.left):
+    elif fall < (form.quiet if quiet else form.left):
         text += f"a trace, no more than what the form of the model's own effects may be off by: {names}"
     else:
         return verdict

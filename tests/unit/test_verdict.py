@@ -717,6 +717,28 @@ def test_beside_effects_a_quiet_one_may_be_their_form(name, signal, fitted, kind
 
 
 @pytest.mark.parametrize(
+    ("name", "signal", "after", "constant", "kind"),
+    [
+        ("tilt", 9000.0, 1.06, 0.101, "adequate"),
+        ("tilt", 0.0, 1.06, 0.101, "missing"),  # the model has no effects
+        ("tilt", 9000.0, 1.04, 0.101, "missing"),  # it lowers the error
+        ("tilt", 9000.0, 1.06, 0.103, "missing"),  # it moves a constant
+        ("onset", 9000.0, 1.06, 0.101, "missing"),  # it acts on the loading alone, where few values are
+    ],
+)
+def test_beside_effects_what_does_not_matter_is_a_trace_also_where_the_data_are_not_explained(
+    name, signal, after, constant, kind
+):
+    score_test = SimpleNamespace(misfit=1300.0, freedom=1000, common_misfit=27.0, common_freedom=27)
+    base = Refit(1300.0, 1000, 1.1, 1.1, {"mu_top": 0.1})
+    refits = {name: Refit(1000.0, 999, after, after, {"mu_top": constant}, fall=300.0)}
+    given = Verdict("missing", (name,), "", 12.0)
+    found = traced(given, score_test, [likely(20.0, name)], refits, base, 0.02, 20, form=Form(signal))
+    assert found.kind == kind
+    assert ("leaves little beside its effects" in found.sentence) == (kind == "adequate")
+
+
+@pytest.mark.parametrize(
     ("found", "signal", "fitted", "kind"),
     [
         ("missing", 25000.0, 1.1, "adequate"),
