@@ -78,7 +78,7 @@ class Discrepancy:
         nothing = Prediction(data.measured, np.zeros(len(data.response_step)), np.zeros_like(data.points_displacement))
         counts = {kind: float(own.size) for kind, own in deviations_by_kind(nothing, data).items()}
         if data.measured.size and data.picture_noise > 0:
-            counts["pictures"] = data.measured.size * share_alone(data.smooth, len(sizes))
+            counts["pictures"] = _noisy_pixels(data, sizes) * share_alone(data.smooth, len(sizes))
         errors = {"response": float(1 + data.lateral_force.shape[1])}
         return cls({kind: Kind(count, min(count, errors.get(kind, places))) for kind, count in counts.items()})
 
@@ -112,3 +112,10 @@ class Discrepancy:
             points_noise=data.points_noise * points,
             points_covariance=data.points_covariance * points**2,
         )
+
+
+def _noisy_pixels(data: Data, sizes: np.ndarray) -> float:
+    """Pixels of all pictures; beside a body of these sizes, mm, they count half: one picture is noisy there, not two."""
+    whole = float(data.measured[0].size)
+    shown = min(whole, float(np.prod(sizes / data.spacing)))
+    return len(data.measured) * (whole + shown) / 2

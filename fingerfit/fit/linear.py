@@ -78,7 +78,7 @@ class LinearModel:
             return self._similarity(data, bins, offset)
         base = self.base if offset is None else self.base + offset
         pictures, others = weights(kind, data)
-        middle, gradient, curvature = self._squares(base.pictures - data.measured, kind, pictures)
+        middle, gradient, curvature = self._squares(base.pictures - data.measured, data, kind, pictures)
         if others:
             away = deviations(base, data)
             columns = np.array([deviations(base + slope, data) - away for slope in self.slopes])
@@ -122,8 +122,8 @@ class LinearModel:
         """Chi-square of each kind of data, as `fingerfit.forward.score.chi_square`, as a function of delta."""
         found: dict[str, Objective] = {}
         if data.measured.size and data.picture_noise > 0:
-            squares = self._squares(self.base.pictures - data.measured, "likelihood", 0.5 / data.picture_noise**2)
-            found["pictures"] = Objective.quadratic(*squares)
+            left, factor = self.base.pictures - data.measured, 0.5 / data.picture_noise**2
+            found["pictures"] = Objective.quadratic(*self._squares(left, data, "likelihood", factor))
         by_slope = [deviations_by_kind(self.base + slope, data) for slope in self.slopes]
         for kind, away in deviations_by_kind(self.base, data).items():
             columns = np.array([own[kind] - away for own in by_slope])
@@ -149,13 +149,13 @@ class LinearModel:
 
         return at
 
-    def _squares(self, left: np.ndarray, kind: str, factor: float) -> tuple[float, np.ndarray, np.ndarray]:
+    def _squares(self, left: np.ndarray, data: Data, kind: str, factor: float) -> tuple[float, np.ndarray, np.ndarray]:
         """Sum of the squares of a difference of pictures, half its slopes and half its curvature, times a factor."""
         middle, gradient = _inner(left, left), np.array([_inner(left, slope.pictures) for slope in self.slopes])
         products, partial = self._products, self.base.partial
         if partial and kind == "likelihood":
             own = partial.read(left)
-            middle -= partial.missing(own, own)
+            middle += partial.expected(data) - partial.missing(own, own)
             gradient = gradient - partial.missing(self._partial, own)
             products = products - partial.missing(self._partial, self._partial.T)
         return factor * middle, factor * gradient, factor * products

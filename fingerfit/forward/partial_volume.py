@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fingerfit.imaging.preprocess import smooth
+from fingerfit.imaging.similarity import share_alone
 from fingerfit.imaging.warp import BackwardMap
 from fingerfit.study.data import Data
 
@@ -63,6 +64,11 @@ class PartialVolume:
     def missing(self, one: np.ndarray, other: np.ndarray) -> Any:
         """By how much sums of products are less than without the weights, of shapes ([many,] pixels[, many])."""
         return (one * (1.0 - self.weight)) @ other
+
+    def expected(self, data: Data) -> float:
+        """Sum of squares that noise gives on average where they do not count: what they lack is no gain of a guess."""
+        alone = share_alone(data.smooth, data.measured.ndim - 1)
+        return float(2.0 * data.picture_noise**2 * alone * np.sum(1.0 - self.weight))
 
     def noise(self, noise: float, rng: np.random.Generator) -> np.ndarray:
         """A draw of what makes them count less, beside a noise of both pictures, shape (pixels,)."""

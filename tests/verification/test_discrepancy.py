@@ -193,6 +193,8 @@ def test_it_is_one_of_a_likelihood(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("hidden", [{}, DESCRIPTION["effects"]], ids=["nothing", "a lump"])
 def test_pictures_count_less_where_something_hidden_shows_in_them(tmp_path, hidden):
+    """What the lump leaves beyond the noise, 290 of 32 values, makes them count a tenth; at the outline they do not count
+    (decision 44), where nearly all of what it left before was."""
     config = config_of(written(tmp_path, study={"control": "displacement"}, effects=hidden), SMALL)
     config["fit"] |= {"score": "likelihood", "discrepancy": "estimate"}
     (told,) = (
@@ -200,4 +202,4 @@ def test_pictures_count_less_where_something_hidden_shows_in_them(tmp_path, hidd
     )
     assert "response 100 %" in told
     share = float(told.partition("pictures ")[2].rstrip(" %"))
-    assert share < 5 if hidden else share == 100
+    assert share < 20 if hidden else share == 100

@@ -41,7 +41,7 @@ def test_the_region_is_what_is_missing_and_its_constants_are_right(tmp_path):
     described["body"]["regions"] = [{"name": "patch", "outline": OUTLINE}]
     write_json(study / "study.yaml", described)
     given = config_of(study)
-    sizes = {"mesh": 8, "refined": 13}
+    sizes = {"mesh": 12, "refined": 20}
     given["model"] |= {name: {"element": "CPE8", "across": n, "per_layer": n} for name, n in sizes.items()}
     given["model"]["parameters"] = {"mu": {"unit": "MPa", "start": 0.05, "lower": 0.01, "upper": 0.3}}
     given["fit"] |= {"score": "likelihood", "stages": [{"name": "fit", "kind": "least_squares", "tolx": 1e-3}]}
