@@ -115,7 +115,7 @@ class Discrepancy:
 
 
 def _noisy_pixels(data: Data, sizes: np.ndarray) -> float:
-    """Pixels of all pictures; beside a body of these sizes, mm, they count half: one picture is noisy there, not two."""
+    """Pixels of all pictures; beside a body of these sizes, mm, they count half: one picture is noisy there."""
     whole = float(data.measured[0].size)
     shown = min(whole, float(np.prod(sizes / data.spacing)))
     return len(data.measured) * (whole + shown) / 2
