@@ -155,7 +155,7 @@ class LinearModel:
         products, partial = self._products, self.base.partial
         if partial and kind == "likelihood":
             own = partial.read(left)
-            middle += partial.expected(data) - partial.missing(own, own)
+            middle -= partial.lacks(own, data)
             gradient = gradient - partial.missing(self._partial, own)
             products = products - partial.missing(self._partial, self._partial.T)
         return factor * middle, factor * gradient, factor * products

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.imaging.preprocess import smooth
+from fingerfit.imaging.preprocess import reach_of, smooth
 from fingerfit.imaging.similarity import share_alone
 from fingerfit.imaging.warp import BackwardMap
 from fingerfit.study.data import Data
@@ -65,10 +65,13 @@ class PartialVolume:
         """By how much sums of products are less than without the weights, of shapes ([many,] pixels[, many])."""
         return (one * (1.0 - self.weight)) @ other
 
-    def expected(self, data: Data) -> float:
-        """Sum of squares that noise gives on average where they do not count: what they lack is no gain of a guess."""
+    def lacks(self, own: np.ndarray, data: Data) -> float:
+        """By how much the sum of squares of a difference, shape (pixels,), is less than without the weights.
+
+        What noise gives on average is put back, so that a guess gains nothing by more of such pixels.
+        """
         alone = share_alone(data.smooth, data.measured.ndim - 1)
-        return float(2.0 * data.picture_noise**2 * alone * np.sum(1.0 - self.weight))
+        return float(self.missing(own, own) - 2.0 * data.picture_noise**2 * alone * np.sum(1.0 - self.weight))
 
     def noise(self, noise: float, rng: np.random.Generator) -> np.ndarray:
         """A draw of what makes them count less, beside a noise of both pictures, shape (pixels,)."""
@@ -85,11 +88,9 @@ class PartialVolume:
 
 def _near_outline(picture: np.ndarray, way: BackwardMap, sigma: float, noise: float) -> tuple[np.ndarray, np.ndarray]:
     """Flat indices of such pixels of a picture, and what they count."""
-    place = np.unravel_index(way.pixel, way.shape)
     if not len(way.pixel):
         return np.zeros(0, int), np.zeros(0)
-    wide = int(4 * sigma) + 2
-    window = tuple(slice(max(0, int(p.min()) - wide), int(p.max()) + wide + 1) for p in place)
+    window = way.window(2 * reach_of(sigma))
     body = np.zeros(way.shape, dtype=np.float32)
     body.ravel()[way.pixel[~way.beside]] = 1.0
     near = np.abs(smooth(body[window], sigma) - 0.5) < _WITHIN

@@ -117,8 +117,7 @@ def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
         left = prediction.pictures - data.measured
         squares = float(np.sum(left**2))
         if prediction.partial:
-            own = prediction.partial.read(left)
-            squares += prediction.partial.expected(data) - prediction.partial.missing(own, own)
+            squares -= prediction.partial.lacks(prediction.partial.read(left), data)
         total["pictures"] = squares / (2.0 * data.picture_noise**2)
     return total | {kind: float(np.sum(own**2)) for kind, own in deviations_by_kind(prediction, data).items()}
 

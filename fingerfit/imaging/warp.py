@@ -65,6 +65,11 @@ class BackwardMap:
     overlaps: int = 0
     folded: bool = False
 
+    def window(self, margin: int) -> tuple[slice, ...]:
+        """The part of the picture that has all of these pixels, and a margin of others; there must be some."""
+        place = np.unravel_index(self.pixel, self.shape)
+        return tuple(slice(max(0, int(p.min()) - margin), int(p.max()) + margin + 1) for p in place)
+
 
 def backward_map(mesh: Mesh, displacement: np.ndarray, frame: Picture, margin: float = 0.0) -> BackwardMap:
     """Map of the pixels of `frame` back to the reference state.
@@ -293,9 +298,7 @@ def warp(
     picture = flat.reshape(way.shape)
     if sigma > 0 and len(way.pixel):
         # all else is background and stays as it is
-        place = np.unravel_index(way.pixel, way.shape)
-        reach = reach_of(sigma)
-        window = tuple(slice(max(0, int(p.min()) - 2 * reach), int(p.max()) + 2 * reach + 1) for p in place)
+        window = way.window(2 * reach_of(sigma))
         picture[window] = smooth(picture[window], sigma)
     return picture
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from seeds import generator
+from seeds import generator, seed_of
 
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.replicates import Replicates
@@ -101,7 +101,7 @@ def test_all_ways_of_summing_agree():
 
 def test_repetitions_have_the_error_that_the_pixels_are_said_to_have():
     model, data, maps = fitted(generator(6), likely=True)
-    drawn = Replicates(model, data, maps, "likelihood", 16, 6)
+    drawn = Replicates(model, data, maps, "likelihood", 16, seed_of(6))
     slopes = np.array([drawn.draw().gradient(np.zeros(1))[0] for _ in range(300)])
     # the standard deviation of 300 draws is known to 4 %; the noise carried along is blurred by the spline
     assert slopes.std() == pytest.approx((1.0 / away(model, data)[1]), rel=0.25)
