@@ -152,15 +152,14 @@ class System:
         return touched
 
     def _prepare(self) -> None:
-        """Where each entry of the element stiffnesses goes: first to pairs of nodes, then to the matrix."""
+        """Where each entry of the element stiffnesses goes in the matrix, by pairs of nodes, and what it counts."""
         self._prepared = True
         unknowns = self.unknown if self.simple else np.arange(self.size)
         count = len(self.free) if self.simple else self.size
         self._count = count
         if not self.bodies:
-            self._place, self._row, self._kept = np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0, int)
-            self._position, self._scale, self._pointers = self._kept, None, np.zeros(count + 1, np.int32)
-            self._pattern = Pattern(self._place, count)
+            self._row, self._pointers = np.empty(0, np.int32), np.zeros(count + 1, np.int32)
+            self._pattern = Pattern(np.empty(0, np.int64), count)
             return
         dim = self.bodies[0].dim
         nodes = [body.dofs[:, ::dim] // dim for body in self.bodies]
@@ -174,16 +173,19 @@ class System:
             here = at[first : first + part.size].reshape(part.shape) * dim**2
             first += part.size
             places.append((here[:, :, None, :, None] + axes[:, None, None] * dim + axes).ravel())
-        self._place, self._size = np.concatenate(places), len(unique) * dim**2
         shape = (len(unique), dim, dim)
         row = np.broadcast_to(((unique // many) * dim)[:, None, None] + axes[:, None], shape).ravel()
         column = np.broadcast_to(((unique % many) * dim)[:, None, None] + axes, shape).ravel()
         scale = self.factor[row] * self.factor[column]
         row, column = unknowns[row], unknowns[column]
-        self._kept = np.flatnonzero((row >= 0) & (column >= 0))
-        self._scale = None if np.all(scale[self._kept] == 1.0) else scale[self._kept]
-        keys = column[self._kept].astype(np.int64) * count + row[self._kept]
-        final, self._position = np.unique(keys, return_inverse=True)
+        kept = np.flatnonzero((row >= 0) & (column >= 0))
+        keys = column[kept].astype(np.int64) * count + row[kept]
+        final, position = np.unique(keys, return_inverse=True)
+        # what is for no unknown comes behind all others
+        target = np.full(len(row), len(final))
+        target[kept] = position
+        self._places = [target[part] for part in places]
+        self._scales = [None] * len(places) if np.all(scale[kept] == 1.0) else [scale[part] for part in places]
         self._pattern = Pattern(final, count)
         self._row, self._pointers = self._pattern.rows, self._pattern.pointers
         if self.simple and 0 < count < LARGE:
@@ -304,11 +306,11 @@ class System:
             self._prepare()
         data: np.ndarray = np.empty(0)
         if self.bodies:
-            values = np.concatenate([block.ravel() for block in evaluation.blocks])
-            data = np.bincount(self._place, weights=values, minlength=self._size)[self._kept]
-            if self._scale is not None:
-                data = data * self._scale
-            data = np.bincount(self._position, weights=data, minlength=len(self._row))
+            data = np.zeros(len(self._row) + 1)
+            for block, place, scale in zip(evaluation.blocks, self._places, self._scales, strict=True):
+                values = block.ravel() if scale is None else block.ravel() * scale
+                data += np.bincount(place, weights=values, minlength=len(data))
+            data = data[:-1]
         entries = [(e.values, e.rows, e.columns) for e in evaluation.extra if len(e.values)]
         if self._levels is not None and not entries:
             return data
