@@ -19,7 +19,7 @@ from running import ROOT, machine
 from fingerfit.anatomy.finger import finger_mesh
 from fingerfit.forward.predict import MARGIN
 from fingerfit.imaging.pictures import Picture
-from fingerfit.imaging.similarity import nmi, ssd
+from fingerfit.imaging.similarity import nmi
 from fingerfit.imaging.warp import _search, _winners, backward_map, spline_coefficients, warp
 from fingerfit.mesh.blocks import brick
 from fingerfit.mesh.mesh import Mesh
@@ -94,7 +94,8 @@ def measure(kind: str, cells: tuple[int, int, int], voxels: tuple[int, int, int]
     coefficients = spline_coefficients(values).astype(np.float32)
     found, way = best(lambda: backward_map(mesh, u, frame, MARGIN), 5)
     warped, picture = best(lambda: warp(coefficients, 0.0, way, 1.0), 5)
-    scores = [best(lambda: ssd(picture, values), 5)[0], best(lambda: nmi(picture, values, 32, limits=(0.0, 1.0)), 5)[0]]
+    squared = best(lambda: float(np.mean((picture - values) ** 2)), 5)[0]
+    scores = [squared, best(lambda: nmi(picture, values, 32, limits=(0.0, 1.0)), 5)[0]]
     whole = found + warped + scores[0]
     other, ratio, difference = "", "", ""
     if max(voxels) <= 128:

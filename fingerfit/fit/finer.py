@@ -13,10 +13,11 @@ import numpy as np
 
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.forward.predict import Predictor
+from fingerfit.forward.predict import Predictor, positions
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh.flat import is_flat
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.study.data import Data
 
@@ -56,9 +57,10 @@ def as_on_finer_mesh(problem: InverseProblem, asked: Asked, data: Data) -> Outco
 def has_snapped(problem: InverseProblem, asked: Asked) -> bool:
     """Whether a guess on the finer mesh, which has a solution, goes through a plate in a picture as the body does not.
 
-    At some step it does by more than a pixel, where the mesh of the search does not; and the picture of that step is
-    nearer both to the mesh of the search and to that with what the finer one changed in the steps before. No body goes
-    through a plate; but neither data nor decks that know nothing of contact beside the glued face need to know that.
+    At some step it does by more than a pixel, where the mesh of the search does not; and beyond the plate the picture
+    of that step is nearer both to the mesh of the search and to that with what the finer one changed in the steps
+    before. No body goes through a plate; but neither data nor decks that know nothing of contact beside the glued face
+    need to know that.
     """
     twin = problem.ask(asked.values)
     if not problem.is_solved(twin) or problem.answer(twin.sim).status != CONVERGED:
@@ -126,22 +128,40 @@ def _snaps(problem: InverseProblem, asked: Asked, coarse: Outcome, fine: Outcome
     before = _continued(problem, coarse, fine, data, step)
     if before is None or _through(problem.meshes[SEARCH], coarse.displacement[step]) > pixel:
         return False
+    # a guess is the best one for the mesh of the search: anywhere else its pictures say nothing of the plate
     seen, left = problem.seen(asked.values), list[float]()
+    predictors = {mesh: Predictor(data, problem.meshes[mesh]) for mesh in (REFINED, SEARCH)}
+    beyond = _beyond(predictors[REFINED], fine, step, seen)
     for mesh, outcome in ((REFINED, fine), (SEARCH, before), (SEARCH, coarse)):
-        predictor = Predictor(data, problem.meshes[mesh])
+        predictor = predictors[mesh]
         shown = predictor.picture(predictor.map_at(outcome, step, seen), step, seen)
-        left.append(float(np.sum((shown - data.measured[number]) ** 2)))
+        left.append(float(np.sum((shown - data.measured[number]).ravel()[beyond] ** 2)))
     return left[0] > max(left[1:])
+
+
+def _beyond(predictor: Predictor, outcome: Outcome, step: int, seen: Observation | None) -> np.ndarray:
+    """Flat indices of the pixels of a body that lie beyond its plates in the picture of a step."""
+    way = predictor.map_at(outcome, step, seen)
+    height = positions(predictor.frame, way.pixel)[-1]
+    plates = _plates(*predictor.body_at(outcome, step, seen))
+    outside = np.any([side * height > end for side, end in plates], axis=0)
+    return np.asarray(way.pixel[outside & ~way.beside])
 
 
 def _through(mesh: Mesh, displacement: np.ndarray) -> float:
     """How far a body goes through the plates at its flat base and top, mm; 0 where it does not, or has none."""
     nodes = mesh.nodes_of(np.arange(mesh.element_count))
-    found, height = 0.0, mesh.points[nodes, -1] + displacement[nodes, -1]
-    for name, way in (("BOTTOM", -1.0), ("TOP", 1.0)):
+    height = mesh.points[nodes, -1] + displacement[nodes, -1]
+    return max([0.0, *(float((side * height).max()) - end for side, end in _plates(mesh, displacement))])
+
+
+def _plates(mesh: Mesh, displacement: np.ndarray) -> list[tuple[float, float]]:
+    """The plates at a flat base and top: below (-1) or above (1) the body, and their height times that, mm."""
+    found = []
+    for name, side in (("BOTTOM", -1.0), ("TOP", 1.0)):
         if is_flat(mesh, name):
-            plate = mesh.points[mesh.node_sets[name], -1] + displacement[mesh.node_sets[name], -1]
-            found = max(found, float((way * height).max() - (way * plate).max()))
+            nodes = mesh.node_sets[name]
+            found.append((side, float((side * (mesh.points[nodes, -1] + displacement[nodes, -1])).max())))
     return found
 
 

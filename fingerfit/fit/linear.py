@@ -78,7 +78,7 @@ class LinearModel:
             return self._similarity(data, bins, offset)
         base = self.base if offset is None else self.base + offset
         pictures, others = weights(kind, data)
-        middle, gradient, curvature = self._squares(base.pictures - data.measured, data, kind, pictures)
+        middle, gradient, curvature = self._squares(base.pictures - data.measured, data, pictures)
         if others:
             away = deviations(base, data)
             columns = np.array([deviations(base + slope, data) - away for slope in self.slopes])
@@ -94,8 +94,10 @@ class LinearModel:
         base = self.base if offset is None else self.base + offset
         keeps = data.measured.ndim < IN_SPACE
         moving = moved_pixels(self.slopes) if keeps else np.ones(data.measured.shape[1:], dtype=bool)
+        sure = base.partial.sure(base.pictures.shape) if base.partial else [None] * len(base.pictures)
         make = [
-            partial(Similar, *pair, moving, bins, LIMITS) for pair in zip(data.measured, base.pictures, strict=True)
+            partial(Similar, one, other, moving, bins, LIMITS, share)
+            for one, other, share in zip(data.measured, base.pictures, sure, strict=True)
         ]
         kept = [one() for one in make] if keeps else []
 
@@ -123,7 +125,7 @@ class LinearModel:
         found: dict[str, Objective] = {}
         if data.measured.size and data.picture_noise > 0:
             left, factor = self.base.pictures - data.measured, 0.5 / data.picture_noise**2
-            found["pictures"] = Objective.quadratic(*self._squares(left, data, "likelihood", factor))
+            found["pictures"] = Objective.quadratic(*self._squares(left, data, factor))
         by_slope = [deviations_by_kind(self.base + slope, data) for slope in self.slopes]
         for kind, away in deviations_by_kind(self.base, data).items():
             columns = np.array([own[kind] - away for own in by_slope])
@@ -149,11 +151,11 @@ class LinearModel:
 
         return at
 
-    def _squares(self, left: np.ndarray, data: Data, kind: str, factor: float) -> tuple[float, np.ndarray, np.ndarray]:
+    def _squares(self, left: np.ndarray, data: Data, factor: float) -> tuple[float, np.ndarray, np.ndarray]:
         """Sum of the squares of a difference of pictures, half its slopes and half its curvature, times a factor."""
         middle, gradient = _inner(left, left), np.array([_inner(left, slope.pictures) for slope in self.slopes])
         products, partial = self._products, self.base.partial
-        if partial and kind == "likelihood":
+        if partial:
             own = partial.read(left)
             middle -= partial.lacks(own, data)
             gradient = gradient - partial.missing(self._partial, own)

@@ -143,8 +143,8 @@ class InverseProblem:
         return Matcher(self.data, self.meshes[SEARCH])
 
     def predictor(self, mesh: str) -> Predictor:
-        """Predictor of solutions on a mesh."""
-        return Predictor(self.data, self.meshes[mesh], self.settings.fit.score == "likelihood")
+        """Predictor of solutions on a mesh, for scores."""
+        return Predictor(self.data, self.meshes[mesh], partial=True)
 
     def ask(
         self,

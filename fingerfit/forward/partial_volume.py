@@ -73,6 +73,12 @@ class PartialVolume:
         alone = share_alone(data.smooth, data.measured.ndim - 1)
         return float(self.missing(own, own) - 2.0 * data.picture_noise**2 * alone * np.sum(1.0 - self.weight))
 
+    def sure(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Share of a difference that counts at each pixel of pictures of a shape: roots of the weights, else 1."""
+        share = np.ones(shape, dtype=np.float32)
+        share.reshape(-1)[self.pixel] = np.sqrt(self.weight)
+        return share
+
     def noise(self, noise: float, rng: np.random.Generator) -> np.ndarray:
         """A draw of what makes them count less, beside a noise of both pictures, shape (pixels,)."""
         return np.asarray(rng.normal(size=len(self.pixel)) * noise * np.sqrt(2.0 / self.weight - 2.0))

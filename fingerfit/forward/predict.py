@@ -65,14 +65,14 @@ class Predictor:
         Measured data.
     mesh : Mesh
         Mesh of the decks.
-    likely : bool
-        Whether the score is the likelihood, to which pixels of partial volume tell less.
+    partial : bool
+        Whether its predictions say which pixels of partial volume tell less than others: what scores them asks.
     """
 
-    def __init__(self, data: Data, mesh: Mesh, likely: bool = False) -> None:
-        self.data, self.mesh, self._likely = data, mesh, likely and data.picture_noise > 0
+    def __init__(self, data: Data, mesh: Mesh, partial: bool = False) -> None:
+        self.data, self.mesh, self._partial = data, mesh, partial and data.picture_noise > 0
         self._probe = Probe(mesh, data.points)
-        self._frame = Picture(data.before, data.spacing, data.origin, data.direction)
+        self.frame = Picture(data.before, data.spacing, data.origin, data.direction)
 
     def predict(self, outcome: Outcome, seen: Observation | None = None) -> Synthesis | None:
         """Prediction of a solution, or None when it did not reach the last step.
@@ -101,7 +101,7 @@ class Predictor:
         measured = response_of(outcome, data)
         if seen is not None:
             measured = seen_response(seen, measured, data)
-        partial = PartialVolume.of(pictures, maps, data) if self._likely and len(maps) else None
+        partial = PartialVolume.of(pictures, maps, data) if self._partial and len(maps) else None
         return Synthesis(Prediction(pictures, measured, points, partial), maps)
 
     def picture(self, way: BackwardMap, step: int, seen: Observation | None = None) -> np.ndarray:
@@ -115,7 +115,7 @@ class Predictor:
         """What effects on the brightness make of the pixels that a map covers at the k-th step; None without any."""
         if seen is None or not seen.lit:
             return None
-        return lambda own: seen.intensity(own, k, *positions(self._frame, way.pixel))
+        return lambda own: seen.intensity(own, k, *positions(self.frame, way.pixel))
 
     def maps(self, outcome: Outcome, seen: Observation | None = None) -> list[BackwardMap]:
         """Backward maps of the pictures' steps."""
@@ -123,11 +123,14 @@ class Predictor:
 
     def map_at(self, outcome: Outcome, step: int, seen: Observation | None = None) -> BackwardMap:
         """Backward map of a step, by its index."""
-        mesh, shown = in_first_picture(self.mesh, outcome), outcome.displacement[step]
-        if seen is not None:  # a displaced picture shows the body as if it had moved so
-            mesh, shown = as_seen(mesh, shown, seen, step + 1)
         soft = REACH * self.data.blur / float(np.min(self.data.spacing))
-        return backward_map(mesh, shown, self._frame, max(MARGIN, soft))
+        return backward_map(*self.body_at(outcome, step, seen), self.frame, max(MARGIN, soft))
+
+    def body_at(self, outcome: Outcome, step: int, seen: Observation | None = None) -> tuple[Mesh, np.ndarray]:
+        """The body as the first picture shows it, and displacements from there to where that of a step does."""
+        mesh, shown = in_first_picture(self.mesh, outcome), outcome.displacement[step]
+        # a displaced picture shows the body as if it had moved so
+        return (mesh, shown) if seen is None else as_seen(mesh, shown, seen, step + 1)
 
 
 def response_of(outcome: Outcome, data: Data) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerfit.forward.partial_volume import PartialVolume
-from fingerfit.imaging.similarity import LIMITS, nmi, ssd
+from fingerfit.imaging.similarity import LIMITS, nmi
 from fingerfit.study.data import Data
 
 KINDS = ("nmi", "ssd", "likelihood")
@@ -27,7 +27,7 @@ class Prediction:
     points : ndarray, shape (points, dim)
         Displacements of the measured points, mm.
     partial : PartialVolume, optional
-        Pixels that count less in the likelihood. A sum has those of its first part.
+        Pixels that tell less than others. A sum has those of its first part.
     """
 
     pictures: np.ndarray
@@ -45,6 +45,12 @@ class Prediction:
 
     def __mul__(self, factor: float) -> Prediction:
         return Prediction(self.pictures * factor, self.response * factor, self.points * factor)
+
+    def nearer(self, data: Data) -> np.ndarray:
+        """Its pictures, as much nearer to the measured ones as pixels tell less than others."""
+        if not self.partial:
+            return self.pictures
+        return data.measured + self.partial.sure(self.pictures.shape) * (self.pictures - data.measured)
 
     def by_step(self, factor: np.ndarray, data: Data) -> Prediction:
         """Each step times its own factor, shape (steps,)."""
@@ -89,10 +95,10 @@ def score(kind: str, prediction: Prediction, data: Data, bins: int) -> float:
         Bins of the joint histogram, for ``nmi``.
     """
     if kind == "nmi":
-        pairs = zip(data.measured, prediction.pictures, strict=True)
+        pairs = zip(data.measured, prediction.nearer(data), strict=True)
         return -float(np.mean([nmi(measured, picture, bins, limits=LIMITS) for measured, picture in pairs]))
     if kind == "ssd":
-        return float(np.mean([ssd(m, p) for m, p in zip(data.measured, prediction.pictures, strict=True)]))
+        return squares(prediction, data) / data.measured.size
     with np.errstate(over="ignore"):  # infinite where noise is tiny: who asks sees it
         return 0.5 * sum(chi_square(prediction, data).values())
 
@@ -114,12 +120,15 @@ def chi_square(prediction: Prediction, data: Data) -> dict[str, float]:
     """
     total: dict[str, float] = {}
     if data.measured.size and data.picture_noise > 0:
-        left = prediction.pictures - data.measured
-        squares = float(np.sum(left**2))
-        if prediction.partial:
-            squares -= prediction.partial.lacks(prediction.partial.read(left), data)
-        total["pictures"] = squares / (2.0 * data.picture_noise**2)
+        total["pictures"] = squares(prediction, data) / (2.0 * data.picture_noise**2)
     return total | {kind: float(np.sum(own**2)) for kind, own in deviations_by_kind(prediction, data).items()}
+
+
+def squares(prediction: Prediction, data: Data) -> float:
+    """Sum of squared differences of the pictures, of which pixels of partial volume count as much as they tell."""
+    left = prediction.pictures - data.measured
+    lacks = prediction.partial.lacks(prediction.partial.read(left), data) if prediction.partial else 0.0
+    return float(np.sum(left**2)) - lacks
 
 
 def deviations(prediction: Prediction, data: Data) -> np.ndarray:

@@ -10,11 +10,6 @@ _EMPTY = 1e-15
 """A share of a histogram that is as good as none: what rounding leaves."""
 
 
-def ssd(a: np.ndarray, b: np.ndarray) -> float:
-    """Mean squared difference of two pictures of the same shape."""
-    return float(np.mean((a - b) ** 2))
-
-
 def joint_histogram(
     a: np.ndarray,
     b: np.ndarray,
@@ -125,18 +120,34 @@ class Similar:
         Where they differ, of the same shape.
     bins, limits
         As for `nmi`.
+    sure : ndarray, optional
+        Share of its difference from `a` that each pixel of the others has here, of the same shape.
     """
 
     def __init__(
-        self, a: np.ndarray, b: np.ndarray, moving: np.ndarray, bins: int, limits: tuple[float, float]
+        self,
+        a: np.ndarray,
+        b: np.ndarray,
+        moving: np.ndarray,
+        bins: int,
+        limits: tuple[float, float],
+        sure: np.ndarray | None = None,
     ) -> None:
         self._bins, self._limits, self._size, still = bins, limits, a.size, ~moving
+        self._beside = (a[moving], sure[moving]) if sure is not None else None
+        b = b if sure is None else a + sure * (b - a)
         self._a = _between(a[moving], bins, limits)
         self._still = _sums(_between(a[still], bins, limits), _between(b[still], bins, limits), bins)
 
     def value(self, moving: np.ndarray) -> float:
         """The similarity with one of the others, of which the pixels are given that differ, shape (pixels,)."""
-        return _of(self._joint(_between(moving, self._bins, self._limits)))
+        return _of(self._joint(_between(self._nearer(moving), self._bins, self._limits)))
+
+    def _nearer(self, moving: np.ndarray) -> np.ndarray:
+        if self._beside is None:
+            return moving
+        own, sure = self._beside
+        return np.asarray(own + sure * (moving - own))
 
     def _joint(self, b: _Between) -> np.ndarray:
         return np.asarray((self._still + _sums(self._a, b, self._bins)) / self._size)
@@ -148,6 +159,7 @@ class Similar:
         (Thevenaz and Unser 2000, with a linear window). Pixels beyond the limits have none.
         """
         bins, (low, high) = self._bins, self._limits
+        moving = self._nearer(moving)
         (ia, fa), b = self._a, _between(moving, bins, self._limits)
         joint, ib = self._joint(b), b[0]
         own, both = joint.sum(axis=0), _entropy(joint.ravel())
@@ -160,7 +172,7 @@ class Similar:
         slope = alone / both**2 * pairs - single[ib] / both
         slope *= (bins - 1) / ((high - low) * self._size)
         slope[(moving < low) | (moving > high)] = 0.0
-        return np.asarray(slope)
+        return np.asarray(slope if self._beside is None else slope * self._beside[1])
 
 
 def nmi_noise(pictures: np.ndarray, smooth: float, bins: int = 64) -> float:

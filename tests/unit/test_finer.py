@@ -10,6 +10,7 @@ from fingerfit.fit.finer import as_on_finer_mesh
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.predict import since_first_picture
+from fingerfit.imaging.pictures import Picture
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
 
@@ -40,7 +41,7 @@ def known(tmp_path):
             (tmp_path / name).mkdir()
             outcome.save(tmp_path / name / "solution.npz")
         data = SimpleNamespace(step=np.arange(1, 5), controlled=-SIZE, picture_step=np.array([1, 2]), outline=0.0,
-                               spacing=np.array([0.2, 0.2]), measured=np.zeros((2, 1)))  # fmt: skip
+                               spacing=np.array([0.2, 0.2]), measured=np.zeros((2, 2)))  # fmt: skip
         answer = lambda sim: Outcome.load(tmp_path / sim / "solution.npz")  # noqa: E731
         since = lambda whole, asked, steps=4: since_first_picture(whole, steps)  # noqa: E731
         load = lambda asked: since(answer(asked.sim), asked)  # noqa: E731
@@ -73,11 +74,20 @@ class Fake:
     def __init__(self, mesh, first):
         self.mesh, self.first = mesh, first
 
+    frame = Picture(np.zeros((2, 1)), np.ones(2), np.array([0.0, -100.0]), np.eye(2))
+    """The first pixel lies far below the base, as the second one does."""
+
+    def body_at(self, outcome, step, seen):
+        return self.mesh, outcome.displacement[step]
+
     def map_at(self, outcome, step, seen):
-        return SimpleNamespace(folded=self.mesh is MESHES[REFINED] and step >= self.first)
+        folded = self.mesh is MESHES[REFINED] and step >= self.first
+        return SimpleNamespace(folded=folded, pixel=np.array([0]), beside=np.array([False]))
 
     def picture(self, way, step, seen):
-        return np.full(1, float((self.mesh is MESHES[REFINED]) != self.rolled))
+        fine = float(self.mesh is MESHES[REFINED])
+        # the second pixel belongs to no body beyond a plate: whatever it says does not count
+        return np.array([fine != self.rolled, 9.0 * (fine == self.rolled)])
 
 
 def same(found, expected):

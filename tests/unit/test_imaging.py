@@ -9,7 +9,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.imaging.noise import add_rician, estimate_noise, noise_of_repeats
 from fingerfit.imaging.pictures import Picture, read_picture, write_picture
 from fingerfit.imaging.preprocess import smooth
-from fingerfit.imaging.similarity import LIMITS, Similar, joint_histogram, nmi, ssd
+from fingerfit.imaging.similarity import LIMITS, Similar, joint_histogram, nmi
 from fingerfit.imaging.warp import Probe, backward_map, sample, spline_coefficients, warp
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.mesh.mesh import Block, Mesh
@@ -50,6 +50,9 @@ def test_pixels_that_stay_are_counted_once(rng):
         other = b.copy()
         other[moving] = rng.uniform(size=moving.sum())
         assert found.value(other[moving]) == pytest.approx(nmi(a, other, 8, limits=LIMITS), rel=1e-12)
+        sure = rng.uniform(size=b.shape)
+        found = Similar(a, b, moving, 8, LIMITS, sure)
+        assert found.value(other[moving]) == pytest.approx(nmi(a, a + sure * (other - a), 8, limits=LIMITS), rel=1e-12)
 
 
 def test_nmi_is_that_of_scikit_image(rng):
@@ -70,10 +73,6 @@ def test_smooth_histogram_follows_the_intensities(rng):
 def test_smoothing_is_that_of_scipy(shape, rng):
     values = rng.normal(size=shape)
     assert smooth(values, 1.3) == pytest.approx(gaussian_filter(values, 1.3), abs=1e-13)
-
-
-def test_ssd():
-    assert ssd(np.array([0.0, 2.0]), np.array([1.0, 0.0])) == 2.5
 
 
 @pytest.mark.parametrize("dim", [2, 3])
