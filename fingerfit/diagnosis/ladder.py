@@ -132,7 +132,8 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
         spare = [*diagnosis.get("spare", ()), *_without_form(settings, known)]
         if spare and not diagnosis["effects"] and (dropped or not adequate):
             adequate, dropped, done = read_text(config), spare[0], "the last effect is dropped"
-            say(f"{dropped} may not be needed beside the others: dropping it")
+            why = "has no known form, which may show" if known[dropped].probe else "may not be needed"
+            say(f"{dropped} {why} beside the others: dropping it")
             say(drop(config, dropped))
             continue
         if meshes < MESHES and _is_too_coarse(known, diagnosis):

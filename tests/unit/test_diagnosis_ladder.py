@@ -421,7 +421,7 @@ def test_discover_looks_again_for_what_had_no_known_form(instead, ends, config, 
     rung(study, "base+skin+gradient")
     assert main(["discover"]) == 0
     said = capfd.readouterr().out
-    assert "stiffness_field may not be needed beside the others: dropping it" in said
+    assert "stiffness_field has no known form, which may show beside the others: dropping it" in said
     assert ("taken back" in said) == (ends[0] == "stiffness_field")
     assert list(load_settings(config).model.effects) == ends
 
