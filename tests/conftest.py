@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +20,11 @@ from fingerfit.fit.course import next_round
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
+from fingerfit.forward.bodies import deck_of_body
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.catalogue import catalogue
+from fingerfit.model.effect import Effect
 from fingerfit.study.study import Body, Layer, Noise, Step, Study
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -61,6 +64,25 @@ def phantom(control: str, values: list[float], base: str = "held", indenter: str
     steps = tuple(Step(n, **{control: value}) for n, value in enumerate(values, 1))
     body = Body(tuple(Layer(*layer) for layer in LAYERS), width=12.0, thickness=70.0)
     return Study(Path("study.yaml"), "phantom", control, steps, None, Noise(), body, base, indenter)
+
+
+def deck_text(
+    study: Study,
+    mesh: Mesh,
+    values: Mapping[str, float],
+    material: Mapping[str, float],
+    effects: Mapping[str, Effect] | None = None,
+    template: str = "block.inp.j2",
+    folders: Sequence[Path] = (),
+) -> str:
+    """The deck of a guess, which includes mesh.inp or has a mesh of its own."""
+    known = catalogue() if effects is None else effects
+
+    def deck_of(body: Mesh) -> str:
+        context = deck_context(study, body, "mesh.inp", values, material, known)
+        return render_deck(template, context, [*folders, ROOT / "templates"])
+
+    return deck_of_body(study, mesh, "mesh.inp", known, values, deck_of)
 
 
 Writer = Callable[..., tuple[Path, Mesh]]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fingerfit.deck.borders import rows_of
 from fingerfit.deck.changed import changed_by
 from fingerfit.deck.modes import modes_of
 from fingerfit.mesh.inside import points_inside
@@ -17,11 +18,6 @@ from fingerfit.model.formulas import names_in
 from fingerfit.model.modes import NAME
 from fingerfit.model.observation import places
 from fingerfit.model.regions import INSIDE
-
-BORDER = "border_down"
-"""What effects may change about the borders between layers."""
-SMOOTH = 1 / 12
-"""Height over which a border that lies elsewhere is smooth, as a share of the body's: elements do not end there."""
 
 Own = tuple[np.ndarray, list[dict[str, Any]]]
 """A region's elements, and in each layer the constants that it has there."""
@@ -38,7 +34,7 @@ def pieces_of(
 
     Effects that change nothing, as that of a layer which is not there, leave the layers whole.
     """
-    if not (regions or any({"field", BORDER} & effect.changes.keys() for effect in present)):
+    if not (regions or any("field" in effect.changes for effect in present)):
         return layers
     inside = points_inside(mesh)
     low, high = mesh.body.min(axis=0), mesh.body.max(axis=0)
@@ -61,12 +57,13 @@ def pieces_of(
             "from_bottom": place[:, -1] - bottom,
             "log_above": float(np.log(layers[max(number - 2, 0)]["mu"] / layer["mu"])),
             "log_below": float(np.log(layers[min(number, len(layers) - 1)]["mu"] / layer["mu"])),
+            "rows": max(len(rows_of(mesh, members)) - 1, 1),
             "number": number,
             "layers": len(layers),
             **(_named(np.concatenate([every[m] for m in members])) if waved else {}),
             **{name: np.repeat(_held(mesh, name, members), count) for name in named if name.startswith(INSIDE)},
         }
-        total = _by_borders(names, present, values)
+        total = np.zeros(len(place))
         for effect in present:
             if "field" in effect.changes:
                 total = total + changed_by("field", 0.0, names, [effect], values)
@@ -82,34 +79,6 @@ def pieces_of(
             piece = {"name": f"{layer['name']}_{level}", "mu": mu, "d": compressibility(mu, constants["poisson"])}
             found.append({**constants, **piece, "elements": [int(m) + 1 for m in members[which == level - 1]]})
     return found if changed else layers
-
-
-def _by_borders(names: Mapping[str, Any], present: list[Effect], values: Mapping[str, float]) -> np.ndarray:
-    """Change of log mu in a layer whose borders lie lower or higher than the mesh has them: a neighbour reaches in.
-
-    Parameters
-    ----------
-    names : mapping
-        What a formula for a field may name in this layer.
-    present : list of Effect
-    values : mapping
-    """
-    smooth = SMOOTH * names["height"]
-
-    def reaches(way: np.ndarray, inwards: np.ndarray) -> np.ndarray:
-        """Share of a neighbour at a distance from the border as it was, where it has come this way inwards, mm."""
-        half = smooth / 2
-        there = np.clip(0.5 + (np.maximum(inwards, half) - way) / smooth, 0.0, 1.0)
-        return np.clip(inwards / half, 0.0, 1.0) * there
-
-    def down(border: int) -> np.ndarray:
-        own = {**names, "number": border}
-        shifts = [changed_by(BORDER, 0.0, own, [effect], values) for effect in present if BORDER in effect.changes]
-        return np.zeros_like(names["from_top"]) + sum(shifts)
-
-    above, below = down(names["number"] - 1), down(names["number"])
-    from_above = names["log_above"] * reaches(names["from_top"], above)
-    return np.asarray(from_above + names["log_below"] * reaches(names["from_bottom"], -below))
 
 
 def compressibility(mu: float, nu: float) -> float:

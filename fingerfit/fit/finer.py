@@ -13,7 +13,7 @@ import numpy as np
 
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.forward.predict import Predictor, positions
+from fingerfit.forward.predict import Predictor, in_first_picture, positions
 from fingerfit.imaging.warp import Probe
 from fingerfit.mesh.flat import is_flat
 from fingerfit.mesh.mesh import Mesh
@@ -74,8 +74,8 @@ def _continued(problem: InverseProblem, coarse: Outcome, fine: Outcome, data: Da
     """The solution of the search mesh with what the finer one changes in its usable steps; None without any."""
     if not usable:
         return None
-    nodes = problem.meshes[SEARCH].points
-    read = Probe(problem.meshes[REFINED], nodes).read
+    nodes = in_first_picture(problem.meshes[SEARCH], coarse).points
+    read = Probe(in_first_picture(problem.meshes[REFINED], fine), nodes).read
     moved = np.array([_filled(read(one), nodes) for one in fine.displacement[:usable]])
     size = np.abs(data.controlled)
     share = size[usable:] / size[usable - 1] if size[usable - 1] else np.zeros(len(size) - usable)
@@ -123,10 +123,10 @@ def _usable(problem: InverseProblem, asked: Asked, coarse: Outcome, fine: Outcom
 def _snaps(problem: InverseProblem, asked: Asked, coarse: Outcome, fine: Outcome, data: Data, number: int) -> bool:
     """Whether the finer mesh goes through a plate in a picture, by its number, as the body does not."""
     step, pixel = int(data.picture_step[number]), float(np.min(data.spacing))
-    if _through(problem.meshes[REFINED], fine.displacement[step]) <= pixel:
+    if _through(problem.meshes[REFINED], fine, step) <= pixel:
         return False
     before = _continued(problem, coarse, fine, data, step)
-    if before is None or _through(problem.meshes[SEARCH], coarse.displacement[step]) > pixel:
+    if before is None or _through(problem.meshes[SEARCH], coarse, step) > pixel:
         return False
     # a guess is the best one for the mesh of the search: anywhere else its pictures say nothing of the plate
     seen, left = problem.seen(asked.values), list[float]()
@@ -148,8 +148,9 @@ def _beyond(predictor: Predictor, outcome: Outcome, step: int, seen: Observation
     return np.asarray(way.pixel[outside & ~way.beside])
 
 
-def _through(mesh: Mesh, displacement: np.ndarray) -> float:
+def _through(mesh: Mesh, outcome: Outcome, step: int) -> float:
     """How far a body goes through the plates at its flat base and top, mm; 0 where it does not, or has none."""
+    mesh, displacement = in_first_picture(mesh, outcome), outcome.displacement[step]
     nodes = mesh.nodes_of(np.arange(mesh.element_count))
     height = mesh.points[nodes, -1] + displacement[nodes, -1]
     return max([0.0, *(float((side * height).max()) - end for side, end in _plates(mesh, displacement))])

@@ -23,9 +23,9 @@ from fingerfit.fit.lost import Lost
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import Priors, unit
 from fingerfit.fit.rounds import Asked
+from fingerfit.forward.bodies import lift, moved
 from fingerfit.forward.decks import make_deck, refusal, template_of
 from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
-from fingerfit.forward.raised import lift
 from fingerfit.forward.score import Prediction, chi_square, deviations, score
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import unmet
@@ -275,7 +275,8 @@ class InverseProblem:
         """The same of what a solver answers to the deck of a guess; of the first few steps where so many are known."""
         mesh = self.meshes[self.mesh_of(asked)]
         body = replace(whole, displacement=whole.displacement[:, : len(mesh.points)])
-        return since_first_picture(body, steps or len(self.data.step), self.data.outline > 0, lift(mesh, asked.deck))
+        counted, deck = steps or len(self.data.step), asked.deck
+        return since_first_picture(body, counted, self.data.outline > 0, lift(mesh, deck), moved(mesh, deck))
 
     def synthesis(self, asked: Asked) -> Synthesis:
         """What should have been measured by a guess that must have a solution, and its maps."""

@@ -12,7 +12,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.core.folders import template_folders
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.render import render_deck
-from fingerfit.forward.raised import of_height
+from fingerfit.forward.bodies import deck_of_body
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import Effect
 from fingerfit.solvers.registry import get_solver
@@ -57,7 +57,7 @@ def make_deck(
         context = deck_context(study, body, included, everything, fixed, effects, law)
         return render_deck(template_of(settings, study), context, folders)
 
-    return of_height(study, mesh, included, effects, everything, deck_of)
+    return deck_of_body(study, mesh, included, effects, everything, deck_of)
 
 
 def with_effect(effect: Effect, place: Mapping[str, float], parameter: str) -> dict[str, float]:

@@ -156,22 +156,27 @@ def positions(frame: Picture, pixel: np.ndarray | None = None) -> tuple[np.ndarr
 
 
 def since_first_picture(
-    outcome: Outcome, steps: int, elsewhere: bool = False, lift: np.ndarray | float = 0.0
+    outcome: Outcome,
+    steps: int,
+    elsewhere: bool = False,
+    lift: np.ndarray | float = 0.0,
+    moved: np.ndarray | None = None,
 ) -> Outcome:
     """An outcome whose displacements count from the state of the first picture, where that is a step of its own.
 
-    With `elsewhere` its nodes lie there in that picture; else the mesh is the body in that picture already. `lift`,
-    in the shape of displacements in mm, is how far from the mesh's they lie without load.
+    With `elsewhere` its nodes lie there in that picture; else the mesh is the body in that picture already, but for
+    nodes that were `moved` beside it. `lift` is how far from the mesh's they lie without load. Both are mm in the shape
+    of displacements.
     """
     if outcome.steps <= steps:
-        return outcome
+        return outcome if moved is None else replace(outcome, begun=moved)
     return replace(
         outcome,
         displacement=outcome.displacement[1:] - outcome.displacement[:1],
         reaction=outcome.reaction[1:] - outcome.reaction[:1],
         indenter=outcome.indenter[1:] - outcome.indenter[:1],
         iterations=outcome.iterations[1:],
-        begun=outcome.displacement[0] + lift if elsewhere else None,
+        begun=outcome.displacement[0] + lift if elsewhere else moved,
     )
 
 

@@ -34,6 +34,7 @@ CHANGES = (
     *CONSTANTS,
     "field",
     "border_down",
+    "border_within",
     "force",
     "displacement",
     *ASIDE,

@@ -15,8 +15,8 @@ import numpy as np
 from fingerfit.core.errors import StateError
 from fingerfit.core.files import check_kept, read_npz, read_record, read_text, write_text
 from fingerfit.deck.mesh_file import read_mesh
+from fingerfit.forward import bodies
 from fingerfit.forward.predict import in_first_picture, since_first_picture
-from fingerfit.forward.raised import lift, without_load
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.imaging.sections import parts_of
 from fingerfit.imaging.warp import Probe
@@ -124,7 +124,8 @@ def write_fields(found: Results, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     count, data = len(found.data.step), found.data
     text = read_text(found.deck)
-    since = since_first_picture(found.outcome, count, data.outline > 0, lift(found.mesh, text))
+    beside = bodies.lift(found.mesh, text), bodies.moved(found.mesh, text)
+    since = since_first_picture(found.outcome, count, data.outline > 0, *beside)
     mesh = in_first_picture(found.mesh, since)
     extra = found.outcome.steps - count
     still = np.zeros_like(found.outcome.displacement[0])
@@ -134,7 +135,7 @@ def write_fields(found: Results, folder: Path) -> list[Path]:
     names, written = ["before", *(f"step_{n}" for n in data.step)], []
     for name, (moved, total, step) in zip(names, states, strict=True):
         written.append(folder / f"{name}.vtu")
-        state = fields(without_load(found.mesh, text), found.deck, total, step)
+        state = fields(bodies.without_load(found.mesh, text), found.deck, total, step)
         _write_vtu(mesh, moved[: len(mesh.points)], state, written[-1], more if name == "before" else {})
     rows = [
         f'    <DataSet timestep="{time}" part="0" file={quoteattr(path.name)}/>'

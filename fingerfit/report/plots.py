@@ -13,6 +13,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked, Round
+from fingerfit.forward.predict import in_first_picture
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.report.drawing import COLOURS, draw_mesh, extent, save
 from fingerfit.report.volumes import chosen_slices, figure_sections, figure_slices
@@ -128,7 +129,7 @@ def figures_of(problem: InverseProblem, last: Round) -> dict[str, Callable[[], F
 
 def _figures_of_test(problem: InverseProblem, shown: Asked) -> dict[str, Callable[[], Figure]]:
     outcome, prediction, data = problem.outcome(shown), problem.prediction(shown), problem.data
-    mesh = problem.meshes[problem.mesh_of(shown)]
+    mesh = in_first_picture(problem.meshes[problem.mesh_of(shown)], outcome)
     steps = [(f"step {data.step[i]}", int(i)) for i in data.picture_step]
     figures: dict[str, Callable[[], Figure]] = {"force": lambda: figure_forces(data, prediction.response)}
     if mesh.dim == 2 and len(data.measured):

@@ -35,6 +35,10 @@ _SAME = 1e-6
 """Relative difference of displacements up to which an answer that is found again is the same: well above what
 `TOLERANCE` leaves, far below what another deck has. A choice."""
 
+_BESIDE = 5e-3
+"""Share of the body's size by which nodes may lie elsewhere: a row of elements that is much flatter is no small change
+(docs/decisions/0045-borders-in-the-mesh.md). A choice."""
+
 _FOLLOWED = 0.2
 """Share of the answer above which what the tangent left out of a contact is too much: whole patches have come to touch.
 A choice: in a fingertip constants left out 0.01 to 0.05 (one point 0.11), a tool set down elsewhere 0.5 to 1.0."""
@@ -63,7 +67,8 @@ def answers(
     list
         None where that cannot be: where the answer depends on the way to it (friction), where another part of the body
         would touch, where nodes have displacements that neither the deck prescribes nor the answer tells
-        (of rigid bodies that turn), and where the moved deck has other unknowns.
+        (of rigid bodies that turn), where the moved deck has other unknowns, and
+        where its nodes lie elsewhere by more than a little.
     """
     here = _read(folder / "deck.inp", deck, averaged)
     found: list[_Moved | None] = [None] * len(moved)
@@ -118,9 +123,10 @@ class _Moved:
         return self.model.deck.steps
 
     def is_like(self, other: _Moved) -> bool:
-        """Whether it has as many steps and nodes, and relaxes or does not as the other one."""
-        same = len(self.steps) == len(other.steps) and self.model.size == other.model.size
-        return same and self.relaxes == other.relaxes
+        """Whether it has as many steps and nodes, near the same places, and relaxes or does not as the other one."""
+        own, others = self.model.deck.mesh.points, other.model.deck.mesh.points
+        same = len(self.steps) == len(other.steps) and self.model.size == other.model.size and own.shape == others.shape
+        return same and self.relaxes == other.relaxes and bool(np.abs(own - others).max() <= _BESIDE * np.ptp(own))
 
     def system(self, step: int) -> System:
         """Its equations in a step."""

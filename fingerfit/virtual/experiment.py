@@ -19,8 +19,8 @@ from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh, read_mesh
 from fingerfit.deck.render import render_deck
 from fingerfit.fit.rounds import simulation_name
+from fingerfit.forward import bodies
 from fingerfit.forward.predict import since_first_picture
-from fingerfit.forward.raised import of_height
 from fingerfit.imaging.noise import add_rician
 from fingerfit.imaging.pictures import Picture, write_picture
 from fingerfit.mesh.mesh import Mesh
@@ -122,18 +122,19 @@ def _solve(truth: Truth, folder: Path, threads: int) -> Solved:
     # before the first picture a force holds the body, or none: the forces of the test itself are found without that
     begun = {e.name for e in _present(truth) if e.control != "displacement" and "before" in e.changes}
     without = replace(truth, effects={name: own for name, own in truth.effects.items() if name not in begun})
-    outcome = since_first_picture(_run(without, study, mesh, included, folder, threads), len(steps))
+    outcome, body = _run(without, study, mesh, included, folder, threads)
+    outcome = since_first_picture(outcome, len(steps))
     force = -outcome.reaction[:, -1]
     forced = replace(study, steps=tuple(replace(s, force=float(f)) for s, f in zip(steps, force, strict=True)))
     if begun:
         # what was before the first picture is seen when the same forces are prescribed
-        outcome = _run(truth, replace(forced, control="force"), mesh, included, folder, threads)
+        outcome, body = _run(truth, replace(forced, control="force"), mesh, included, folder, threads)
         outcome = since_first_picture(outcome, len(steps))
     moved = -outcome.indenter[:, -1]
     seen = Observation.of(_present(truth), truth.values, mesh.body, forced.course)
     if seen is not None:
         moved, force = seen.response(moved, "displacement"), seen.response(force, "force")
-    return Solved(_as_measured(truth, force, by_step(forced.course)), *take_pictures(truth, mesh, outcome, seen), moved)
+    return Solved(_as_measured(truth, force, by_step(forced.course)), *take_pictures(truth, body, outcome, seen), moved)
 
 
 def _in_the_body(known: Mapping[str, Effect]) -> dict[str, Effect]:
@@ -148,8 +149,11 @@ def _present(truth: Truth) -> list[Effect]:
     return [effect for name, effect in truth.known.items() if name in truth.effects]
 
 
-def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, threads: int) -> Outcome:
-    """Solve a deck that includes its mesh by the name of its content, unless its solution is in the folder."""
+def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, threads: int) -> tuple[Outcome, Mesh]:
+    """Solve a deck that includes its mesh by the name of its content, unless its solution is in the folder.
+
+    Also the mesh as the first picture shows it, borders of layers where effects have put them.
+    """
     solver = get_solver(truth.solver)
     try:
         effects = _in_the_body(truth.known)
@@ -159,7 +163,7 @@ def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, th
             context = deck_context(study, body, included, truth.values, truth.material, effects)
             return render_deck(truth.template, context, folders)
 
-        deck = of_height(study, mesh, included, effects, truth.values, deck_of)
+        deck = bodies.deck_of_body(study, mesh, included, effects, truth.values, deck_of)
         write_text(folder / "deck.inp", deck)
         known = folder / f"{simulation_name(deck, solver.identity())}.npz"
         if not known.exists():
@@ -172,7 +176,8 @@ def _run(truth: Truth, study: Study, mesh: Mesh, included: str, folder: Path, th
         raise SolverError(f"{truth.path}: solver: {error}") from error
     if outcome.status != CONVERGED:
         raise SolverError(f"{truth.path}: displacement: {truth.solver}: {outcome.message}")
-    return outcome
+    beside = bodies.moved(mesh, deck)
+    return outcome, mesh if beside is None else replace(mesh, points=mesh.points + beside)
 
 
 def _in_description(truth: Truth, folder: Path, included: str, error: InputError) -> InputError:

@@ -4,12 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import LAYERS, MU, ROOT, phantom
+from conftest import LAYERS, MU, deck_text, phantom
 
 from fingerfit.core.files import write_text
-from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.deck.render import render_deck
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.scales import bound
@@ -57,12 +55,13 @@ def written(folder, values, control, element):
     points = mesh.points.copy()
     points[:, 1] -= down * np.sin(np.pi * points[:, 1] / 12.0)
     mesh = replace(mesh, points=points)
-    write_text(folder / f"{element}-{down:.6f}.inp", format_mesh(mesh))
+    included = f"{element}-{down:.6f}.inp"
+    write_text(folder / included, format_mesh(mesh))
     study = phantom(control, CONTROLS[control])
     study = replace(study, steps=tuple(replace(step, time=10.0 * step.number) for step in study.steps))
     own = {name: value for name, value in (BASE | values).items() if name != "nodes"}
-    context = deck_context(study, mesh, f"{element}-{down:.6f}.inp", own, {}, EFFECTS)
-    return render_deck("block.inp.j2", context, [ROOT / "templates"])
+    text = deck_text(study, mesh, own, {}, EFFECTS)
+    return text.replace("INPUT=mesh.inp", f"INPUT={included}")
 
 
 def solved(folder, deck):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 import yaml
-from conftest import LAYERS, MU, ROOT, phantom
+from conftest import LAYERS, MU, ROOT, deck_text, phantom
 from small_body import SMALL, fitted, written
 
 from fingerfit.anatomy.finger import finger_mesh
@@ -16,8 +16,6 @@ from fingerfit.anatomy.shape import Anatomy
 from fingerfit.check.own import own_effects
 from fingerfit.core.errors import FingerfitError
 from fingerfit.core.folders import OURS
-from fingerfit.deck.context import deck_context
-from fingerfit.deck.render import render_deck
 from fingerfit.diagnosis.candidates import candidates, untestable
 from fingerfit.diagnosis.comparison import Comparison, anchor_of
 from fingerfit.diagnosis.diagnose import diagnose
@@ -73,12 +71,8 @@ def finger():
 
 
 def decks(folder, mesh, study, values, effects, templates, mu):
-    folders = [*([folder] if folder else []), ROOT / "templates"]
-    found = []
-    for template in templates:
-        context = deck_context(study, mesh, "mesh.inp", mu | values, MATERIAL, effects)
-        found.append(render_deck(template, context, folders))
-    return found
+    folders = [folder] if folder else []
+    return [deck_text(study, mesh, mu | values, MATERIAL, effects, template, folders) for template in templates]
 
 
 @pytest.mark.parametrize("name", NAMES)

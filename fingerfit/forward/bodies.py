@@ -1,4 +1,4 @@
-"""A block whose stated height is that in the first picture, under a load before it: how high it is without load."""
+"""The body of a deck where it is not as its mesh: borders of layers lie elsewhere, or it is higher without load."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fingerfit.core.errors import InputError
 from fingerfit.core.files import digest, write_text
+from fingerfit.deck.borders import followed
 from fingerfit.deck.changed import changed_by
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.mesh.mesh import Mesh
@@ -22,14 +24,18 @@ from fingerfit.study.study import Study
 _CLOSE, _DIGITS = 1e-6, 7
 """Change of the factor that ends the search (by secants the one after it is far smaller still), and its decimals: below
 the last one there is what a solver leaves, which another machine leaves otherwise."""
+_ROUNDING = 1e-9
+"""Share of a body's size: what the text of a mesh leaves of its digits."""
 _ROUNDS = 10
 """At most; three for a body that was pressed by 5 %."""
+_NODES = "** --- the mesh, whose nodes lie where effects say that layers begin and end\n"
 _HEAD = "** --- the body without load: the stated height, in the first picture, times {:.10g}\n"
+_RAISED = _HEAD.partition("{")[0]
 _END = "*END STEP\n"
 _known: dict[str, float] = {}
 
 
-def of_height(
+def deck_of_body(
     study: Study,
     mesh: Mesh,
     included: str,
@@ -37,12 +43,14 @@ def of_height(
     values: Mapping[str, float],
     deck_of: Callable[[Mesh], str],
 ) -> str:
-    """The deck of a body, higher than its mesh where the stated height of a block in the plane is that under a load.
+    """The deck of a body, which has the mesh in it where the body is not as that.
 
-    Without load it is then so much higher that it has the mesh's height after the first step. All heights grow by one
-    factor, which secants find with the built-in solver, whichever one solves the deck. Where the first step has no
-    equilibrium the body stays as it is stated. So it does in space, where each guess would take three long simulations
-    more.
+    Its nodes follow borders of layers that lie elsewhere (`fingerfit.deck.borders.followed`).
+
+    It is higher than its mesh where the stated height of a block in the plane is that under a load: without load it is
+    then so much higher that it has the mesh's height after the first step. All heights grow by one factor, which
+    secants find with the built-in solver, whichever one solves the deck. Where the first step has no equilibrium the
+    body stays as it is stated. So it does in space, where each guess would take three long simulations more.
 
     Parameters
     ----------
@@ -52,21 +60,27 @@ def of_height(
     included : str
         What the deck includes as the mesh, which stands in the deck of a higher body.
     effects : mapping
-        All that are known; ``pictured`` of one that is present says that the height is that in the first picture.
+        All that are known; ``border_down`` and ``border_within`` of those that are present say where layers begin and
+        end, ``pictured`` that the height is that in the first picture.
     values : mapping
         The guess.
     deck_of : callable
         Text of the deck with a mesh.
+
+    Raises
+    ------
+    InputError
+        For a deck that does not include the mesh of a body which is not as that.
     """
-    present = [effect for effect in effects.values() if "pictured" in effect.changes and effect.present(values)]
+    present = [effect for effect in effects.values() if effect.present(values)]
+    body = followed(mesh, [name.upper() for name in study.layer_names], present, values)
     if study.body.mesh is not None or mesh.dim != 2 or not changed_by("pictured", 0.0, {}, present, values):
-        return deck_of(mesh)
-    line = f"*INCLUDE, INPUT={included}\n"
+        return deck_of(mesh) if body is mesh else _with_mesh(deck_of(body), included, _NODES, body)
 
     @cache
     def raised(factor: float) -> str:
-        body = _scaled(mesh, factor)
-        return deck_of(body).replace(line, _HEAD.format(factor) + format_mesh(body))
+        higher = _scaled(body, factor)
+        return _with_mesh(deck_of(higher), included, _HEAD.format(factor), higher)
 
     key = digest(raised(1.0))
     if key not in _known:
@@ -74,16 +88,33 @@ def of_height(
     return raised(_known[key])
 
 
+def _with_mesh(deck: str, included: str, head: str, mesh: Mesh) -> str:
+    line = f"*INCLUDE, INPUT={included}\n"
+    if line not in deck:
+        found = f"no line {line.strip()}"
+        raise InputError("deck", "*INCLUDE", found, "that line: effects on the mesh put another one in its place")
+    return deck.replace(line, head + format_mesh(mesh))
+
+
 def without_load(mesh: Mesh, deck: str) -> Mesh:
-    """The mesh of a deck that was made from one: higher, where the stated height is that in the first picture."""
-    _, found, rest = deck.partition(_HEAD.partition("{")[0])
-    return _scaled(mesh, float(rest.partition("\n")[0])) if found else mesh
+    """The mesh of a deck that was made from one: itself where the deck includes it."""
+    if _NODES not in deck and _RAISED not in deck:
+        return mesh
+    table = deck.partition("*NODE, NSET=ALL\n")[2].partition("*")[0]
+    return replace(mesh, points=np.loadtxt(table.splitlines(), delimiter=",", ndmin=2)[:, 1:])
 
 
 def lift(mesh: Mesh, deck: str) -> np.ndarray | float:
-    """How far its nodes lie from those of the mesh that it was made from, mm, shape (nodes, dim); 0 where nowhere."""
+    """How far nodes lie from those of the mesh without load, mm, shape (nodes, dim); 0 where nowhere."""
     body = without_load(mesh, deck)
     return 0.0 if body is mesh else body.points - mesh.points
+
+
+def moved(mesh: Mesh, deck: str) -> np.ndarray | None:
+    """How far nodes were put beside those of the mesh for borders of layers that lie elsewhere; None where nowhere."""
+    body, (_, raised, rest) = without_load(mesh, deck), deck.partition(_RAISED)
+    away = (_scaled(body, 1.0 / float(rest.partition("\n")[0])) if raised else body).points - mesh.points
+    return away if np.abs(away).max() > _ROUNDING * np.ptp(mesh.body) else None
 
 
 def _scaled(mesh: Mesh, factor: float) -> Mesh:

@@ -2,16 +2,13 @@
 
 import numpy as np
 import pytest
-from conftest import LAYERS, MU, ROOT, phantom
+from conftest import LAYERS, MU, deck_text, phantom
 
 from fingerfit.core.files import write_text
-from fingerfit.deck.context import deck_context
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.deck.render import render_deck
+from fingerfit.forward.bodies import lift, without_load
 from fingerfit.forward.predict import in_first_picture, since_first_picture
-from fingerfit.forward.raised import lift, of_height, without_load
 from fingerfit.mesh.blocks import layered_block
-from fingerfit.model.catalogue import catalogue
 from fingerfit.solvers.contract import CONVERGED
 from fingerfit.solvers.registry import get_solver
 
@@ -22,13 +19,7 @@ PRESSED = {"preload.force": 20.0}
 
 def deck(values, control="force", mesh=MESH):
     steps = [20.0, 40.0] if control == "force" else [0.5, 1.0]
-    study, known = phantom(control, steps), catalogue()
-
-    def deck_of(body):
-        context = deck_context(study, body, "mesh.inp", MU | values, {"alpha": 1.4, "poisson": 0.49}, known)
-        return render_deck("block.inp.j2", context, [ROOT / "templates"])
-
-    return of_height(study, mesh, "mesh.inp", known, MU | values, deck_of)
+    return deck_text(phantom(control, steps), mesh, MU | values, {"alpha": 1.4, "poisson": 0.49})
 
 
 def solved(text, folder, solver="builtin", mesh=MESH):
