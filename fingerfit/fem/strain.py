@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fingerfit.fem.eigen import eigen
+
 
 @dataclass(frozen=True)
 class Strain:
@@ -43,7 +45,7 @@ def principal(f: np.ndarray, framed: bool) -> Strain | None:
         return None
     c = np.swapaxes(f, -1, -2) @ f
     if f.shape[-1] == 3:
-        squared, directions = np.linalg.eigh(c)
+        squared, directions = eigen(c)
         return Strain(f, squared, directions, directions.reshape(-1, 3, 3) if framed else None)
     half, shear = (c[..., 0, 0] - c[..., 1, 1]) / 2, c[..., 0, 1]
     mean, radius = (c[..., 0, 0] + c[..., 1, 1]) / 2, np.hypot(half, shear)
