@@ -54,7 +54,7 @@ def followed(mesh: Mesh, layers: Sequence[str], present: Sequence[Effect], value
     wanted = _wanted(mesh, stated, present, values)
     points = mesh.points.copy()
     for number, members in enumerate(elements, 1):
-        nodes = np.unique(mesh.nodes_of(members))
+        nodes = mesh.nodes_of(members)
         top, bottom = stated[number - 1 : number + 1]
         depth = (top - mesh.points[nodes, -1]) / (top - bottom)
         within = float(changed_by(WITHIN, 0.0, {"number": number, "layers": len(layers)}, present, values))

@@ -6,7 +6,7 @@ from conftest import LAYERS, MU, deck_text, phantom
 
 from fingerfit.core.files import write_text
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.forward.bodies import lift, without_load
+from fingerfit.forward.bodies import lift, moved, without_load
 from fingerfit.forward.predict import in_first_picture, since_first_picture
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.solvers.contract import CONVERGED
@@ -78,3 +78,14 @@ def test_without_such_a_state_the_deck_includes_the_mesh():
 def test_a_load_without_equilibrium_leaves_the_body_as_stated():
     text = deck({"preload.force": 1e6, "preload.pictured": 1.0})
     assert without_load(MESH, text).points == pytest.approx(MESH.points, abs=0)
+
+
+def test_a_higher_body_has_its_borders_elsewhere_too():
+    """Under the load of the first picture they lie where they were put; without it so much higher as all else."""
+    text = deck(PRESSED | {"preload.pictured": 1.0, "interface.down": 0.5, "interface.border": 1})
+    beside, whole = moved(MESH, text), without_load(MESH, text)
+    border, top = np.isclose(MESH.points[:, 1], 8.0), np.isclose(MESH.points[:, 1], 12.0)
+    assert beside[border, 1] == pytest.approx(-0.5, abs=1e-6)
+    assert beside[top, 1] == pytest.approx(0.0, abs=1e-6)
+    assert whole.points[border, 1] / 7.5 == pytest.approx(whole.points[top, 1].mean() / 12.0)
+    assert moved(MESH, deck(PRESSED | {"preload.pictured": 1.0})) is None
