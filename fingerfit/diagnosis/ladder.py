@@ -108,18 +108,25 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
     Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so. An effect that
     an adequate model may not need is dropped; where the model is not adequate without it, it comes back, and that is
     all. So is one of no known form beside an effect that was added later, by which known effects may be seen: these
-    are then added in its place. Where the mesh is too coarse, a finer one is taken.
+    are then added in its place. Where the mesh is too coarse, a finer one is taken; one that has no fit is given up.
 
     Raises
     ------
     FingerfitError
         When the workflow fails.
     """
-    adequate, dropped, meshes = "", "", 0  # the config of the last adequate model, and what was dropped from it
+    adequate, dropped = "", ""  # the config of the last adequate model, and what was dropped from it
+    coarser, meshes = "", 0  # the config before the mesh was made finer, and how often it was
     for _ in range(RUNGS):
         if subprocess.run(command(["diagnose"], config, cores), check=False).returncode:
-            raise FingerfitError(f"{config}: the workflow failed; its messages are above")
-        settings = load_settings(config)
+            if not coarser:
+                raise FingerfitError(f"{config}: the workflow failed; its messages are above")
+            # at glued corners a finer mesh may have no equilibrium
+            say("the finer mesh has no fit, for the reason above: the coarser one is taken back")
+            write_text(config, coarser)
+            coarser, meshes, done = "", MESHES, "the last mesh is taken back"
+            continue
+        coarser, settings = "", load_settings(config)
         say(_told(read_record(model_folder(settings) / "rung.json", "model", "error", "simulations", "sentence")))
         diagnosis = read_record(model_folder(settings) / "diagnosis.json", "effects", "verdict")
         known = effects_of(Path(settings.study))
@@ -137,12 +144,13 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
             say(drop(config, dropped))
             continue
         if meshes < MESHES and _is_too_coarse(known, diagnosis):
+            before = read_text(config)
             try:
                 say(refine(config))
             except FingerfitError as error:
                 say(f"the mesh stays as it is: {error}")
             else:
-                meshes, done = meshes + 1, "the last mesh is finer"
+                coarser, meshes, done = before, meshes + 1, "the last mesh is finer"
                 continue
         if not diagnosis["effects"]:
             results = study_folder(settings)

@@ -466,6 +466,23 @@ def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(
     assert "finer mesh" not in capfd.readouterr().out
 
 
+def test_discover_takes_a_mesh_back_that_has_no_fit(config, tmp_path, monkeypatch, capfd):
+    """At glued corners a finer mesh may have no equilibrium: nothing is lost, and the verdict of the coarser one ends it."""
+    write_text(tmp_path / "Snakefile", 'assert config["model"]["mesh"]["across"] == 3, "no equilibrium"\n' + SNAKEFILE)
+    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
+    monkeypatch.setattr(call, "SHIPPED", tmp_path)
+    rung(tmp_path / "results/study", "base", numerics="coarse_mesh")
+    before = config.read_text()
+    assert main(["discover"]) == 0
+    said = [line for line in capfd.readouterr().out.splitlines() if "error 2" not in line]
+    assert said == [
+        "config.yaml: finer mesh, mesh: CPE8, across 6, per_layer 4",
+        "the finer mesh has no fit, for the reason above: the coarser one is taken back",
+        "ladder: results/study/ladder.json; page: results/study/report.html",
+    ]
+    assert config.read_text() == before
+
+
 @pytest.mark.parametrize(
     ("mesh", "found"),
     [
