@@ -58,7 +58,9 @@ def form_or_state(
     states, more = _refitted(found, chosen, threads)
     run += more
     if form is not None:
-        named = refits.get(verdict.effects[0]) if verdict.effects else None
+        # a state is judged by where it brings the sides, also where it was named without regard to them
+        first = found.comparison.problem.effects[verdict.effects[0]] if verdict.effects else None
+        named = refits.get(first.name) if first and first.family != STATE else None
         verdict = elsewhere(verdict, found.outline, form, states, named, found.score_test)
     if form is not None and verdict.effects == (OUTLINE,) and refuted(form, found.score_test):
         probes = [one for one in found.ranking if one.candidate.effect.probe and one.candidate.effect.family == STATE]
