@@ -83,6 +83,9 @@ class Facets:
         self.normals = vectors / size[:, None]
         self._size = size ** (1 / (points.shape[1] - 1))
         self._border, self._end = _border(facets)
+        # of each edge of a triangle, from one corner to the next, the way to the inside
+        edges = np.roll(self.corners, -1, axis=1) - self.corners
+        self._inwards = np.cross(self.normals[:, None], edges) if points.shape[1] == 3 else np.empty(0)
         self._tree = None
         if len(facets) > _ALL:
             from scipy.spatial import cKDTree
@@ -121,7 +124,7 @@ class Facets:
             first, way = corners[..., k, :], corners[..., (k + 1) % dim, :] - corners[..., k, :]
             share = np.clip(((flat - first) * way).sum(axis=-1) / (way * way).sum(axis=-1), 0.0, 1.0)
             if dim == 3:
-                inside &= (np.cross(way, flat - first) * self.normals[near]).sum(axis=-1) >= 0
+                inside &= ((flat - first) * self._inwards[near, k]).sum(axis=-1) >= 0
             else:
                 inside = (share > 0) & (share < 1)
             off = border[..., k] & (dim == 3)

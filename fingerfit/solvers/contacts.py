@@ -110,7 +110,7 @@ def _hard(model: Model, slave: str) -> float:
         return float(1 / np.linalg.inv(tangent)[0, 0])
 
     found = []
-    elements, points = list(model.elements()), model.deck.mesh.points
+    elements, points = model.elements, model.deck.mesh.points
     for number, face in model.deck.surfaces[slave].faces:
         element = elements[number]
         if element.section >= 0:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -122,13 +123,13 @@ class Model:
             material = replace(material, directions=tuple(map(tuple, vectors.tolist())))
         return material
 
-    def elements(self) -> Iterator[Element]:
+    @cached_property
+    def elements(self) -> list[Element]:
         """All elements in order."""
-        number = 0
-        for block in self.deck.mesh.blocks:
-            for nodes in block.nodes:
-                yield Element(block.element, nodes, int(self._section[number]))
-                number += 1
+        blocks = self.deck.mesh.blocks
+        kinds = (block.element for block in blocks for _ in block.nodes)
+        nodes = (own for block in blocks for own in block.nodes)
+        return [Element(*one) for one in zip(kinds, nodes, self._section.tolist(), strict=True)]
 
     def _add_bodies(self, averaged: bool) -> None:
         deck, first = self.deck, 0
@@ -322,7 +323,7 @@ class Model:
         return self._described(self.deck.surfaces[surface].faces)
 
     def _described(self, faces: list[tuple[int, int]]) -> list[tuple[str, np.ndarray, int, float]]:
-        elements = list(self.elements()) if faces else []
+        elements = self.elements if faces else []
         found = []
         for number, face in faces:
             element = elements[number]
