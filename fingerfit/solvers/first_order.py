@@ -67,8 +67,8 @@ def answers(
     list
         None where that cannot be: where the answer depends on the way to it (friction), where another part of the body
         would touch, where nodes have displacements that neither the deck prescribes nor the answer tells
-        (of rigid bodies that turn), where the moved deck has other unknowns, and
-        where its nodes lie elsewhere by more than a little.
+        (of rigid bodies that turn), where the moved deck has other unknowns, and where its nodes lie elsewhere by more
+        than a little.
     """
     here = _read(folder / "deck.inp", deck, averaged)
     found: list[_Moved | None] = [None] * len(moved)

@@ -388,5 +388,8 @@ def test_a_session_of_commands(project, name):
         assert any(re.match(r"round +0  .*: \d+ run \([\d.]+ s each\)", line) for line in printed)
         # README.md ends with the same lines but for digits, which another machine may round otherwise
         (table,) = re.findall(r"^```\n(studies/phantom, model base.*?)^```", README, re.MULTILINE | re.DOTALL)
-        words = [[re.sub(r"\d[\d.]*(e-\d+)?", "0", line).split() for line in lines] for lines in (table.splitlines(), printed)]
+        words = [
+            [re.sub(r"\d[\d.]*(e-\d+)?", "0", line).split() for line in lines]
+            for lines in (table.splitlines(), printed)
+        ]
         assert [line for line in words[0] if line not in words[1]] == []
