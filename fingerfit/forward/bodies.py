@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -89,11 +90,13 @@ def deck_of_body(
 
 
 def _with_mesh(deck: str, included: str, head: str, mesh: Mesh) -> str:
-    line = f"*INCLUDE, INPUT={included}\n"
-    if line not in deck:
-        found = f"no line {line.strip()}"
+    line = rf"^\*INCLUDE\s*,\s*INPUT\s*=\s*{re.escape(included)}\s*?$\n?"
+    # a function: in a text backslashes would mean something
+    made, count = re.subn(line, lambda _: head + format_mesh(mesh), deck, flags=re.IGNORECASE | re.MULTILINE)
+    if not count:
+        found = f"no line *INCLUDE, INPUT={included}"
         raise InputError("deck", "*INCLUDE", found, "that line: effects on the mesh put another one in its place")
-    return deck.replace(line, head + format_mesh(mesh))
+    return made
 
 
 def without_load(mesh: Mesh, deck: str) -> Mesh:

@@ -157,6 +157,15 @@ def test_calculix_takes_it(tmp_path, needs_ccx):
     assert theirs.displacement == pytest.approx(ours.displacement, abs=1e-4)
 
 
+@pytest.mark.parametrize("line", ["*INCLUDE, INPUT=mesh.inp", "*Include,input = mesh.inp"])
+def test_a_template_may_write_its_line_in_any_way_that_abaqus_reads(line):
+    values = MU | {"interface.down": 1.0, "interface.border": 1}
+    text = deck_of_body(STUDY, MESH, "mesh.inp", KNOWN, values, lambda body: f"*HEADING\n{line}\n*STEP\n")
+    assert text.startswith("*HEADING\n** ---")
+    assert text.endswith("\n*STEP\n")
+    assert "mesh.inp" not in text
+
+
 def test_a_template_that_includes_no_mesh_is_refused():
     with pytest.raises(InputError, match="no line"):
         values = MU | {"interface.down": 1.0, "interface.border": 1}
