@@ -6,7 +6,7 @@ import re
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -103,8 +103,14 @@ def without_load(mesh: Mesh, deck: str) -> Mesh:
     """The mesh of a deck that was made from one: itself where the deck includes it."""
     if _NODES not in deck and _RAISED not in deck:
         return mesh
+    return replace(mesh, points=_nodes(deck))
+
+
+@lru_cache(maxsize=1)  # `lift` and `moved` read the same deck one after the other
+def _nodes(deck: str) -> np.ndarray:
+    """Where the nodes of a mesh in a deck lie, mm, shape (nodes, dim)."""
     table = deck.partition("*NODE, NSET=ALL\n")[2].partition("*")[0]
-    return replace(mesh, points=np.loadtxt(table.splitlines(), delimiter=",", ndmin=2)[:, 1:])
+    return np.asarray(np.loadtxt(table.splitlines(), delimiter=",", ndmin=2)[:, 1:])
 
 
 def lift(mesh: Mesh, deck: str) -> np.ndarray | float:
