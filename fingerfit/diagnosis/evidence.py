@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from math import comb
 
 import numpy as np
 
@@ -36,9 +37,73 @@ def log_odds(fall: float, far: float, information: np.ndarray, spread: float) ->
     return 0.5 * float(fall / spread - far - np.linalg.slogdet(certain)[1])
 
 
+def log_odds_of_some(
+    fall: float, far: np.ndarray, information: np.ndarray, spread: float, optional: np.ndarray
+) -> float:
+    """Logarithm of the odds for an effect of which not all numbers need be there, against the model without it.
+
+    How many of the optional ones are there is as likely for each count, and so is each choice of as many. Of these the
+    ones count that `without_least` goes through; the others have less evidence, so that the odds are a lower bound.
+
+    Parameters
+    ----------
+    fall, information, spread
+        As for `log_odds`: with all numbers.
+    far, optional
+        As from `information`.
+    """
+    count, odds = int(optional.sum()), list[float]()
+    for kept, rise, moved in without_least(far, information, optional):
+        prior = np.log(max(count, 1)) + np.log(comb(count, int((optional & kept).sum())))
+        one = log_odds(fall - rise, float(moved @ moved), information[np.ix_(kept, kept)], spread)
+        odds.append(one - float(prior))
+    return float(np.logaddexp.reduce(odds))
+
+
+def without_least(
+    far: np.ndarray, information: np.ndarray, optional: np.ndarray
+) -> Iterator[tuple[np.ndarray, float, np.ndarray]]:
+    """An effect with all of its numbers, then without one optional one after the other, the least first, but the last.
+
+    By the linear model where its fit has ended. Parameters as for `log_odds_of_some`.
+
+    Yields
+    ------
+    ndarray of bool, shape (numbers,)
+        Which numbers it still has.
+    float
+        By how much the misfit rises without the others, those that it has and the constants following.
+    ndarray, shape (kept,)
+        Its numbers then, in units of their likely sizes.
+    """
+    kept = np.ones(len(far), dtype=bool)
+    while True:
+        among, gone = information[np.ix_(kept, kept)], information[np.ix_(kept, ~kept)] @ far[~kept]
+        follows = np.linalg.lstsq(among, gone, rcond=1e-9)[0]
+        rise = float(far[~kept] @ information[np.ix_(~kept, ~kept)] @ far[~kept] - gone @ follows)
+        moved = np.where(optional[kept], far[kept] + follows, far[kept])
+        yield kept.copy(), max(rise, 0.0), moved
+        left = np.flatnonzero(optional[kept])
+        if len(left) < 2:
+            return
+        # what the misfit rises by without a number is its square over its variance
+        variance = np.diag(np.linalg.pinv(among, rcond=1e-9, hermitian=True))[left]
+        least = left[np.argmin(moved[left] ** 2 / np.maximum(variance, np.finfo(float).tiny))]
+        kept[np.flatnonzero(kept)[least]] = False
+
+
+def spared(far: np.ndarray, information: np.ndarray, optional: np.ndarray, worth: float) -> float:
+    """By how much the misfit and what the numbers are worth fall together without those that an effect does not need.
+
+    `worth` is that of one number; else as for `log_odds_of_some`.
+    """
+    count = len(far)
+    return max(worth * (count - kept.sum()) - rise for kept, rise, _ in without_least(far, information, optional))
+
+
 def information(
     parameters: Sequence[Parameter], values: Mapping[str, float], slopes: np.ndarray, effect: Effect | None
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Information on an effect's numbers in units of their likely sizes, and how far these are from absent.
 
     Sizes of an effect are as likely as half of their scale. Its place may be anywhere between its bounds.
@@ -60,6 +125,8 @@ def information(
         with several tests also those that a test has for itself.
     ndarray, shape (numbers,)
         0 for places.
+    ndarray of bool, shape (numbers,)
+        Which of them an effect may be there without: sizes of a member, but for those of a series.
     """
     absent = effect.null() if effect else {}
     scale = {effect.key(p.name): p.scale for p in effect.parameters} if effect else {}
@@ -74,7 +141,8 @@ def information(
     basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)]
     left = (slopes[:, own] - basis @ (basis.T @ slopes[:, own])) * likely
     away = np.array([values[parameters[n].name] - absent.get(names[n], np.nan) for n in own])
-    return left.T @ left, np.divide(away, size, out=np.zeros(len(own)), where=size > 0)
+    far = np.divide(away, size, out=np.zeros(len(own)), where=size > 0)
+    return left.T @ left, far, (size > 0) & (effect is not None and not effect.probe and not effect.series)
 
 
 def spare(problem: InverseProblem, score_test: ScoreTest, values: Mapping[str, float]) -> list[Effect]:
@@ -94,7 +162,7 @@ def spare(problem: InverseProblem, score_test: ScoreTest, values: Mapping[str, f
     parameters, spread = problem.settings.parameters(), max(1.0, score_test.misfit / max(score_test.freedom, 1))
     found = dict[str, float]()
     for name in list(problem.settings.model.effects)[:-1]:
-        known, far = information(parameters, values, score_test.own, problem.effects[name])
+        known, far, _ = information(parameters, values, score_test.own, problem.effects[name])
         if len(far):
             found[name] = log_odds(float(far @ known @ far), float(far @ far), known, spread)
     return [problem.effects[name] for name in sorted(found, key=found.__getitem__) if found[name] < 0.0]

@@ -139,9 +139,9 @@ class FirstPass:
         bound = tuple(p.name for p in path.parameters if bound_of(p, values[p.name]) is not None)
         slopes = np.zeros((path.count, len(free)))
         slopes[:, free] = found.jac
-        known, far = information(path.parameters, values, slopes, effect)
-        misfit, surprise = float(2.0 * found.cost), float(far @ far)
-        return Refitted(values, misfit, found.status > 0, bound, path.run, path.count, known, surprise)
+        known, far, optional = information(path.parameters, values, slopes, effect)
+        misfit = float(2.0 * found.cost)
+        return Refitted(values, misfit, found.status > 0, bound, path.run, path.count, known, far, optional)
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Values, or columns of them, in units of their noise; those that are fitted only."""

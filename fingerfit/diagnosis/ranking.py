@@ -11,7 +11,7 @@ import numpy as np
 from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.evidence import log_odds
+from fingerfit.diagnosis.evidence import log_odds_of_some
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
 from fingerfit.fit.problem import SEARCH
 from fingerfit.fit.rounds import Asked
@@ -51,8 +51,10 @@ class Refitted:
         Number of values that were fitted.
     information : ndarray, shape (numbers, numbers)
         Of the effect's own numbers once the constants follow them, each in units of its likely size.
-    surprise : float
-        Sum of squares of these numbers in the same units.
+    far : ndarray, shape (numbers,)
+        These numbers in the same units.
+    optional : ndarray of bool, shape (numbers,)
+        Which of them the effect may be there without.
     share : float
         Of the misfit beyond the noise, what it explains.
     """
@@ -64,7 +66,8 @@ class Refitted:
     simulations: int
     count: int
     information: np.ndarray
-    surprise: float
+    far: np.ndarray
+    optional: np.ndarray
     share: float = 0.0
 
 
@@ -82,7 +85,7 @@ class Ranked:
     also: tuple[Ranked, ...] = ()
 
     def odds(self, spread: float, fall: float | None = None) -> float:
-        """Logarithm of the odds for the model with the effect against the one without it: `log_odds`.
+        """Logarithm of the odds for the model with the effect against the one without it: `log_odds_of_some`.
 
         Where there is no refit: as BIC has it.
 
@@ -97,7 +100,8 @@ class Ranked:
         values, numbers = self.columns.shape
         if self.refitted is None:
             return 0.5 * (own / spread - numbers * float(np.log(max(values, 1))))
-        return log_odds(own, self.refitted.surprise, self.refitted.information, spread)
+        there = self.refitted
+        return log_odds_of_some(own, there.far, there.information, spread, there.optional)
 
     @property
     def size(self) -> dict[str, float]:

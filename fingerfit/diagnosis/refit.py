@@ -50,6 +50,8 @@ class Refit:
         model have in common.
     numbers : int
         How many numbers of the effect were fitted.
+    spared : float
+        What those are worth together that the effect does not need: as from `evidence.spared`.
     sides : Sides
         Where the picture before compression has the sides of the body, against the model.
     but_mesh : (float, float or None), optional
@@ -72,6 +74,7 @@ class Refit:
     compared: float | None = None
     before: float | None = None
     numbers: int = 0
+    spared: float = 0.0
     sides: Sides = field(default_factory=Sides)
     but_mesh: tuple[float, float | None] | None = None
 
@@ -87,10 +90,8 @@ class Refit:
 
     @property
     def level(self) -> float:
-        """The misfit by which refits are compared with each other, and what its numbers are worth (Schwarz 1978)."""
-        from numpy import log
-
-        return self._misfit + self.numbers * float(log(max(self.freedom, 1)))
+        """The misfit by which refits are compared with each other, and what the numbers that it needs are worth."""
+        return self._misfit + self.numbers * per_number(self.freedom) - self.spared
 
     @property
     def _misfit(self) -> float:
@@ -112,6 +113,13 @@ class Refit:
 
     def _without(self, before: float) -> float:
         return before if self.before is None else self.before
+
+
+def per_number(freedom: int) -> float:
+    """Misfit that a number of an effect must explain to be worth it (Schwarz 1978)."""
+    from numpy import log
+
+    return float(log(max(freedom, 1)))
 
 
 def good(freedom: int) -> float:

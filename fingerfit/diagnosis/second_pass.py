@@ -9,13 +9,14 @@ from pathlib import Path
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis.comparison import Comparison, Everything, anchor_of
 from fingerfit.diagnosis.errors import errors
+from fingerfit.diagnosis.evidence import information, spared
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import misfits
 from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked
-from fingerfit.diagnosis.refit import Refit
+from fingerfit.diagnosis.refit import Refit, per_number
 from fingerfit.diagnosis.sides import sides_of
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import minimum
@@ -49,12 +50,15 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]
     known = before.problem.settings.starts()
     constants = {name: value for name, value in settings.starts().items() if name in known}
     own = misfits({"before": before.weighed, "after": after.weighed}, "after")
+    effect = after.problem.effects[one.candidate.effect.name]
+    told, far, optional = information(settings.parameters(), values, score_test.own, effect)
     refit = Refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
         score_test.common_misfit, score_test.common_freedom,
         ended.share, start, len(after.problem.asked), ended.fall(before), constants, after.weighed,
         compared=own["after"], before=own["before"],
         numbers=len(settings.parameters()) - len(before.problem.settings.parameters()),
+        spared=spared(far, told, optional, per_number(score_test.freedom)),
         sides=sides_of(after), but_mesh=errors_but_mesh(after),
     )  # fmt: skip
     return refit, run

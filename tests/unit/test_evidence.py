@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from seeds import generator
 
-from fingerfit.diagnosis.evidence import LIKELY, information, log_odds, spare
+from fingerfit.diagnosis.evidence import LIKELY, information, log_odds, log_odds_of_some, spare, spared, without_least
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.parameters import Parameter
@@ -29,6 +29,43 @@ def test_odds_are_an_integral_over_the_number():
     best = x @ y / (x @ x + prior**-2)
     fall = y @ y - ((y - best * x) ** 2).sum()
     assert log_odds(fall, (best / prior) ** 2, np.array([[x @ x * prior**2]]), 1.0) == pytest.approx(exact, abs=1e-6)
+
+
+def test_an_effect_of_which_some_numbers_are_absent_is_compared_without_them():
+    """Against fits of each choice of numbers: the misfit of a linear model with independent noise of 1."""
+    rng = generator(6)
+    columns = 30.0 * np.linalg.qr(rng.normal(size=(VALUES, 3)))[0] @ (np.eye(3) + 0.3 * rng.normal(size=(3, 3)))
+    left = columns[:, 0] * 0.8 + rng.normal(size=VALUES)
+    far, known = np.linalg.lstsq(columns, left, rcond=None)[0], columns.T @ columns
+    for kept, rise, moved in without_least(far, known, np.ones(3, dtype=bool)):
+        own = np.linalg.lstsq(columns[:, kept], left, rcond=None)[0]
+        assert moved == pytest.approx(own)
+        after = left - columns[:, kept] @ own
+        assert rise == pytest.approx(after @ after - (left - columns @ far) @ (left - columns @ far), abs=1e-9)
+    assert list(np.flatnonzero(kept)) == [0]
+    fall = float(left @ columns @ far)
+    # one of three counts, and one of three choices of one number: less what two numbers more would have cost
+    (only,) = own
+    alone = log_odds(fall - rise, only**2, known[:1, :1], 1.0) - 2 * np.log(3)
+    both = log_odds_of_some(fall, far, known, 1.0, np.ones(3, dtype=bool))
+    assert log_odds(fall, float(far @ far), known, 1.0) < alone < both < alone + 0.2
+    assert log_odds_of_some(fall, far, known, 1.0, np.zeros(3, dtype=bool)) == pytest.approx(
+        log_odds(fall, float(far @ far), known, 1.0)
+    )
+    assert spared(far, known, np.ones(3, dtype=bool), 7.0) == pytest.approx(14.0 - rise)
+
+
+@pytest.mark.parametrize(
+    ("name", "optional"),
+    [("yeoh", [True, True]), ("inclusion", [True, False, False]), ("loading_probe", [False] * 4)],
+)
+def test_sizes_of_a_member_are_optional_but_no_places_nor_those_of_a_probe(name, optional):
+    effect = EFFECTS[name]
+    keys = [effect.key(p.name) for p in effect.parameters] + [effect.key(place) for place in effect.refine]
+    numbers = [Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0)]
+    numbers += [Parameter(key, "1", -1.0, 1.0, 0.0, False, 1.0) for key in keys]
+    slopes = generator(4).normal(size=(VALUES, len(numbers)))
+    assert list(information(numbers, dict.fromkeys(keys, 0.3), slopes, effect)[2]) == optional
 
 
 def model(effects, slopes, values, per_test=()):
@@ -70,7 +107,7 @@ def test_numbers_that_each_test_has_for_itself_are_those_of_the_effect(unity):
     numbers = [Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0)]
     numbers += [Parameter(f"force_gain.gain@{test}", "1", -0.3, 0.3, 0.0, False, unity) for test in ("wide", "narrow")]
     at = {"mu": 0.1, "force_gain.gain@wide": 0.1, "force_gain.gain@narrow": 0.05}
-    known, far = information(numbers, at, slopes * [1.0, unity, unity], EFFECTS["force_gain"])
+    known, far, _ = information(numbers, at, slopes * [1.0, unity, unity], EFFECTS["force_gain"])
     assert known == pytest.approx(np.eye(2) * (LIKELY * scale * 40.0) ** 2)
     assert far == pytest.approx(np.array([0.1, 0.05]) / (LIKELY * scale))
 

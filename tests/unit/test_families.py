@@ -157,7 +157,7 @@ def test_odds_are_those_of_the_integrated_likelihood(rng):
     joint = np.eye(world.size) + columns @ columns.T
     wanted = 0.5 * (residual @ residual - residual @ np.linalg.solve(joint, residual) - np.linalg.slogdet(joint)[1])
     one = world.ranking(world.score_test(0 * world.signal(0)), tilt=columns)[0]
-    fitted = Refitted({}, 0.0, True, (), 0, 1, information, float(size @ size))
+    fitted = Refitted({}, 0.0, True, (), 0, 1, information, size, np.zeros(2, dtype=bool))
     one = replace(one, finding=replace(one.finding, fall=fall), refitted=fitted)
     left = float(size @ size) / np.linalg.eigvalsh(information)[0]
     assert one.odds(1.0) == pytest.approx(wanted, rel=1e-9, abs=left)
@@ -236,7 +236,8 @@ def test_the_largest_part_is_named_where_its_family_leads(error, rival, kind):
 
 def first_pass(ranking, share, surprise=0.0):
     """The ranking with refits of the first pass that explain a share of what there is."""
-    refit = Refitted({}, float(VALUES), True, (), 4, VALUES, np.zeros((1, 1)), surprise, share)
+    far, optional = np.array([surprise**0.5]), np.zeros(1, dtype=bool)
+    refit = Refitted({}, float(VALUES), True, (), 4, VALUES, np.zeros((1, 1)), far, optional, share)
     return [replace(one, refitted=refit) for one in ranking]
 
 
