@@ -172,7 +172,6 @@ def diagnose(args: argparse.Namespace) -> None:
     from fingerfit.core.files import keep_json, read_record
     from fingerfit.core.progress import Progress
     from fingerfit.diagnosis.diagnose import diagnose
-    from fingerfit.fit.estimate import intervals_of
     from fingerfit.fit.rounds import Round, asked_for
     from fingerfit.fit.simulate import measured
     from fingerfit.report.findings import count_simulations, rung_of, write_compare, write_diagnosis
@@ -180,9 +179,8 @@ def diagnose(args: argparse.Namespace) -> None:
     settings = _checked(args.settings).model_copy(update={"time_limit": args.time_limit or None})
     problem, last = _fit(args, settings), Round.load(args.last)
     everything, estimate = measured(problem), read_record(args.estimate, "parameters")
-    intervals = intervals_of(estimate)
     with Progress(ticks=False).working(f"diagnose {problem.settings.model.full_name}"):
-        found = diagnose(problem, last, everything, args.threads, intervals)
+        found = diagnose(problem, last, everything, args.threads)
     write_compare(found.comparison, args.out.parent / "compare.npz")
     study, model = args.out.parents[1], problem.settings.model
     counted = count_simulations(study, model.path, set(asked_for(args.last)), problem.asked)

@@ -16,6 +16,7 @@ from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.observing import change_seen
 from fingerfit.diagnosis.residual import Residual, common_modes, residual_of
+from fingerfit.diagnosis.rough import rough_covariance
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
 from fingerfit.fit.first_order import beside
@@ -33,8 +34,6 @@ from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.study.data import Data
 from fingerfit.study.several import AT
 
-SMOOTH = 0.25
-"""Length over which the error of a mesh is alike, as a share of the body's height."""
 ACROSS, ACROSS_POINTS = 10, 6
 """Patches over the width of the body that pictures show, and of the region where points alone were measured."""
 NEAR = 0.1
@@ -42,8 +41,6 @@ NEAR = 0.1
 TOGETHER = {2: 32, 3: 8}
 """Answers to first order that have their models in memory at once, in the plane and in space, at most. A choice: where
 materials relax, each such part solves the known deck once more."""
-ALIKE = 0.9
-"""Correlation of that error between steps."""
 CHANCE = 3.0
 """Standard deviations of a load that chance makes: 997 of 1000 loads are within. A choice (decision 19)."""
 
@@ -279,28 +276,8 @@ class Comparison:
         return (fine - coarse) * left_over(self.problem, self.mesh)
 
     def mesh_covariance(self) -> np.ndarray:
-        """Error of the mesh as a random field, shape (kept, kept).
-
-        Its size is known, patch by patch and step by step, its pattern only roughly: it is taken to be smooth over
-        `SMOOTH` of the body's height and much alike at all steps. So is that of the response.
-        """
-        value = self.residual.value
-        dim = value.shape[2] - 1
-        field = self.mesh_signal[: value.size].reshape(value.shape)[..., :dim]
-        size = np.linalg.norm(field, axis=2) / np.sqrt(dim)
-        apart = ((self.patches.centre[:, None] - self.patches.centre[None]) ** 2).sum(axis=2)
-        height = float(np.ptp(self.problem.meshes[SEARCH].body[:, -1]))
-        near = np.exp(-apart / (2 * (SMOOTH * height) ** 2))
-        steps = _alike(len(size))
-        total = np.zeros((*value.shape, *value.shape))
-        for axis in range(dim):
-            total[:, :, axis, :, :, axis] = np.einsum("np,pq,nm,mq->npmq", size, near, steps, size, optimize=True)
-        count = len(self.residual.kept)
-        whole = np.zeros((count, count))
-        whole[: value.size, : value.size] = total.reshape(value.size, value.size)
-        response = self.mesh_signal[value.size :]
-        whole[value.size :, value.size :] = _alike(len(response)) * np.outer(response, response)
-        return np.nan_to_num(whole[np.ix_(self.residual.kept, self.residual.kept)])
+        """Error of the mesh as a random field, shape (kept, kept): its size is that of `mesh_signal`."""
+        return rough_covariance(self, self.mesh_signal)
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -388,11 +365,6 @@ class Comparison:
             mesh, outcome = self.problem.meshes[self.mesh], self.problem.outcome(self.base)
             changed = changed + self.reader(mesh, after).shown(outcome) - self.reader(mesh, before).shown(outcome)
         return changed / step
-
-
-def _alike(steps: int) -> np.ndarray:
-    """Correlations of the mesh's errors of steps, shape (steps, steps)."""
-    return np.where(np.eye(steps, dtype=bool), 1.0, ALIKE)
 
 
 def anchor_of(problem: InverseProblem, last: Round) -> Asked:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.diagnosis.candidates import left_out, untestable
 from fingerfit.diagnosis.comparison import Comparison, Everything
 from fingerfit.diagnosis.designs import Further, identification, separation
-from fingerfit.diagnosis.effect_form import form_of
+from fingerfit.diagnosis.effect_form import NO_FORM, form_of
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.evidence import spare
 from fingerfit.diagnosis.first_pass import widened
@@ -116,7 +115,6 @@ def diagnose(
     last: Round,
     everything: Everything,
     threads: int = 1,
-    intervals: Mapping[str, Sequence[float]] | None = None,
 ) -> Diagnosis:
     """Diagnose a fitted model.
 
@@ -129,9 +127,6 @@ def diagnose(
         Prepared with all pictures, fitted or not; of a study with several tests that of each.
     threads : int
         Simulations beside each other.
-    intervals : mapping, optional
-        Lower and upper end of the 95 % interval of each constant, as the estimate has them: what moves none of them out
-        of it is a trace.
 
     Raises
     ------
@@ -139,10 +134,10 @@ def diagnose(
         When the solver ends a simulation of the fitted model itself without an answer, or is not there.
     """
     with Lost.noting([one.lost for one in (problem, *problem.every)]) as lost:
-        found = _diagnose(problem, last, everything, threads, intervals)
+        found = _diagnose(problem, last, everything, threads)
         if found.verdict.kind == "unexplained" and (sides := sides_of(found.comparison)).off:
             # neither another form nor a state explains it: where the sides lie is not what is missing, or not all
-            again = _diagnose(problem, last, everything, threads, intervals, Sides())
+            again = _diagnose(problem, last, everything, threads, Sides())
             text = f"{again.verdict.sentence}; {shown(sides)}"
             found = replace(again, verdict=replace(again.verdict, sentence=text), run=found.run + again.run)
         problem.asked.difference_update(lost.names)  # they have no answer, and are none of those that were run
@@ -154,7 +149,6 @@ def _diagnose(
     last: Round,
     everything: Everything,
     threads: int,
-    intervals: Mapping[str, Sequence[float]] | None,
     sides: Sides | None = None,
 ) -> Diagnosis:
     """As `diagnose`, where simulations that the solver ends without an answer are noted.
@@ -216,8 +210,8 @@ def _diagnose(
     base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own, but_mesh=but_mesh)
     tolerance = problem.settings.fit.tolerance
     blamed = [one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects]
-    form = form_of(found.comparison, blamed)
-    verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, intervals, form)
+    form = form_of(found.comparison, blamed, refits) if verdict.kind != "adequate" else NO_FORM
+    verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, form)
     measurements = list[tuple[str, float]]()
     further, more = identification(found.comparison, threads)
     run += more

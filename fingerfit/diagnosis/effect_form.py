@@ -2,80 +2,116 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH
+from fingerfit.diagnosis.joint import diagonal
+from fingerfit.diagnosis.likelihood import misfits
+from fingerfit.diagnosis.refit import Refit, explains
+from fingerfit.diagnosis.rough import rough_covariance
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.study.several import AT
 
 FORM, QUIET = 0.1, 0.25
 """Shares of an effect's signal by which its form may be off from what is there: where data are left unexplained, and
 where none are as a whole. Choices (decision 19)."""
+IMITATED = (1.0 - ENOUGH) ** 0.5
+"""The same of a probe. It has no form of its own, and what it stands for may differ from it by as much as an answer
+need not explain."""
 
 
 @dataclass(frozen=True)
 class Form:
-    """Misfit that a model would have without its own effects, the constants following.
+    """A model whose own effects may have another form than what is there.
 
     Parameters
     ----------
-    members, probes : float
-        Without the numbers of its members, and of its probes.
+    beside : bool
+        Whether it has any.
+    explains : bool
+        Whether what it leaves is no more than noise and their form.
+    falls : mapping
+        By how much refits lower the misfit that is neither, by name of the effect; those of a model without effects are
+        not changed.
     """
 
-    members: float = 0.0
-    probes: float = 0.0
+    beside: bool = False
+    explains: bool = False
+    falls: Mapping[str, float] = field(default_factory=dict)
 
-    @property
-    def left(self) -> float:
-        """What the form of these effects may leave of it.
-
-        A probe has no form of its own; what it stands for may differ from it by as much as an answer need not explain.
-        """
-        return FORM**2 * self.members + (1.0 - ENOUGH) * self.probes
-
-    @property
-    def quiet(self) -> float:
-        """The same of a model that explains all data as a whole, for what hardly lowers the error of pictures."""
-        return QUIET**2 * self.members + (1.0 - ENOUGH) * self.probes
+    def limited(self, refits: Mapping[str, Refit]) -> dict[str, Refit]:
+        """Refits that explain no more than what the form of the model's effects does not."""
+        return {name: replace(one, fall=min(one.fall, self.falls.get(name, one.fall))) for name, one in refits.items()}
 
 
 NO_FORM = Form()
 
 
-def form_of(comparison: Comparison, named: Sequence[Effect] = ()) -> Form:
-    """That of a model's own effects, where others are `named` beside them."""
-    return Form(*(_signal_of(comparison, named, probes) for probes in (False, True)))
+def form_of(comparison: Comparison, named: Sequence[Effect], refits: Mapping[str, Refit]) -> Form:
+    """That of a model, where other effects are `named` beside its own; with their refits.
 
-
-def _signal_of(comparison: Comparison, named: Sequence[Effect], probes: bool) -> float:
-    """Misfit that a model would have without the numbers of its probes, or of its members, the constants following.
-
-    By slopes.
+    The form of an effect is an error like that of a mesh: it is as large as a share of what the effect changes there,
+    and its pattern is known roughly.
 
     A shift or a brightness that has another form leaves shifts and brightness: where all that is `named` acts on the
     body, effects on the observation do not count.
     """
+    problem = comparison.problem
     bodily = bool(named) and all(effect.acts != OBSERVATION for effect in named)
-    problem, score_test = comparison.problem, comparison.score_test
-    parameters, values = problem.settings.parameters(), comparison.base.values
-    amounts = {
-        effect.key(number.name): number.null
-        for effect in map(problem.effects.get, problem.settings.model.effects)
-        if effect is not None and not (bodily and effect.acts == OBSERVATION)
-        if effect.probe == probes
-        for number in effect.parameters
+    known = [effect for effect in map(problem.effects.get, problem.settings.model.effects) if effect is not None]
+    own = [effect for effect in known if not (bodily and effect.acts == OBSERVATION)]
+    if not own:
+        return replace(NO_FORM, beside=bool(known))
+    members, probes = (
+        _covariance(comparison, [effect for effect in own if effect.probe == probe]) for probe in (False, True)
+    )
+    without = comparison.weighed
+
+    def weighed(share: float) -> np.ndarray:
+        return without.covariance + share**2 * members + IMITATED**2 * probes
+
+    residual = (without.vector, weighed(FORM), without.own, without.nuisance, comparison.common(), without.known)
+    models = {"": replace(without, covariance=weighed(QUIET))}
+    models |= {
+        effect.name: one
+        for effect in named
+        if effect.name in refits and (one := refits[effect.name].weighed) is not None
     }
-    names = [p.name.partition(AT)[0] for p in parameters]
-    free = [n for n, name in enumerate(names) if name in problem.settings.model.parameters]
-    signal = np.zeros(len(score_test.left))
-    for n, (parameter, name) in enumerate(zip(parameters, names, strict=True)):
-        if name in amounts and not parameter.log:
-            signal += score_test.own[:, n] * (values[parameter.name] - amounts[name]) / parameter.scale
-    constants = score_test.own[:, free]
-    left = signal - constants @ np.linalg.lstsq(constants, signal, rcond=1e-6)[0]
-    return float(left @ left)
+    left = {name: misfits({"": models[""], name: one}, "") for name, one in models.items() if name}
+    falls = {name: both[""] - both[name] for name, both in left.items()}
+    return Form(True, explains(ScoreTest(*residual)), falls)
+
+
+def _covariance(comparison: Comparison, effects: Sequence[Effect]) -> np.ndarray:
+    """Covariance of errors that are as large as the signals of these effects, shape (kept, kept)."""
+    tests, own = comparison.every, comparison.own()
+    ends = np.cumsum([len(test.residual.vector) for test in tests])
+    whole = np.zeros((len(own), len(own)))
+    for effect in effects:
+        parts = np.split(_signal(comparison, effect, own), ends[:-1])
+        fields = [_everywhere(test, part) for test, part in zip(tests, parts, strict=True)]
+        whole += diagonal([rough_covariance(test, field) for test, field in zip(tests, fields, strict=True)])
+    return whole
+
+
+def _signal(comparison: Comparison, effect: Effect, own: np.ndarray) -> np.ndarray:
+    """What an effect changes in displacements and response, by slopes, shape (kept,)."""
+    values, signal = comparison.base.values, np.zeros(len(own))
+    absent = effect.null()
+    for n, parameter in enumerate(comparison.problem.settings.parameters()):
+        name = parameter.name.partition(AT)[0]
+        if name in absent and not parameter.log:
+            signal += own[:, n] * (values[parameter.name] - absent[name]) / parameter.scale
+    return signal
+
+
+def _everywhere(test: Comparison, part: np.ndarray) -> np.ndarray:
+    """Values of a test that are known, among all of them; 0 elsewhere."""
+    whole = np.zeros(len(test.residual.kept))
+    whole[test.residual.kept] = part
+    return whole

@@ -204,19 +204,18 @@ def traced(
     base: Refit,
     tolerance: float,
     tests: int,
-    intervals: Mapping[str, Sequence[float]] | None = None,
     form: Form = NO_FORM,
 ) -> Verdict:
     """The verdict, but *adequate* where the model explains the data and what is named does not matter or is not likely.
 
-    With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance
-    and out of the interval that the model without it has given, or lowers the error on held-out steps (on fitted ones,
-    where there are no others) by more than `MATTERS`. What is named is likely when the odds that one of it is there,
-    against the model that explains the data without it, are more than `LIKELY_ENOUGH`; before it was seen, each of
-    those that were tested had an equal share of what speaks for any of them. Nor is it where what it explains is no
-    more than the form of the effects that the model has may be off by (`Form`); what a model leaves beyond the noise
-    may be that as well, where the pictures are explained; or what neither matters nor acts on the loading. Where these
-    differ by much (`loud`), nothing is a trace.
+    With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance,
+    or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`. What is
+    named is likely when the odds that one of it is there, against the model that explains the data without it, are more
+    than `LIKELY_ENOUGH`; before it was seen, each of those that were tested had an equal share of what speaks for any
+    of them. What speaks for it is only what the form of the effects that the model has does not explain (`Form`), and
+    a model explains the data also where it leaves no more than that form and noise. Beside effects of the model that
+    leaves more, what acts on the body or on pictures and does not matter is a trace as well. Where pictures differ by
+    much (`loud`), nothing is.
 
     Parameters
     ----------
@@ -232,51 +231,44 @@ def traced(
         Share of a constant.
     tests : int
         How many effects, and places of them, were tested.
-    intervals : mapping, optional
-        Lower and upper end of the 95 % interval of each constant of the model without the effects.
     form : Form
         Of the model's own effects.
     """
     if verdict.kind == "adequate" or loud(base.at_least, score_test.freedom):
         return verdict
+    explained = explains(score_test)
+    if verdict.kind == "unexplained" and (explained or not form.explains):
+        return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     names = " or ".join(one.candidate.effect.title for one in named)
-    fall = max((refits[name].fall for name in verdict.effects), default=0.0)
-    matter = any(_matters(refits[name], base, tolerance, intervals or {}) for name in verdict.effects)
-    far = "out of its interval" if intervals else f"by more than {100 * tolerance:g} %"
-    quiet = all(_is_quiet(one, refits, base) for one in named)
-    if not explains(score_test):
-        if max(excess(score_test), fall) < form.left:
-            text = "the model leaves no more than what the form of its own effects may be off by"
-            text += f"; a trace: {names}" if names else ""
-        elif named and not matter and quiet and form.left > 0:
-            text = f"the model leaves little beside its effects: a trace that moves no constant {far} and hardly"
-            text += f" lowers the error: {names}"
-        else:
+    matter = any(_matters(refits[name], base, tolerance) for name in verdict.effects)
+    far = f"by more than {100 * tolerance:g} %"
+    odds = odds_of_any(named, score_test, ranking, tests, form.limited(refits))
+    before = odds_of_any(named, score_test, ranking, tests, refits)
+    of_form = "what the form of its own effects may be off by"
+    if not explained and not form.explains:
+        if matter or not form.beside or not all(_is_quiet(one, refits, base) for one in named):
             return verdict
-        return Verdict("adequate", (), text, verdict.threshold)
-    if verdict.kind == "unexplained":
-        return verdict
-    odds = odds_of_any(named, score_test, ranking, tests, refits)
-    text = f"{WITHIN}; "
-    if not matter:
-        text += f"beyond chance, but a trace that moves no constant {far}: {names}"
-    elif odds < LIKELY_ENOUGH:
-        text += f"a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
-    elif fall < (form.quiet if quiet else form.left):
-        text += f"a trace, no more than what the form of the model's own effects may be off by: {names}"
+        text = f"the model leaves little beside its effects: a trace that moves no constant {far} and hardly lowers the"
+        text += f" error: {names}"
     else:
-        return verdict
+        text = WITHIN if explained else f"the model leaves no more than {of_form}"
+        if not named:
+            pass
+        elif not matter:
+            text += f"; beyond chance, but a trace that moves no constant {far}: {names}"
+        elif odds >= LIKELY_ENOUGH:
+            return verdict
+        elif before >= LIKELY_ENOUGH:
+            text += f"; a trace, hardly more than {of_form}: {names}"
+        else:
+            text += f"; a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
     return Verdict("adequate", (), text, verdict.threshold)
 
 
-def _matters(refit: Refit, base: Refit, tolerance: float, intervals: Mapping[str, Sequence[float]]) -> bool:
-    def moves(name: str, value: float) -> bool:
-        low, high = intervals.get(name, (value, value))
-        reach = tolerance * abs(value)
-        return not min(low, value - reach) <= refit.values[name] <= max(high, value + reach)
-
-    return any(moves(name, value) for name, value in base.values.items()) or _lowers(refit, base) > MATTERS
+def _matters(refit: Refit, base: Refit, tolerance: float) -> bool:
+    moved = (abs(refit.values[name] - value) > tolerance * abs(value) for name, value in base.values.items())
+    return any(moved) or _lowers(refit, base) > MATTERS
 
 
 def _lowers(refit: Refit, base: Refit) -> float:

@@ -237,11 +237,6 @@ def _thickness_remarks(problem: InverseProblem) -> list[str]:
     return ["the thickness is not known: moduli are those of 1 mm; only modulus times thickness (N/mm) is identified"]
 
 
-def intervals_of(found: Mapping[str, Any]) -> dict[str, list[float]]:
-    """Lower and upper end of the 95 % interval of each constant, in its unit, of what `estimate_of` found."""
-    return {name: entry["interval95"] for name, entry in found["parameters"].items()}
-
-
 def table_of(found: dict[str, Any]) -> str:
     """Table on the terminal, as the paper's Table 1."""
     width = max(14, *(len(name) + 1 for name in found["parameters"]))

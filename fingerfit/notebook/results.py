@@ -12,7 +12,7 @@ from fingerfit.diagnosis.diagnose import Diagnosis, Everything, added
 from fingerfit.diagnosis.diagnose import diagnose as diagnosis_of
 from fingerfit.diagnosis.ranking import summary
 from fingerfit.diagnosis.second_pass import followed
-from fingerfit.fit.estimate import estimate_of, intervals_of
+from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.finished import finished_fit
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
@@ -225,8 +225,7 @@ def load_result(folder: Path | str) -> Result:
 
 def diagnose(result: Result, threads: int = 1) -> Found:
     """Which effect a fitted model lacks."""
-    intervals = intervals_of(result.estimate)
-    return Found(diagnosis_of(result.problem, result.last, result.everything, threads, intervals))
+    return Found(diagnosis_of(result.problem, result.last, result.everything, threads))
 
 
 def add(result: Result, found: Found, name: str, threads: int = 1) -> Result:

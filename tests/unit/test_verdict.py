@@ -10,7 +10,7 @@ from scipy.stats import binom, chi2, norm
 from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
-from fingerfit.diagnosis.effect_form import Form, form_of
+from fingerfit.diagnosis.effect_form import NO_FORM, Form
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
 from fingerfit.diagnosis.reservations import by_settings, doubted, loud_by_mesh, perhaps, too_coarse, traced
@@ -18,7 +18,6 @@ from fingerfit.diagnosis.score_tests import Finding, ScoreTest
 from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, ended_well, half_explained
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
 from fingerfit.model.catalogue import catalogue
-from fingerfit.model.parameters import Parameter
 from fingerfit.settings.finer import HALVED
 
 EFFECTS = catalogue()
@@ -607,6 +606,11 @@ def likely(odds, name="tilt"):
     )
 
 
+def as_likely_as_its_fall(name="tilt"):
+    """An effect whose odds are half of what its refit lets the misfit fall by."""
+    return SimpleNamespace(**vars(likely(0.0, name)) | {"odds": lambda spread, fall=None: 0.5 * (fall or 0.0) / spread})
+
+
 @pytest.mark.parametrize(
     ("misfit", "value", "held_out", "kind"),
     [
@@ -673,88 +677,67 @@ def test_what_the_best_leaves_beyond_its_noise_is_an_error_as_large_as_a_differe
     assert len(decide(score_test, ranking, refits, TESTS).effects) == rivals
 
 
-@pytest.mark.parametrize(("value", "kind"), [(0.106, "adequate"), (0.109, "missing"), (0.094, "missing")])
-def test_what_moves_no_constant_out_of_its_interval_is_a_trace(value, kind):
-    """An interval that has the constant of the model with the effect in it was right about it."""
-    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
-    base, intervals = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1}), {"mu_top": [0.096, 0.108]}
-    refits = {"tilt": Refit(60.0, 99, 0.98, 0.98, {"mu_top": value})}
-    named = Verdict("missing", ("tilt",), "", 12.0)
-    verdict = traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20, intervals)
-    assert verdict.kind == kind
-    assert ("moves no constant out of its interval" in verdict.sentence) == (kind == "adequate")
-
-
-@pytest.mark.parametrize(("signal", "kind"), [(4100.0, "adequate"), (3900.0, "missing"), (0.0, "missing")])
-def test_what_the_form_of_the_models_own_effects_may_be_off_by_is_a_trace(signal, kind):
-    """A tenth of their signal is a hundredth of the misfit that they explain."""
-    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
-    base = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1})
-    refits = {"tilt": Refit(60.0, 99, 0.9, 0.9, {"mu_top": 0.2}, fall=40.0)}
-    named = Verdict("missing", ("tilt",), "", 12.0)
-    verdict = traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20, form=Form(signal))
-    assert verdict.kind == kind
-    assert ("the form of the model's own effects" in verdict.sentence) == (kind == "adequate")
-
-
 @pytest.mark.parametrize(
-    ("name", "signal", "fitted", "kind"),
-    [
-        ("tilt", 650.0, 0.96, "adequate"),
-        ("tilt", 630.0, 0.96, "missing"),  # it explains more
-        ("tilt", 650.0, 0.94, "missing"),  # it lowers the error of the pictures
-        ("onset", 650.0, 0.96, "missing"),  # it acts on the loading alone, where few values are
-    ],
+    ("fall", "left", "kind"),
+    [(40.0, 40.0, "missing"), (40.0, 12.3, "missing"), (40.0, 11.7, "adequate"), (11.7, 40.0, "adequate")],
 )
-def test_beside_effects_a_quiet_one_may_be_their_form(name, signal, fitted, kind):
-    """A quarter of their signal, a sixteenth of the misfit, where the data as a whole are explained."""
+def test_what_the_form_of_the_models_own_effects_explains_does_not_speak_for_another_one(fall, left, kind):
+    """Odds of 20 to 1 after 20 tests, 400 to 1 before, are half of a fall of 12."""
     score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
     base = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1})
-    refits = {name: Refit(60.0, 99, fitted, fitted, {"mu_top": 0.2}, fall=40.0)}
-    named = Verdict("missing", (name,), "", 12.0)
-    one = likely(20.0, name)
-    assert traced(named, score_test, [one], refits, base, 0.02, 20, form=Form(signal)).kind == kind
+    refits = {"tilt": Refit(60.0, 99, 0.9, 0.9, {"mu_top": 0.2}, fall=fall)}
+    named = Verdict("missing", ("tilt",), "", 12.0)
+    form = Form(True, True, {"tilt": left})
+    verdict = traced(named, score_test, [as_likely_as_its_fall()], refits, base, 0.02, 20, form)
+    assert verdict.kind == kind
+    assert ("hardly more than what the form of its own effects" in verdict.sentence) == (left == 11.7)
+    assert ("for it after 20 tests" in verdict.sentence) == (fall == 11.7)
 
 
 @pytest.mark.parametrize(
-    ("name", "signal", "after", "constant", "kind"),
+    ("name", "beside", "after", "constant", "kind"),
     [
-        ("tilt", 9000.0, 1.06, 0.101, "adequate"),
-        ("tilt", 0.0, 1.06, 0.101, "missing"),  # the model has no effects
-        ("tilt", 9000.0, 1.04, 0.101, "missing"),  # it lowers the error
-        ("tilt", 9000.0, 1.06, 0.103, "missing"),  # it moves a constant
-        ("onset", 9000.0, 1.06, 0.101, "missing"),  # it acts on the loading alone, where few values are
+        ("tilt", True, 1.06, 0.101, "adequate"),
+        ("tilt", False, 1.06, 0.101, "missing"),  # the model has no effects
+        ("tilt", True, 1.04, 0.101, "missing"),  # it lowers the error
+        ("tilt", True, 1.06, 0.103, "missing"),  # it moves a constant
+        ("onset", True, 1.06, 0.101, "missing"),  # it acts on the loading alone, where few values are
     ],
 )
 def test_beside_effects_what_does_not_matter_is_a_trace_also_where_the_data_are_not_explained(
-    name, signal, after, constant, kind
+    name, beside, after, constant, kind
 ):
     score_test = SimpleNamespace(misfit=1300.0, freedom=1000, common_misfit=27.0, common_freedom=27)
     base = Refit(1300.0, 1000, 1.1, 1.1, {"mu_top": 0.1})
     refits = {name: Refit(1000.0, 999, after, after, {"mu_top": constant}, fall=300.0)}
     given = Verdict("missing", (name,), "", 12.0)
-    found = traced(given, score_test, [likely(20.0, name)], refits, base, 0.02, 20, form=Form(signal))
+    found = traced(given, score_test, [likely(20.0, name)], refits, base, 0.02, 20, Form(beside))
     assert found.kind == kind
     assert ("leaves little beside its effects" in found.sentence) == (kind == "adequate")
 
 
 @pytest.mark.parametrize(
-    ("found", "signal", "fitted", "kind"),
+    ("found", "form", "fitted", "kind"),
     [
-        ("missing", 25000.0, 1.1, "adequate"),
-        ("unexplained", 25000.0, 1.1, "adequate"),
-        ("missing", 19000.0, 1.1, "missing"),  # it explains more than what the form may be off by
-        ("unexplained", 9000.0, 1.1, "unexplained"),  # it leaves more than that
-        ("missing", 25000.0, 1.3, "missing"),  # the pictures say that more is wrong
-        ("missing", 0.0, 1.1, "missing"),  # a model without effects has no form of them
+        ("missing", Form(True, True, {"tilt": 9.0}), 1.1, "adequate"),
+        ("unexplained", Form(True, True), 1.1, "adequate"),
+        (
+            "missing",
+            Form(True, True, {"tilt": 90.0}),
+            1.1,
+            "missing",
+        ),  # it explains more than what the form may be off by
+        ("unexplained", Form(True, False), 1.1, "unexplained"),  # it leaves more than that
+        ("missing", Form(True, True, {"tilt": 9.0}), 1.3, "missing"),  # the pictures say that more is wrong
+        ("missing", NO_FORM, 1.1, "missing"),  # a model without effects has no form of them
     ],
 )
-def test_what_a_model_leaves_may_be_the_form_of_its_own_effects(found, signal, fitted, kind):
+def test_what_a_model_leaves_may_be_the_form_of_its_own_effects(found, form, fitted, kind):
     score_test = SimpleNamespace(misfit=1000.0, freedom=1000, common_misfit=127.0, common_freedom=27)
     base = Refit(1000.0, 1000, fitted, 1.0, {"mu_top": 0.1})
     refits = {"tilt": Refit(800.0, 999, 1.0, 1.0, {"mu_top": 0.2}, fall=200.0)}
     given = Verdict(found, ("tilt",) if found == "missing" else (), "", 12.0)
-    verdict = traced(given, score_test, [likely(20.0)], refits, base, 0.02, 20, form=Form(signal))
+    verdict = traced(given, score_test, [as_likely_as_its_fall()], refits, base, 0.02, 20, form)
     assert verdict.kind == kind
     assert ("no more than what the form" in verdict.sentence) == (kind == "adequate")
 
@@ -803,28 +786,3 @@ def test_a_refit_that_ends_worse_on_what_it_fitted_has_missed_its_minimum(count,
     score_test = SimpleNamespace(misfit=9.0 * count, freedom=count)
     refits = {"relaxation": Refit(0.8 * count, count - 1, fitted, 1.0, {})}
     assert ended_well(score_test, refits, 2.53) == (refits if counts else {})
-
-
-def test_a_shift_is_no_excuse_for_what_acts_on_the_body():
-    """What the effects of a model explain, beside something on the body, beside a shift, and beside nothing."""
-    parameters = [
-        Parameter("mu", "MPa", 0.01, 1.0, 0.1),
-        Parameter("tilt.slope", "1/mm", -1.0, 1.0, 0.0, log=False),
-        Parameter("misregistration.x", "mm", -1.0, 1.0, 0.0, log=False),
-    ]
-    model = SimpleNamespace(effects={"tilt": {}, "misregistration": {}}, parameters={"mu": None})
-    settings = SimpleNamespace(parameters=lambda: parameters, model=model)
-    values = {"mu": 0.1, "tilt.slope": 0.6, "misregistration.x": 0.8}
-    comparison = SimpleNamespace(
-        problem=SimpleNamespace(settings=settings, effects=dict(EFFECTS)),
-        score_test=SimpleNamespace(own=np.eye(4)[:, :3], left=np.zeros(4)),
-        base=SimpleNamespace(values=values),
-    )
-    tilt, shift = (0.6 / parameters[1].scale) ** 2, (0.8 / parameters[2].scale) ** 2
-    both = [EFFECTS["gradient"], EFFECTS["turned_pictures"]]
-    assert form_of(comparison, both[:1]).left == pytest.approx(0.01 * tilt)
-    for named in (both, ()):
-        assert form_of(comparison, named).left == pytest.approx(0.01 * (tilt + shift))
-    # a probe has no form: a quarter
-    comparison.problem.effects["tilt"] = replace(EFFECTS["tilt"], probe=True)
-    assert form_of(comparison).left == pytest.approx(0.25 * tilt + 0.01 * shift)

@@ -1,0 +1,55 @@
+"""Errors of which the size is known, patch by patch and step by step, and the pattern only roughly."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fingerfit.fit.problem import SEARCH
+
+if TYPE_CHECKING:
+    from fingerfit.diagnosis.comparison import Comparison
+
+SMOOTH = 0.25
+"""Length over which such an error is alike, as a share of the body's height."""
+ALIKE = 0.9
+"""Correlation of such an error between steps."""
+
+
+def rough_covariance(comparison: Comparison, signal: np.ndarray) -> np.ndarray:
+    """An error as a random field, shape (kept, kept).
+
+    It is taken to be smooth over `SMOOTH` of the body's height and much alike at all steps. So is that of the response.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Of one test.
+    signal : ndarray, shape (all,)
+        What is as large as the error: displacements of the patches, and the response.
+    """
+    residual = comparison.residual
+    value = residual.value
+    dim = value.shape[2] - 1
+    field = signal[: value.size].reshape(value.shape)[..., :dim]
+    size = np.linalg.norm(field, axis=2) / np.sqrt(dim)
+    centre = comparison.patches.centre
+    apart = ((centre[:, None] - centre[None]) ** 2).sum(axis=2)
+    height = float(np.ptp(comparison.problem.meshes[SEARCH].body[:, -1]))
+    near = np.exp(-apart / (2 * (SMOOTH * height) ** 2))
+    steps = _alike(len(size))
+    total = np.zeros((*value.shape, *value.shape))
+    for axis in range(dim):
+        total[:, :, axis, :, :, axis] = np.einsum("np,pq,nm,mq->npmq", size, near, steps, size, optimize=True)
+    count = len(residual.kept)
+    whole = np.zeros((count, count))
+    whole[: value.size, : value.size] = total.reshape(value.size, value.size)
+    response = signal[value.size :]
+    whole[value.size :, value.size :] = _alike(len(response)) * np.outer(response, response)
+    return np.nan_to_num(whole[np.ix_(residual.kept, residual.kept)])
+
+
+def _alike(steps: int) -> np.ndarray:
+    """Correlations of steps, shape (steps, steps)."""
+    return np.where(np.eye(steps, dtype=bool), 1.0, ALIKE)
