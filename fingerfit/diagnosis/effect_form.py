@@ -17,12 +17,12 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.study.several import AT
 
-FORM, QUIET = 0.1, 0.25
-"""Shares of an effect's signal by which its form may be off from what is there: where data are left unexplained, and
-where none are as a whole. Choices (decision 19)."""
-IMITATED = (1.0 - ENOUGH) ** 0.5
-"""The same of a probe. It has no form of its own, and what it stands for may differ from it by as much as an answer
-need not explain."""
+FORM = 0.1
+"""Share of a member's signal by which its form may be off from what is there in a model that is adequate: a choice
+(decision 19)."""
+MOST = (1.0 - ENOUGH) ** 0.5
+"""The same at most: an effect is an answer where it explains three quarters of a misfit. A probe, which has no form of
+its own, may always be off by so much; what is named beside an effect must explain what that cannot."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Form:
     explains : bool
         Whether what it leaves is no more than noise and their form.
     falls : mapping
-        By how much refits lower the misfit that is neither, by name of the effect; those of a model without effects are
-        not changed.
+        By how much refits lower the misfit that is neither, by name of the effect; a refit without an entry keeps its
+        own.
     """
 
     beside: bool = False
@@ -72,11 +72,9 @@ def form_of(comparison: Comparison, named: Sequence[Effect], refits: Mapping[str
     )
     without = comparison.weighed
 
-    def weighed(share: float) -> np.ndarray:
-        return without.covariance + share**2 * members + IMITATED**2 * probes
-
-    residual = (without.vector, weighed(FORM), without.own, without.nuisance, comparison.common(), without.known)
-    models = {"": replace(without, covariance=weighed(QUIET))}
+    in_form = without.covariance + FORM**2 * members + MOST**2 * probes
+    residual = (without.vector, in_form, without.own, without.nuisance, comparison.common(), without.known)
+    models = {"": replace(without, covariance=without.covariance + MOST**2 * (members + probes))}
     models |= {
         effect.name: one
         for effect in named

@@ -63,7 +63,20 @@ def test_a_border_is_inclined_and_bent_in_the_middle_of_sides_too():
     assert len(np.unique(X[at])) == 9
 
 
-@pytest.mark.parametrize(("form", "probed"), [("down", ""), ("incline", "incline_"), ("bend", "bend_")])
+@pytest.mark.parametrize(
+    ("degree", "form"), list(enumerate(("down", "incline", "bend", "third", "fourth", "fifth", "sixth")))
+)
+def test_the_forms_of_a_border_are_polynomials_of_legendre(degree, form):
+    """Of the place from -1 on the left to 1 on the right; those up to the parabola in units of their leading terms."""
+    now = heights({f"interface.{form}": 0.3, "interface.border": 2})
+    at = Y == SECOND
+    form_of = np.polynomial.Legendre.basis(degree)(2.0 * X[at] / 12.0 - 1.0)
+    assert now[at] == pytest.approx(SECOND - 0.3 * {1: 0.5, 2: 2 / 3}.get(degree, 1.0) * form_of, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("form", "probed"), [("down", ""), ("incline", "incline_"), ("bend", "bend_"), ("third", "third_")]
+)
 def test_the_probe_has_the_same_as_the_interface_for_either_border(form, probed):
     for border, name in ((1, "upper"), (2, "lower")):
         for value in (0.5, -0.5):

@@ -27,9 +27,9 @@ LENGTHS = {
     **{f"observation_probe.{name}": LARGER for name in ("aside", "upwards", "growing_x", "growing_y")},
     **{f"loading_probe.{name}": LARGER for name in ("reading", "growing")},
     **dict.fromkeys(("sideways.moved", "sideways.early", "indenter_probe.moved", "indenter_probe.midway"), LARGER),
-    **{f"interface.{name}": LARGER for name in ("down", "incline", "bend", "third")},
-    **{f"geometry_probe.{name}": LARGER for name in ("upper", "lower", "third", "fourth")},
-    **{f"geometry_probe.{form}_{border}": LARGER for form in ("incline", "bend") for border in ("upper", "lower")},
+    **{f"interface.{name}": LARGER for name in ("down", "incline", "bend", "third", "fourth", "fifth", "sixth")},
+    **{f"geometry_probe.{name}": LARGER for name in ("upper", "lower")},
+    **{f"geometry_probe.{form}_{border}": LARGER for form in ("incline", "bend", "third") for border in ("upper", "lower")},
 }  # fmt: skip
 SIZES = {
     **LENGTHS,
