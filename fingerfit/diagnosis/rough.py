@@ -27,20 +27,21 @@ def rough_covariance(comparison: Comparison, signal: np.ndarray) -> np.ndarray:
     comparison : Comparison
         Of one test.
     signal : ndarray, shape (all,)
-        What is as large as the error: displacements of the patches, and the response.
+        What is as large as the error: displacements and brightness of the patches, and the response. How a displacement
+        is directed is not known either.
     """
     residual = comparison.residual
     value = residual.value
     dim = value.shape[2] - 1
-    field = signal[: value.size].reshape(value.shape)[..., :dim]
-    size = np.linalg.norm(field, axis=2) / np.sqrt(dim)
+    field = signal[: value.size].reshape(value.shape)
+    moved = np.linalg.norm(field[..., :dim], axis=2) / np.sqrt(dim)
     centre = comparison.patches.centre
     apart = ((centre[:, None] - centre[None]) ** 2).sum(axis=2)
     height = float(np.ptp(comparison.problem.meshes[SEARCH].body[:, -1]))
     near = np.exp(-apart / (2 * (SMOOTH * height) ** 2))
-    steps = _alike(len(size))
+    steps = _alike(len(field))
     total = np.zeros((*value.shape, *value.shape))
-    for axis in range(dim):
+    for axis, size in enumerate((*[moved] * dim, np.abs(field[..., dim]))):
         total[:, :, axis, :, :, axis] = np.einsum("np,pq,nm,mq->npmq", size, near, steps, size, optimize=True)
     count = len(residual.kept)
     whole = np.zeros((count, count))

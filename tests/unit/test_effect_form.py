@@ -75,11 +75,13 @@ def explained_beside(comparison, name="wall"):
 def test_an_error_is_as_large_as_its_signal_smooth_and_alike_at_all_steps():
     signal = field(0, 10)
     signal[-STEPS:] = [1.0, 2.0, 3.0]
+    signal[: np.prod(SHAPE)].reshape(SHAPE)[:, 5, 2] = -0.2  # darker
     covariance = rough_covariance(world(signal), signal)
     whole = covariance[: np.prod(SHAPE), : np.prod(SHAPE)].reshape(SHAPE + SHAPE)
     assert whole[0, 3, 1, 0, 3, 1] == pytest.approx(0.1**2 / 2) == whole[0, 3, 0, 0, 3, 0]
     assert whole[0, 3, 1, 2, 3, 1] == pytest.approx(ALIKE * 0.1**2 / 2)
     assert whole[0, 3, 1, 0, 4, 1] == pytest.approx(0.1**2 / 2 * np.exp(-0.5 / SMOOTH**2 / 4.0**2))
+    assert whole[0, 5, 2, 1, 5, 2] == pytest.approx(ALIKE * 0.2**2)
     assert not whole[0, 3, 2].any() and not whole[0, 12].any() and not whole[0, 3, 1, 0, 3, 0]
     assert covariance[-STEPS, -1] == pytest.approx(ALIKE * 3.0) and covariance[-1, -1] == pytest.approx(9.0)
     assert np.linalg.eigvalsh(covariance)[0] > -1e-9
