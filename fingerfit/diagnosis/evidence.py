@@ -15,6 +15,8 @@ from fingerfit.study.several import AT
 
 LIKELY = 0.5
 """Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
+UNSEEN = 1e-6
+"""Information on a number, in units of its likely size, that is as good as none."""
 
 
 def log_odds(fall: float, far: float, information: np.ndarray, spread: float) -> float:
@@ -87,8 +89,8 @@ def without_least(
         if len(left) < 2:
             return
         # what the misfit rises by without a number is its square over its variance
-        variance = np.diag(np.linalg.pinv(among, rcond=1e-9, hermitian=True))[left]
-        least = left[np.argmin(moved[left] ** 2 / np.maximum(variance, np.finfo(float).tiny))]
+        variance = np.diag(np.linalg.inv(among + UNSEEN * np.eye(len(among))))[left]
+        least = left[np.argmin(moved[left] ** 2 / variance)]
         kept[np.flatnonzero(kept)[least]] = False
 
 

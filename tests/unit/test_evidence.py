@@ -55,6 +55,14 @@ def test_an_effect_of_which_some_numbers_are_absent_is_compared_without_them():
     assert spared(far, known, np.ones(3, dtype=bool), 7.0) == pytest.approx(14.0 - rise)
 
 
+def test_a_number_that_moves_nothing_is_left_out_first():
+    known = np.diag([900.0, 0.0, 400.0])
+    left = [
+        list(np.flatnonzero(kept)) for kept, *_ in without_least(np.array([0.1, 1.9, 0.2]), known, np.ones(3, bool))
+    ]
+    assert left == [[0, 1, 2], [0, 2], [2]]
+
+
 @pytest.mark.parametrize(
     ("name", "optional"),
     [("yeoh", [True, True]), ("inclusion", [True, False, False]), ("loading_probe", [False] * 4)],
