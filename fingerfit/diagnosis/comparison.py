@@ -277,7 +277,12 @@ class Comparison:
 
     def mesh_covariance(self) -> np.ndarray:
         """Error of the mesh as a random field, shape (kept, kept): its size is that of `mesh_signal`."""
-        return rough_covariance(self, self.mesh_signal)
+        return self.rough_covariance(self.mesh_signal)
+
+    def rough_covariance(self, signal: np.ndarray) -> np.ndarray:
+        """Of an error that is as large as a signal, shape (all,), and has a pattern that is known only roughly."""
+        height = float(np.ptp(self.problem.meshes[SEARCH].body[:, -1]))
+        return rough_covariance(self.residual, self.patches.centre, height, signal)
 
     @cached_property
     def covariance(self) -> np.ndarray:

@@ -12,7 +12,6 @@ from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.joint import diagonal
 from fingerfit.diagnosis.likelihood import misfits
 from fingerfit.diagnosis.refit import Refit, explains
-from fingerfit.diagnosis.rough import rough_covariance
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.effect import OBSERVATION, Effect
 from fingerfit.study.several import AT
@@ -93,7 +92,7 @@ def _covariance(comparison: Comparison, effects: Sequence[Effect]) -> np.ndarray
     for effect in effects:
         parts = np.split(_signal(comparison, effect, own), ends[:-1])
         fields = [_everywhere(test, part) for test, part in zip(tests, parts, strict=True)]
-        whole += diagonal([rough_covariance(test, field) for test, field in zip(tests, fields, strict=True)])
+        whole += diagonal([test.rough_covariance(field) for test, field in zip(tests, fields, strict=True)])
     return whole
 
 

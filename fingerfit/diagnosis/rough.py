@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from fingerfit.fit.problem import SEARCH
-
-if TYPE_CHECKING:
-    from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.residual import Residual
 
 SMOOTH = 0.25
 """Length over which such an error is alike, as a share of the body's height."""
@@ -17,27 +12,28 @@ ALIKE = 0.9
 """Correlation of such an error between steps."""
 
 
-def rough_covariance(comparison: Comparison, signal: np.ndarray) -> np.ndarray:
+def rough_covariance(residual: Residual, centre: np.ndarray, height: float, signal: np.ndarray) -> np.ndarray:
     """An error as a random field, shape (kept, kept).
 
     It is taken to be smooth over `SMOOTH` of the body's height and much alike at all steps. So is that of the response.
 
     Parameters
     ----------
-    comparison : Comparison
+    residual : Residual
         Of one test.
+    centre : ndarray, shape (patches, dim)
+        Of the patches, mm.
+    height : float
+        Of the body, mm.
     signal : ndarray, shape (all,)
         What is as large as the error: displacements and brightness of the patches, and the response. How a displacement
         is directed is not known either.
     """
-    residual = comparison.residual
     value = residual.value
     dim = value.shape[2] - 1
     field = signal[: value.size].reshape(value.shape)
     moved = np.linalg.norm(field[..., :dim], axis=2) / np.sqrt(dim)
-    centre = comparison.patches.centre
     apart = ((centre[:, None] - centre[None]) ** 2).sum(axis=2)
-    height = float(np.ptp(comparison.problem.meshes[SEARCH].body[:, -1]))
     near = np.exp(-apart / (2 * (SMOOTH * height) ** 2))
     steps = _alike(len(field))
     total = np.zeros((*value.shape, *value.shape))

@@ -10,7 +10,6 @@ from fingerfit.diagnosis.effect_form import FORM, MOST, form_of
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.rough import ALIKE, SMOOTH, rough_covariance
-from fingerfit.fit.problem import SEARCH
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.parameters import Parameter
 from fingerfit.model.scales import bound
@@ -37,7 +36,6 @@ def world(signal, names=("tilt",), left=None, effects=EFFECTS):
         problem=SimpleNamespace(
             settings=settings,
             effects=effects,
-            meshes={SEARCH: SimpleNamespace(body=np.array([[0.0, 0.0], [20.0, 4.0]]))},
         ),
         base=SimpleNamespace(values={p.name: p.scale for p in parameters}),
         patches=SimpleNamespace(centre=np.stack([np.arange(PATCHES) + 0.5, np.full(PATCHES, 2.0)], axis=1)),
@@ -47,6 +45,7 @@ def world(signal, names=("tilt",), left=None, effects=EFFECTS):
         common=lambda: np.ones((COUNT, 1)),
     )
     found.every = (found,)
+    found.rough_covariance = lambda signal: rough_covariance(residual, found.patches.centre, 4.0, signal)
     return found
 
 
@@ -76,7 +75,7 @@ def test_an_error_is_as_large_as_its_signal_smooth_and_alike_at_all_steps():
     signal = field(0, 10)
     signal[-STEPS:] = [1.0, 2.0, 3.0]
     signal[: np.prod(SHAPE)].reshape(SHAPE)[:, 5, 2] = -0.2  # darker
-    covariance = rough_covariance(world(signal), signal)
+    covariance = world(signal).rough_covariance(signal)
     whole = covariance[: np.prod(SHAPE), : np.prod(SHAPE)].reshape(SHAPE + SHAPE)
     assert whole[0, 3, 1, 0, 3, 1] == pytest.approx(0.1**2 / 2) == whole[0, 3, 0, 0, 3, 0]
     assert whole[0, 3, 1, 2, 3, 1] == pytest.approx(ALIKE * 0.1**2 / 2)

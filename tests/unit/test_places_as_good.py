@@ -26,7 +26,7 @@ def at_border(border, fall=PROMISED):
     columns = World().basis[:, 3:7]
     wide = np.full(4, np.inf)
     finding = replace(score_test.test(columns, -wide, wide), fall=fall)
-    refitted = Refitted({}, 1000.0 - fall, True, (), 1, VALUES, np.zeros((4, 4)), 0.0)
+    refitted = Refitted({}, 1000.0 - fall, True, (), 1, VALUES, np.zeros((4, 4)), np.zeros(4), np.zeros(4, bool))
     return Ranked(Candidate(EFFECT, {"interface.border": float(border)}), finding, columns, refitted)
 
 

@@ -93,7 +93,9 @@ def falls_by(fall, converged=True, found=None):
     score_test = world.score_test(0.0 * world.signal(0))
     (one,) = world.ranking(score_test, tilt=np.sqrt(fall) * world.signal(0))
     one = replace(one, finding=replace(one.finding, fall=fall))
-    refitted = Refitted({"mu": 1.5}, float(VALUES), converged, (), 0, VALUES, np.zeros((1, 1)), 0.0)
+    refitted = Refitted(
+        {"mu": 1.5}, float(VALUES), converged, (), 0, VALUES, np.zeros((1, 1)), np.zeros(1), np.zeros(1, bool)
+    )
     ranking = [replace(one, refitted=refitted)]
     refits = {} if found is None else {"tilt": Refit(200.0, VALUES, 1.0, 1.0, {"mu": 1.2}, fall=found)}
     return ranking, refits, not_excluded(ranking, score_test, refits, TESTS)
