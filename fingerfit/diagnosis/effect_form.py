@@ -10,7 +10,7 @@ import numpy as np
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.joint import diagonal
-from fingerfit.diagnosis.likelihood import misfits
+from fingerfit.diagnosis.likelihood import fall
 from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.effect import OBSERVATION, Effect
@@ -70,23 +70,17 @@ def form_of(comparison: Comparison, named: Sequence[Effect], refits: Mapping[str
         _covariance(comparison, [effect for effect in own if effect.probe == probe]) for probe in (False, True)
     )
     without = comparison.weighed
-
     in_form = without.covariance + FORM**2 * members + MOST**2 * probes
     residual = (without.vector, in_form, without.own, without.nuisance, comparison.common(), without.known)
-    models = {"": replace(without, covariance=without.covariance + MOST**2 * (members + probes))}
-    models |= {
-        effect.name: one
-        for effect in named
-        if effect.name in refits and (one := refits[effect.name].weighed) is not None
-    }
-    left = {name: misfits({"": models[""], name: one}, "") for name, one in models.items() if name}
-    falls = {name: both[""] - both[name] for name, both in left.items()}
+    beside = replace(without, covariance=without.covariance + MOST**2 * (members + probes))
+    left = {effect.name: refits[effect.name].weighed for effect in named if effect.name in refits}
+    falls = {name: fall(beside, one) for name, one in left.items() if one is not None}
     return Form(True, explains(ScoreTest(*residual)), falls)
 
 
 def _covariance(comparison: Comparison, effects: Sequence[Effect]) -> np.ndarray:
     """Covariance of errors that are as large as the signals of these effects, shape (kept, kept)."""
-    tests, own = comparison.every, comparison.own()
+    tests, own = comparison.every, comparison.weighed.own
     ends = np.cumsum([len(test.residual.vector) for test in tests])
     whole = np.zeros((len(own), len(own)))
     for effect in effects:

@@ -59,3 +59,9 @@ def misfits(models: Mapping[str, Weighed], reference: str) -> dict[str, float]:
         name: first.of_another(model.vector[rows[name]], model.own[rows[name]], model.known).misfit
         for name, model in models.items()
     }
+
+
+def fall(before: Weighed, after: Weighed) -> float:
+    """By how much the misfit falls from one model to another, both weighed by the covariance of the first."""
+    both = misfits({"before": before, "after": after}, "before")
+    return both["before"] - both["after"]

@@ -253,15 +253,13 @@ def traced(
         text += f" error: {names}"
     else:
         text = WITHIN if explained else f"the model leaves no more than {of_form}"
-        if not named:
-            pass
-        elif not matter:
+        if named and not matter:
             text += f"; beyond chance, but a trace that moves no constant {far}: {names}"
-        elif odds >= LIKELY_ENOUGH:
+        elif named and odds >= LIKELY_ENOUGH:
             return verdict
         elif before >= LIKELY_ENOUGH:
             text += f"; a trace, hardly more than {of_form}: {names}"
-        else:
+        elif named:
             text += f"; a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
     return Verdict("adequate", (), text, verdict.threshold)
 

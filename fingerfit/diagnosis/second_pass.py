@@ -13,7 +13,7 @@ from fingerfit.diagnosis.evidence import information, spared
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.joint import comparison_of
-from fingerfit.diagnosis.likelihood import misfits
+from fingerfit.diagnosis.likelihood import fall, misfits
 from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit, per_number
@@ -105,8 +105,7 @@ class Ended:
 
     def fall(self, before: Comparison) -> float:
         """Of the misfit against the model without the effect, both weighed by the covariance of that one."""
-        both = misfits({"before": before.weighed, "after": self.comparison.weighed}, "before")
-        return both["before"] - both["after"]
+        return fall(before.weighed, self.comparison.weighed)
 
 
 def ended_of(before: Comparison, one: Ranked, threads: int) -> tuple[Ended, int]:

@@ -41,7 +41,6 @@ def world(signal, names=("tilt",), left=None, effects=EFFECTS):
         patches=SimpleNamespace(centre=np.stack([np.arange(PATCHES) + 0.5, np.full(PATCHES, 2.0)], axis=1)),
         residual=residual,
         weighed=weighed,
-        own=lambda: own,
         common=lambda: np.ones((COUNT, 1)),
     )
     found.every = (found,)

@@ -35,7 +35,9 @@ def test_an_effect_of_which_some_numbers_are_absent_is_compared_without_them():
     """Against fits of each choice of numbers: the misfit of a linear model with independent noise of 1."""
     rng = generator(6)
     columns = 30.0 * np.linalg.qr(rng.normal(size=(VALUES, 3)))[0] @ (np.eye(3) + 0.3 * rng.normal(size=(3, 3)))
-    left = columns[:, 0] * 0.8 + rng.normal(size=VALUES)
+    rest = rng.normal(size=VALUES)
+    # two numbers of about one standard error
+    left = columns @ [0.8, 0.03, -0.03] + rest - columns @ np.linalg.lstsq(columns, rest, rcond=None)[0]
     far, known = np.linalg.lstsq(columns, left, rcond=None)[0], columns.T @ columns
     for kept, rise, moved in without_least(far, known, np.ones(3, dtype=bool)):
         own = np.linalg.lstsq(columns[:, kept], left, rcond=None)[0]

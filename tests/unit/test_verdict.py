@@ -721,12 +721,7 @@ def test_beside_effects_what_does_not_matter_is_a_trace_also_where_the_data_are_
     [
         ("missing", Form(True, True, {"tilt": 9.0}), 1.1, "adequate"),
         ("unexplained", Form(True, True), 1.1, "adequate"),
-        (
-            "missing",
-            Form(True, True, {"tilt": 90.0}),
-            1.1,
-            "missing",
-        ),  # it explains more than what the form may be off by
+        ("missing", Form(True, True, {"tilt": 90.0}), 1.1, "missing"),  # it explains more than that form
         ("unexplained", Form(True, False), 1.1, "unexplained"),  # it leaves more than that
         ("missing", Form(True, True, {"tilt": 9.0}), 1.3, "missing"),  # the pictures say that more is wrong
         ("missing", NO_FORM, 1.1, "missing"),  # a model without effects has no form of them
