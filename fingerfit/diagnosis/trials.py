@@ -17,6 +17,7 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
 from fingerfit.diagnosis.ranking import FIRST_PASS, Ranked, Refitted, elsewhere, other_places, said_by, spread_of
+from fingerfit.diagnosis.refit import chance
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
 from fingerfit.diagnosis.worth import LARGE, SEEN, threshold
 from fingerfit.fit.jobs import solve_missing
@@ -89,31 +90,30 @@ def refit_all(
         return sorted(found, key=lambda one: -one.odds(spread))
 
     trial = _Trial(first, base, everywhere, LARGE * max((one.finding.fall for one in seen), default=0.0))
-    shares = dict[str, float]()
+    goes_on = dict[str, list[tuple[Ranked, float]]]()
     for one, tried in zip(seen, side_by_side(trial.begun, seen, threads), strict=True):
         problem.asked.update(tried.asked)
         if tried.ranked:
             # what another process has found is a copy: it is known by its place
             places = (one, *other_places(comparison.score_test, everywhere, one))
-            begun, *also = (
-                replace(copy, columns=there.columns)
-                for copy in (tried.ranked, *tried.also)
-                for there in places
-                if there.candidate.place == copy.candidate.place
-            )
+            begun, *also = (_with_columns(copy, places) for copy in (tried.ranked, *tried.also))
             found.append(replace(begun, also=tuple(also)))
-            shares[one.candidate.effect.name] = tried.share
+            goes_on[one.candidate.effect.name] = [
+                (_with_columns(copy.ranked, places), copy.share)
+                for copy in (tried, *tried.rivals)
+                if copy.ranked and not (copy.ranked.refitted and copy.ranked.refitted.converged)
+            ]
         elif tried.why and unsolved is not None:
             unsolved[one.candidate.effect.title] = tried.why
             tell(f"tried {one.candidate.effect.name}: {tried.why}; does not count")
     found = by_odds()
-    best = [(n, one.refitted) for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
-    left = [n for n, refitted in best if not refitted.converged]
-    going_on = [(found[n], shares[found[n].candidate.effect.name]) for n in left]
-    for n, tried in zip(left, side_by_side(trial.gone_on, going_on, threads), strict=True):
+    best = [n for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
+    left = [(n, each) for n in best for each in goes_on[found[n].candidate.effect.name]]
+    ended = side_by_side(trial.gone_on, [each for _, each in left], threads)
+    for (n, (begun, _)), tried in zip(left, ended, strict=True):
         problem.asked.update(tried.asked)
-        begun = found[n]
-        found[n] = replace(tried.ranked, columns=begun.columns, also=begun.also) if tried.ranked else begun
+        if tried.ranked and tried.misfit <= _misfit(found[n]):
+            found[n] = replace(tried.ranked, columns=begun.columns, also=found[n].also)
     # two processes may ask for the same one at the same time: solutions are counted, not who asked for them
     return by_odds(), run + len((_solved(problem) - before) & problem.asked)
 
@@ -131,10 +131,23 @@ class _Tried:
     share: float
     also: tuple[Ranked, ...] = ()
     why: str = ""
+    rivals: tuple[_Tried, ...] = ()
+    """From other starts, less than the best so far by the first moves."""
+
+    @property
+    def misfit(self) -> float:
+        """Of its refit; infinite without one."""
+        return _misfit(self.ranked)
 
 
-def _misfit(tried: _Tried) -> float:
-    return tried.ranked.refitted.misfit if tried.ranked and tried.ranked.refitted else float("inf")
+def _with_columns(copy: Ranked, places: Sequence[Ranked]) -> Ranked:
+    return next(
+        replace(copy, columns=there.columns) for there in places if there.candidate.place == copy.candidate.place
+    )
+
+
+def _misfit(one: Ranked | None) -> float:
+    return one.refitted.misfit if one and one.refitted else float("inf")
 
 
 @dataclass(frozen=True)
@@ -148,19 +161,26 @@ class _Trial:
     """Fall that slopes must promise for a second start."""
 
     def begun(self, one: Ranked) -> _Tried:
-        """The first moves at the best place, and at others that these cannot come to; the best of all."""
+        """The first moves at the best place, and at others that these cannot come to; the best of all.
+
+        Where it leaves more than chance, the better half of those in one layer, at one border or side may go on: a few
+        moves do not tell whose minimum is the lowest.
+        """
         score_test = self.first.comparison.score_test
         tried = [self._begun(place) for place in (one, *other_places(score_test, self.everywhere, one))]
-        best = min(tried, key=_misfit)
+        best, *others = sorted(tried, key=lambda there: there.misfit)
         asked = frozenset().union(*(there.asked for there in tried))
-        # the odds of two places are half of the difference of their misfits, where one explains the data
-        also = tuple(
-            there.ranked
-            for there in tried
-            if best.ranked and there.ranked and elsewhere(there.ranked, best.ranked)
-            if _misfit(there) < _misfit(best) + 2.0 * SURE
-        )
-        return replace(best, asked=asked, also=also)
+        if best.ranked is None:
+            return replace(best, asked=asked)
+        also, rivals = list[Ranked](), list[_Tried]()
+        for there in others:
+            if there.ranked and not elsewhere(there.ranked, best.ranked):
+                rivals.append(there)
+            # the odds of two places are half of the difference of their misfits, where one explains the data
+            elif there.ranked and there.misfit < best.misfit + 2.0 * SURE:
+                also.append(there.ranked)
+        half = rivals[: len(rivals) // 2] if best.misfit > chance(self.base.count) else []
+        return replace(best, asked=asked, also=tuple(also), rivals=tuple(half))
 
     def _begun(self, one: Ranked) -> _Tried:
         """The first moves, from the nearest start that has a solution."""
@@ -172,7 +192,7 @@ class _Trial:
                 break
         if there.ranked and self._falls_short(one, there.ranked):
             other = self._refit(one, share, self._half_way(one))
-            there, asked = min(there, other, key=_misfit), asked | other.asked
+            there, asked = min(there, other, key=lambda each: each.misfit), asked | other.asked
         return replace(there, asked=frozenset(asked), why=why)
 
     def _falls_short(self, one: Ranked, found: Ranked) -> bool:

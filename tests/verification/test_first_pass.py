@@ -216,6 +216,39 @@ def test_of_two_layers_the_better_is_kept_with_its_columns(world, threads):
     assert best.columns is right.columns
 
 
+def test_of_several_starts_the_better_half_goes_on(world, monkeypatch):
+    """A few moves do not tell whose minimum is the lowest: a stiff lump was named as a soft one elsewhere."""
+    comparison, _, refitted = world
+    base = next(one for one in refitted if one.refitted)
+    found = [one for one in candidates(comparison.problem, comparison.base.values)[0] if one.effect.name == "inclusion"]
+    enough = trials.chance(base.refitted.count)
+    starts = [replace(base, candidate=found[n], columns=np.zeros((2, 1))) for n in range(4)]
+    first, then = (enough + np.array(left) for left in ([3.0, 1.0, 2.0, 4.0], [-9.0, 1.0, -5.0, -9.0]))
+    asked = []
+
+    def refit(_, one, share, __=None):
+        n = found.index(one.candidate)
+        asked.append(n)
+        left = (then if asked.count(n) > 1 else first)[n]
+        there = replace(base.refitted, misfit=left, converged=len(asked) > 4)
+        return trials._Tried(replace(one, refitted=there, columns=np.zeros((0, 0)), also=()), frozenset(), share)
+
+    monkeypatch.setattr(trials._Trial, "_refit", refit)
+    monkeypatch.setattr(trials._Trial, "_falls_short", lambda *_: False)
+    monkeypatch.setattr(trials, "other_places", lambda *_: starts[1:])
+    ((best,), _) = refit_all(comparison, starts[:1])
+    assert best.candidate is found[2]
+    assert best.refitted.misfit == enough - 5.0
+    assert best.columns is starts[2].columns
+    assert sorted(asked) == [0, 1, 1, 2, 2, 3]
+    # where the first moves leave what chance leaves, there is nothing lower to look for
+    asked.clear()
+    first -= 5.0
+    ((best,), _) = refit_all(comparison, starts[:1])
+    assert best.candidate is found[1]
+    assert sorted(asked) == [0, 1, 1, 2, 3]
+
+
 @pytest.mark.parametrize("name", ["fibres", "inclusion"])
 def test_where_the_place_is_fitted_it_begins_at_places_that_look_otherwise(world, name):
     """From one of them only, oblique fibres and soft lumps ended in a local minimum."""
