@@ -28,7 +28,7 @@ from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import CONSTANTS, LAYER, Effect
 from fingerfit.model.formulas import evaluate
-from fingerfit.model.laws import LAWS, NEO_HOOKE, OGDEN
+from fingerfit.model.laws import LAWS, OGDEN
 from fingerfit.model.scales import bound, extent, scales
 from fingerfit.study.study import Study
 
@@ -213,7 +213,7 @@ def _layer(
             raise InputError(
                 "config", f"model.material.{quantity}", "nothing", f"a value of {quantity} for layer {name}"
             )
-    names = {"number": number, "layers": count, "exponent": found.get("alpha", NEO_HOOKE)}
+    names = {"number": number, "layers": count}
     for quantity in (quantity for quantity in CONSTANTS if quantity in found):
         found[quantity] = float(changed_by(quantity, found[quantity], names, present, values))
     expansion = float(changed_by("expansion", 1.0, names, present, values))

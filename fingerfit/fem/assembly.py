@@ -72,6 +72,9 @@ class Body:
         mm; of plane elements.
     initial : ndarray or None, shape (elements, 3, 3)
         Stress in the reference state, MPa.
+    stretched : ndarray or None, shape (elements, 3, 3)
+        How the material is stretched in the reference state, F_e = F F_0: symmetric, with the determinant 1; in the
+        plane the third direction is a principal one.
     averaged : bool
         False for linear quadrilaterals and bricks that are integrated fully, as in CalculiX.
     """
@@ -85,6 +88,7 @@ class Body:
         thickness: np.ndarray,
         initial: np.ndarray | None = None,
         averaged: bool = True,
+        stretched: np.ndarray | None = None,
     ) -> None:
         kind = ELEMENTS[element]
         xi, weights = rule(element)
@@ -109,6 +113,13 @@ class Body:
             self.weight = self.weight * thickness[:, None]
         self.pressure = projection(element, xi, self.weight) if averaged or element.endswith("H") else None
         self.dofs = (connectivity[:, :, None] * self.dim + np.arange(self.dim)).reshape(len(connectivity), -1)
+        self.mesh_gradient, self.mesh_hoop = self.gradient, self.hoop
+        # of the material, which may be stretched where the mesh is at rest
+        self._stretched = np.broadcast_to(np.eye(3), (len(corners), 3, 3)) if stretched is None else stretched
+        if stretched is not None:
+            self.gradient = self.gradient @ stretched[:, None, : self.dim, : self.dim]
+            if self.hoop is not None:
+                self.hoop = self.hoop * stretched[:, None, None, 2, 2]
         self.points = Points(material, self.pressure is None and not kind.nodal)
         if initial is not None:
             self.points.initial = np.repeat(initial, len(xi), axis=0)
@@ -178,12 +189,13 @@ class Body:
         dim = self.dim
         local = u[self.dofs].reshape(*self.connectivity.shape, dim)
         f = np.swapaxes(local, 1, 2)[:, None] @ self.gradient
-        f[..., range(dim), range(dim)] += 1.0
+        f += self._stretched[:, None, :dim, :dim]
         found = principal(f, self.points.directed)
         if found is None:
             return None
+        across = self._stretched[:, None, 2, 2]
         if self.hoop is not None:
-            around = 1 + (self.hoop @ local[:, :, :1])[..., 0]
+            around = across + (self.hoop @ local[:, :, :1])[..., 0]
             if around.min() <= 0:
                 return None
             found.squared[..., 2] = around**2
@@ -192,6 +204,8 @@ class Body:
             if third is None:
                 return None
             found.squared[..., 2] = third.reshape(f.shape[:2])
+        elif dim == 2:
+            found.squared[..., 2] = across**2
         return found
 
     def energy(self, u: np.ndarray) -> float:

@@ -38,8 +38,8 @@ class AveragedVolume:
         from scipy.sparse import csr_matrix
 
         self.dim, self.connectivity = body.dim, body.connectivity
-        self.volume, self.gradient = body.weight[:, 0], body.gradient[:, 0]
-        self.hoop = None if body.hoop is None else body.hoop[:, 0]
+        self.volume, self.gradient = body.weight[:, 0], body.mesh_gradient[:, 0]
+        self.hoop = None if body.mesh_hoop is None else body.mesh_hoop[:, 0]
         self._dofs = body.dofs
         elements, nodes = self.connectivity.shape
         cells = groups[:, None] * (int(self.connectivity.max()) + 1) + self.connectivity

@@ -44,7 +44,7 @@ OUTLINE = "outline"
 no deck, and is found without a refit."""
 LAYER = "layer"
 """Name of the scanned number that says in which layer an effect is, from 1 from the indenter down; 0 is in all."""
-CONSTANTS = ("mu", "alpha", "poisson")
+CONSTANTS = ("alpha", "poisson")
 """Constants of each layer that effects may change; a model may fit them, too."""
 ASIDE = ("displacement_x", "displacement_y")
 """What effects may change of where the indenter goes aside, by axis; the second one in space only."""
@@ -107,8 +107,8 @@ class Effect:
     refine : mapping
         Bounds of those scanned numbers that a fit then changes, too; the others stay.
     changes : mapping
-        Formulas for what goes into the deck: ``mu``, ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a
-        factor on mu at a place), ``force``, ``displacement`` (prescribed), ``displacement_x``, in space ``displacement_y`` (of
+        Formulas for what goes into the deck: ``alpha``, ``poisson`` of each layer, ``field`` (logarithm of a factor on
+        mu at a place), ``force``, ``displacement`` (prescribed), ``displacement_x``, in space ``displacement_y`` (of
         the indenter sideways, mm),
         ``before`` (prescribed before the first picture), ``pictured`` (1 where the stated height of a
         block is that in the first picture, under what is prescribed before), ``increment`` (of the solver, as a share

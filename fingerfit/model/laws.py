@@ -12,8 +12,6 @@ from fingerfit.core.errors import InputError
 from fingerfit.model.effect import Effect
 
 OGDEN = "ogden"
-NEO_HOOKE = 2.0
-"""Exponent with which Ogden's law is neo-Hooke's, that of the other laws at small strain."""
 EXPONENT = math.floor(math.log(sys.float_info.max))
 """Largest exponent of Ogden's law, either way: its powers of a stretch of e, or of its reciprocal, stay in double
 precision, since e^709 does."""

@@ -16,6 +16,7 @@ from fingerfit.fem.assembly import Body
 from fingerfit.fem.system import System
 from fingerfit.material.spread import spread, structure_of, warmed
 from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, from_corners, rule
+from fingerfit.solvers.initial import initial_state
 
 
 @dataclass(frozen=True)
@@ -157,10 +158,10 @@ class Model:
         gauss = len(rule(element)[1])
         everywhere = spread([materials[s] for s in section], [gauss] * len(section))
         thickness = np.array([self.deck.sections[s].thickness for s in section])
-        initial = self._initial(section, numbers, materials)
+        initial, stretched = initial_state(self.deck, self.path, numbers, [materials[s] for s in section])
         try:
             points = self.deck.mesh.points
-            body = Body(element, points, nodes, everywhere, thickness, initial, averaged)
+            body = Body(element, points, nodes, everywhere, thickness, initial, averaged, stretched)
         except ValueError as error:
             raise InputError(self.path, "*ELEMENT", error, "elements with positive Jacobian") from error
         term = None
@@ -222,26 +223,6 @@ class Model:
             body.warm(warmed(body.points.material, points, table, at[own].ravel()))
             if term is not None:
                 term.warm(number, table, at.mean(axis=1))
-
-    def _initial(self, section: np.ndarray, numbers: np.ndarray, materials: dict[int, Any]) -> np.ndarray | None:
-        """Stress in the reference state, shape (elements, 3, 3); what strains without stress make is its negative."""
-        stress, strain = self.deck.stress, self.deck.strain
-        if not any(int(number) in stress or int(number) in strain for number in numbers):
-            return None
-        zero = [0.0] * 6
-        tensor = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-        found = np.array([stress.get(int(number), zero) for number in numbers])[:, tensor]
-        for n, number in enumerate(numbers):
-            if int(number) not in strain:
-                continue
-            material = materials[section[n]]
-            if type(material).__name__ != "Elastic":
-                expected = "*ELASTIC, or TYPE=STRESS"
-                raise InputError(self.path, "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN", "a hyperelastic body", expected)
-            given = np.array(strain[int(number)])[tensor]
-            lame = material.bulk - 2 * material.shear / 3
-            found[n] -= lame * np.trace(given) * np.eye(3) + 2 * material.shear * given
-        return found
 
     def _add_rigid(self) -> None:
         still = self._never_turned()
