@@ -30,7 +30,10 @@ _SOURCES = (
     "material",
     *(f"deck/{name}.py" for name in ("cards", "content", "state", "reader")),
     *(f"deck/{name}_keywords.py" for name in ("mesh", "material", "model", "step")),
-    *(f"solvers/{name}.py" for name in ("builtin", "analysis", "first_order", "model", "contacts", "contract")),
+    *(
+        f"solvers/{name}.py"
+        for name in ("builtin", "analysis", "contacts", "contract", "first_order", "initial", "model")
+    ),
 )
 
 
