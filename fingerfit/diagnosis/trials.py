@@ -132,7 +132,7 @@ class _Tried:
     also: tuple[Ranked, ...] = ()
     why: str = ""
     rivals: tuple[_Tried, ...] = ()
-    """From other starts, less than the best so far by the first moves."""
+    """Those from other starts that may go on as well."""
 
     @property
     def misfit(self) -> float:

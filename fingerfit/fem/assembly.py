@@ -72,11 +72,11 @@ class Body:
         mm; of plane elements.
     initial : ndarray or None, shape (elements, 3, 3)
         Stress in the reference state, MPa.
-    stretched : ndarray or None, shape (elements, 3, 3)
-        How the material is stretched in the reference state, F_e = F F_0: symmetric, with the determinant 1; in the
-        plane the third direction is a principal one.
     averaged : bool
         False for linear quadrilaterals and bricks that are integrated fully, as in CalculiX.
+    stretched : ndarray or None, shape (elements, 3, 3)
+        How the material is stretched in the reference state, F_e = F F_0: symmetric, with the determinant 1; in the
+        plane the third direction is a principal one. `gradient` and `hoop` are those of F_e.
     """
 
     def __init__(
@@ -114,8 +114,7 @@ class Body:
         self.pressure = projection(element, xi, self.weight) if averaged or element.endswith("H") else None
         self.dofs = (connectivity[:, :, None] * self.dim + np.arange(self.dim)).reshape(len(connectivity), -1)
         self.mesh_gradient, self.mesh_hoop = self.gradient, self.hoop
-        # of the material, which may be stretched where the mesh is at rest
-        self._stretched = np.broadcast_to(np.eye(3), (len(corners), 3, 3)) if stretched is None else stretched
+        self.stretched = np.broadcast_to(np.eye(3), (len(corners), 3, 3)) if stretched is None else stretched
         if stretched is not None:
             self.gradient = self.gradient @ stretched[:, None, : self.dim, : self.dim]
             if self.hoop is not None:
@@ -189,11 +188,11 @@ class Body:
         dim = self.dim
         local = u[self.dofs].reshape(*self.connectivity.shape, dim)
         f = np.swapaxes(local, 1, 2)[:, None] @ self.gradient
-        f += self._stretched[:, None, :dim, :dim]
+        f += self.stretched[:, None, :dim, :dim]
         found = principal(f, self.points.directed)
         if found is None:
             return None
-        across = self._stretched[:, None, 2, 2]
+        across = self.stretched[:, None, 2, 2]
         if self.hoop is not None:
             around = across + (self.hoop @ local[:, :, :1])[..., 0]
             if around.min() <= 0:

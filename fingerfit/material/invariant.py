@@ -12,6 +12,8 @@ import numpy as np
 FIRST = np.array([0, 1, 2, 0, 0, 1])
 SECOND = np.array([0, 1, 2, 1, 2, 2])
 """Tensor indices of the six components."""
+TENSOR = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+"""Which of them each entry of the tensor is."""
 
 
 def invariant_part(structure: np.ndarray, squared: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 _CLOSE = 1e-12
 """Change of the logarithms that ends the search."""
 _LONGEST, _ROUNDS = 0.5, 100
-"""Longest change of a logarithm at once, and how many there are at most: a stretch of exp(10) is not looked for."""
+"""Longest change of a logarithm at once, and how many there are at most: choices, far beyond any stretch of a body."""
 
 
 def prestretch(material: Any, stress: np.ndarray) -> np.ndarray:

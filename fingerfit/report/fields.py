@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerfit.deck.reader import read_deck
 from fingerfit.fem.assembly import Body
-from fingerfit.fem.response import swollen
+from fingerfit.material.invariant import TENSOR
 from fingerfit.mesh.elements import rule, shape
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.solvers.analysis import load_at_end
@@ -127,7 +127,7 @@ def _of_body(body: Body, u: np.ndarray) -> np.ndarray:
     local = u[body.dofs].reshape(*body.connectivity.shape, dim)
     f = np.zeros((*body.weight.shape, 3, 3))
     f[..., :dim, :dim] = np.swapaxes(local, 1, 2)[:, None] @ body.gradient
-    f[..., range(3), range(3)] += 1.0
+    f += body.stretched[:, None]
     if body.hoop is not None:
         f[..., 2, 2] += (body.hoop @ local[:, :, :1])[..., 0]
     turned = (np.linalg.det(f) <= 0).any(axis=1)
@@ -154,8 +154,7 @@ def _of_body(body: Body, u: np.ndarray) -> np.ndarray:
     second[:, range(3), range(3)] = first / squared.reshape(-1, 3)
     if body.points.directed:
         part = body.points.directions(squared.reshape(-1, 3), frame).stress
-        tensor = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-        second += part[:, tensor]
+        second += part[:, TENSOR]
     turn = f.reshape(-1, 3, 3) @ frame
     cauchy = (turn @ second @ np.swapaxes(turn, 1, 2)) / ratio[:, None, None]
     weight = body.weight * ratio.reshape(body.weight.shape)
@@ -177,8 +176,7 @@ def _averaged(term: Any, u: np.ndarray) -> np.ndarray:
     """Pressure that the nodes of an element have on average, as a stress, shape (elements, 3, 3), MPa."""
     local = u[term._dofs].reshape(*term.connectivity.shape, term.dim)
     jacobian = np.linalg.det(np.swapaxes(local, 1, 2) @ term.gradient + np.eye(term.dim))
-    ratio = (term.share @ jacobian) / term.patch
-    pressure = np.zeros(len(ratio))
-    for material, chosen in term.material:
-        pressure[chosen] = swollen(material, ratio[chosen], term.swelling[chosen])[1]
+    if term.hoop is not None:
+        jacobian = jacobian * (1 + (term.hoop * local[:, :, 0]).sum(axis=1))
+    pressure = term._elastic(term._mean(jacobian))[1]
     return ((term.share.T @ pressure) / term.volume)[:, None, None] * np.eye(3)

@@ -10,10 +10,9 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.content import Deck
+from fingerfit.material.invariant import TENSOR
 from fingerfit.material.prestretch import prestretch
 
-_TENSOR = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-"""Where the components of a tensor stand in a row of a deck."""
 _ROUNDING = 1e-9
 """Share of a stress: what the text of a deck leaves of its digits."""
 
@@ -43,15 +42,15 @@ def initial_state(
     """
     if not any(int(number) in deck.stress or int(number) in deck.strain for number in numbers):
         return None, None
-    found = np.array([deck.stress.get(int(number), [0.0] * 6) for number in numbers])[:, _TENSOR]
+    found = np.array([deck.stress.get(int(number), [0.0] * 6) for number in numbers])[:, TENSOR]
     for n, number in enumerate(numbers):
         if int(number) not in deck.strain:
             continue
         material = materials[n]
-        if not _is_elastic(material):
+        if not is_elastic(material):
             expected = "*ELASTIC, or TYPE=STRESS"
             raise InputError(path, "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN", "a hyperelastic body", expected)
-        given = np.array(deck.strain[int(number)])[_TENSOR]
+        given = np.array(deck.strain[int(number)])[TENSOR]
         lame = material.bulk - 2 * material.shear / 3
         found[n] -= lame * np.trace(given) * np.eye(3) + 2 * material.shear * given
     return _stretched(found, path, materials) if deck.steps[0].finite else (found, None)
@@ -60,23 +59,24 @@ def initial_state(
 def _stretched(stress: np.ndarray, path: Path, materials: Sequence[Any]) -> tuple[np.ndarray | None, np.ndarray | None]:
     """What is left of a stress where its deviator comes from a stretch, and this stretch."""
     left, stretches = stress.copy(), np.broadcast_to(np.eye(3), stress.shape).copy()
-    known = dict[tuple[int, bytes], np.ndarray]()
+    known = dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray]]()
     for n, (one, material) in enumerate(zip(stress, materials, strict=True)):
-        if _is_elastic(material) or not one.any():
+        if is_elastic(material) or not one.any():
             continue
         key = id(material), one.tobytes()
         if key not in known:
             try:
-                known[key] = prestretch(material, one)
+                found = prestretch(material, one)
             except ValueError as error:
                 raise InputError(path, "*INITIAL CONDITIONS, TYPE=STRESS", error, "a smaller one") from error
-        stretches[n], back = known[key], np.linalg.inv(known[key])
-        mean = np.trace(one) / 3
-        # what rounding leaves of a deviator is no stress
-        mean = 0.0 if abs(mean) < _ROUNDING * np.abs(one).max() else mean
-        left[n] = mean * back @ back
+            back, mean = np.linalg.inv(found), np.trace(one) / 3
+            # what rounding leaves of a deviator is no stress
+            mean = 0.0 if abs(mean) < _ROUNDING * np.abs(one).max() else mean
+            known[key] = mean * back @ back, found
+        left[n], stretches[n] = known[key]
     return (left if left.any() else None), stretches
 
 
-def _is_elastic(material: Any) -> bool:
+def is_elastic(material: Any) -> bool:
+    """Whether a material is linear elastic, for small strain too."""
     return type(material).__name__ == "Elastic"

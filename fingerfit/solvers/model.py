@@ -16,7 +16,7 @@ from fingerfit.fem.assembly import Body
 from fingerfit.fem.system import System
 from fingerfit.material.spread import spread, structure_of, warmed
 from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, from_corners, rule
-from fingerfit.solvers.initial import initial_state
+from fingerfit.solvers.initial import initial_state, is_elastic
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Model:
         """Material of a section, its fibres in global directions."""
         given = self.deck.sections[section]
         material = self.deck.materials[given.material]
-        if not self.finite and (type(material).__name__ != "Elastic" or material.prony is not None):
+        if not self.finite and (not is_elastic(material) or material.prony is not None):
             raise InputError(self.path, "*STEP", "no NLGEOM", "NLGEOM: only *ELASTIC is for small strain")
         if hasattr(material, "directions") and given.orientation:
             local = self.deck.orientations[given.orientation]
@@ -156,9 +156,10 @@ class Model:
         averaged: bool,
     ) -> None:
         gauss = len(rule(element)[1])
-        everywhere = spread([materials[s] for s in section], [gauss] * len(section))
+        own = [materials[s] for s in section]
+        everywhere = spread(own, [gauss] * len(section))
         thickness = np.array([self.deck.sections[s].thickness for s in section])
-        initial, stretched = initial_state(self.deck, self.path, numbers, [materials[s] for s in section])
+        initial, stretched = initial_state(self.deck, self.path, numbers, own)
         try:
             points = self.deck.mesh.points
             body = Body(element, points, nodes, everywhere, thickness, initial, averaged, stretched)
