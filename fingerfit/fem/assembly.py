@@ -184,26 +184,41 @@ class Body:
         self._states = [found, *(state for state in self._states if state is not found)][:2]
         return found[1]
 
-    def _deformation(self, u: np.ndarray) -> Strain | None:
+    def deformation(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Deformation gradient of the material from its unstressed state, F_e = F F_0.
+
+        Parameters
+        ----------
+        u : ndarray, shape (nodes * dim,)
+            Displacements, mm.
+
+        Returns
+        -------
+        ndarray, shape (elements, points, dim, dim)
+        ndarray, shape (elements, points)
+            Stretch out of the plane, around the axis of axisymmetric elements; with plane stress and in space that of
+            the reference state.
+        """
         dim = self.dim
         local = u[self.dofs].reshape(*self.connectivity.shape, dim)
         f = np.swapaxes(local, 1, 2)[:, None] @ self.gradient
         f += self.stretched[:, None, :dim, :dim]
-        found = principal(f, self.points.directed)
-        if found is None:
-            return None
-        across = self.stretched[:, None, 2, 2]
+        across = np.broadcast_to(self.stretched[:, None, 2, 2], f.shape[:2])
         if self.hoop is not None:
-            around = across + (self.hoop @ local[:, :, :1])[..., 0]
-            if around.min() <= 0:
-                return None
-            found.squared[..., 2] = around**2
-        elif self.kind.state == STRESS:
+            across = across + (self.hoop @ local[:, :, :1])[..., 0]
+        return f, across
+
+    def _deformation(self, u: np.ndarray) -> Strain | None:
+        f, across = self.deformation(u)
+        found = principal(f, self.points.directed)
+        if found is None or across.min() <= 0:
+            return None
+        if self.kind.state == STRESS:
             third = self.points.thickness_stretch(found.squared.reshape(-1, 3), found.frame)
             if third is None:
                 return None
             found.squared[..., 2] = third.reshape(f.shape[:2])
-        elif dim == 2:
+        elif self.dim == 2:
             found.squared[..., 2] = across**2
         return found
 

@@ -53,9 +53,10 @@ class LinearSolver:
         self._pardiso: _Pardiso | None = None
         self._asked = False
         self._last: Apply | None = None
+        self._factorised: tuple[csc_matrix, Apply] | None = None
 
     def solve(self, matrix: csc_matrix, right: np.ndarray, close: float = CLOSE) -> np.ndarray | None:
-        """Solution, or None where the matrix is singular.
+        """Solution, or None where the matrix is singular; the same matrix once more is not factorised again.
 
         Parameters
         ----------
@@ -67,12 +68,13 @@ class LinearSolver:
         if not len(right):
             return right
         large = len(right) >= LARGE
-        if self._last is not None:
+        again = self._factorised[1] if self._factorised is not None and self._factorised[0] is matrix else None
+        if self._last is not None and again is None:
             found = conjugate_gradients(matrix, right, self._last, close)
             if found is not None:
                 return found
             self._last = None
-        apply = self.factor(matrix)
+        apply = again or self.factor(matrix)
         if apply is None:
             return None
         solution = apply(right)
@@ -92,6 +94,13 @@ class LinearSolver:
 
     def factor(self, matrix: csc_matrix) -> Apply | None:
         """From a right side to its solution, for as long as nothing else is factorised; None where it is singular."""
+        self._factorised = None
+        apply = self._factor(matrix)
+        if apply is not None:
+            self._factorised = matrix, apply
+        return apply
+
+    def _factor(self, matrix: csc_matrix) -> Apply | None:
         large, in_space = matrix.shape[0] >= LARGE, self._in_space
         if large and not self._asked:
             self._asked, self._pardiso = True, _Pardiso.load(self.symmetric)

@@ -52,9 +52,32 @@ class Levels:
         above, below = level[self._column] > level[self._row], level[self._column] < level[self._row]
         block = np.minimum(level[self._row], level[self._column]) + many * above + 2 * many * below
         self._place = starts[block] + inside[self._row] * width[level[self._column]] + inside[self._column]
+        self._data: np.ndarray | None = None
+        self._eliminated: list[tuple[np.ndarray, np.ndarray, np.ndarray]] | None = None
 
     def solve(self, data: np.ndarray, right: np.ndarray) -> np.ndarray | None:
-        """Solution for the entries of a matrix; None where it is singular, or so nearly that a block is."""
+        """Solution for the entries of a matrix; None where it is singular, or so nearly that a block is.
+
+        The same array of entries once more is not eliminated again.
+        """
+        if data is not self._data:
+            self._data, self._eliminated = data, self._eliminate(data)
+        if self._eliminated is None:
+            return None
+        ahead: list[np.ndarray] = []
+        for part, (inverse, _, below) in zip(self.parts, self._eliminated, strict=True):
+            carried = below @ ahead[-1] if ahead else 0.0
+            ahead.append(inverse @ (right[part] - carried))
+        solution, later = np.empty(len(right)), np.empty(0)
+        for n in reversed(range(len(ahead))):
+            later = ahead[n] - self._eliminated[n][1] @ later
+            solution[self.parts[n]] = later
+        there = np.bincount(self._row, weights=data * solution[self._column], minlength=len(right))
+        # not so for NaN either
+        return solution if np.abs(there - right).max() <= _RESIDUAL * np.abs(right).max() else None
+
+    def _eliminate(self, data: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
+        """Of each level: inverse of its block, that times the block beside it, and the block before it; or None."""
         entries = np.zeros(self._size)
         entries[self._place] = data
         many, width = len(self.parts), self._width
@@ -63,29 +86,18 @@ class Levels:
             start = self._starts[kind * many + n]
             return entries[start : start + rows * columns].reshape(rows, columns)
 
-        solved: list[np.ndarray] = []
-        carried = np.empty((0, 0))
+        found = list[tuple[np.ndarray, np.ndarray, np.ndarray]]()
+        above, below = np.empty((0, int(width[0]))), np.empty((int(width[0]), 0))
         try:
-            for n, part in enumerate(self.parts):
+            for n in range(many):
                 now, then = int(width[n]), int(width[n + 1])
-                pivot = block(0, n, now, now)
-                beside = np.empty((now, then + 1))
-                beside[:, :then], beside[:, then] = block(1, n, now, then), right[part]
-                if n:
-                    pivot -= carried[:, :-1]
-                    beside[:, then] -= carried[:, -1]
-                solved.append(np.linalg.solve(pivot, beside))
-                carried = block(2, n, then, now) @ solved[-1]
+                inverse = np.linalg.inv(block(0, n, now, now) - below @ above)
+                above = inverse @ block(1, n, now, then)
+                found.append((inverse, above, below))
+                below = block(2, n, then, now)
         except np.linalg.LinAlgError:
             return None
-        solution = np.empty(len(right))
-        later = np.empty(0)
-        for part, found in zip(reversed(self.parts), reversed(solved), strict=True):
-            later = found[:, -1] - found[:, :-1] @ later
-            solution[part] = later
-        there = np.bincount(self._row, weights=data * solution[self._column], minlength=len(right))
-        # not so for NaN either
-        return solution if np.abs(there - right).max() <= _RESIDUAL * np.abs(right).max() else None
+        return found
 
 
 def _widest(parts: list[np.ndarray]) -> int:

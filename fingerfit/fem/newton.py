@@ -7,16 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from fingerfit.fem.factor import CLOSE, LARGE, inner
+from fingerfit.fem.factor import CLOSE, inner
 from fingerfit.fem.system import Evaluation, System
 from fingerfit.fem.touching import meet
 
 TOLERANCE = 1e-8
 """Largest residual force, relative to the largest internal force. Far below what is compared: displacements of the
 built-in solver and of CalculiX agree to 2e-7 (docs/solver.md)."""
-_SAME_TANGENT = 1e-6
-"""Error, relative as `TOLERANCE`, below which the tangent of a large system is not made anew
-(docs/decisions/0006-large-systems.md)."""
 _PATIENCE = ((4, 0.5), (8, 0.1))
 """Iterations after which at most this share of the first residual force may be left, for a body in contact: else
 contact opens and closes from iteration to iteration, and a shorter increment is cheaper. Tried on fingers
@@ -133,6 +130,7 @@ class Newton:
                 return None, 1
             q, known = started
         matrix: Any = None
+        made = np.inf
         residuals, frictionless = list[float](), system.touches and not system.remembers
         for iteration in range(1, ITERATIONS + 1):
             u = system.expand(q, load.given)
@@ -153,12 +151,12 @@ class Newton:
                 return None, iteration
             if error < tolerance:
                 return State(q, u, internal), iteration
-            # near the end the tangent of the last iteration is as good, but a small one costs nothing
-            if matrix is None or error > _SAME_TANGENT or len(q) < LARGE:
+            # with a tangent of before, the next error is about the product of this one and that at which it was made
+            if made * error > TOLERANCE:
                 evaluation = system.evaluate(u, led=True)
                 if evaluation is None:
                     return None, iteration
-                matrix = None
+                matrix, made = None, error
             # what is solved more exactly than Newton's method converges is of no use
             close = min(max(CLOSE, 0.1 * error, 0.1 * TOLERANCE / error), _ROUGHEST)
             if matrix is not None:

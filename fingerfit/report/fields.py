@@ -124,12 +124,10 @@ def _stress(mesh: Mesh, deck: Path, displacement: np.ndarray, step: int | None) 
 def _of_body(body: Body, u: np.ndarray) -> np.ndarray:
     """Cauchy stress of a body's elements without the part that is averaged at nodes, shape (elements, 3, 3), MPa."""
     dim = body.dim
-    local = u[body.dofs].reshape(*body.connectivity.shape, dim)
     f = np.zeros((*body.weight.shape, 3, 3))
-    f[..., :dim, :dim] = np.swapaxes(local, 1, 2)[:, None] @ body.gradient
-    f += body.stretched[:, None]
-    if body.hoop is not None:
-        f[..., 2, 2] += (body.hoop @ local[:, :, :1])[..., 0]
+    plane, across = body.deformation(u)
+    f[..., 2, 2] = across
+    f[..., :dim, :dim] = plane
     turned = (np.linalg.det(f) <= 0).any(axis=1)
     f[turned] = np.eye(3)
     squared, directions = np.linalg.eigh(np.swapaxes(f, -1, -2) @ f)

@@ -78,6 +78,20 @@ def test_solutions(rng, symmetric, n):
         matrix = 1.5 * matrix
 
 
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("n", [5, 11], ids=["small", "large"])
+def test_the_same_matrix_is_factorised_once(rng, monkeypatch, symmetric, n):
+    matrix, positions = cube(n)
+    solver, seen = LinearSolver(positions, symmetric), []
+    made = solver._factor
+    monkeypatch.setattr(solver, "_factor", lambda matrix: seen.append(matrix) or made(matrix))
+    for _ in range(3):
+        right = rng.normal(size=matrix.shape[0])
+        found = solver.solve(matrix, right)
+        assert matrix @ found == pytest.approx(right, abs=rounding(matrix, found))
+    assert len(seen) == 1
+
+
 def test_superlu_alone_agrees(rng, monkeypatch):
     matrix, positions = cube(11)
     right = rng.normal(size=matrix.shape[0])
@@ -223,6 +237,18 @@ def test_levels(rng):
     singular = matrix.copy()
     singular.data[np.isin(singular.indices, [5])] = 0.0
     assert levels.solve(singular.data, right) is None
+
+
+def test_levels_eliminate_a_matrix_once(rng, monkeypatch):
+    matrix = plate(9, rng)
+    levels, seen = Levels(matrix.indices, matrix.indptr), []
+    inverse = np.linalg.inv
+    monkeypatch.setattr(np.linalg, "inv", lambda block: seen.append(len(block)) or inverse(block))
+    for values in (matrix.data, matrix.data, 1.5 * matrix.data):
+        right = rng.normal(size=matrix.shape[0])
+        matrix.data = values
+        assert matrix @ levels.solve(values, right) == pytest.approx(right, abs=1e-10)
+    assert len(seen) == 2 * len(levels.parts)
 
 
 def test_levels_begin_at_a_side_where_that_is_narrower():
