@@ -206,6 +206,10 @@ def test_gradient_is_linear_in_each_layer():
     depth = np.mod(12.0 - centres()[:, 1], 4.0) / 4.0
     assert change == pytest.approx(0.4 * (depth - 0.5), abs=1e-4)
     assert change.min() == pytest.approx(-0.1, abs=1e-4)
+    # means over half of the height: of 6 s^2 it is 1/2, of 20 s^3 - 3 s on either side 1/8; elements have means of moduli
+    bent, wavy = (np.log(moduli({f"gradient.{name}": 0.4}) / plain_moduli()) for name in ("bend", "third"))
+    assert bent == pytest.approx(0.4 * 0.5, abs=0.01)
+    assert wavy == pytest.approx(0.4 * -0.125 * np.sign(depth - 0.5), abs=0.01)
 
 
 @pytest.mark.parametrize(("name", "axis"), [("body_gradient", 1), ("sideways_gradient", 0)])
