@@ -23,6 +23,11 @@ _LEVEL = 1e-6
 """Share of a layer's height within which corners of elements lie at one depth: rounding."""
 
 
+def moves_borders(effect: Effect) -> bool:
+    """Whether nodes follow where an effect says that borders are."""
+    return bool({BORDER, WITHIN} & effect.changes.keys())
+
+
 def followed(mesh: Mesh, layers: Sequence[str], present: Sequence[Effect], values: Mapping[str, float]) -> Mesh:
     """A mesh whose nodes lie where effects say that borders are; itself where none of them says so.
 
@@ -42,7 +47,7 @@ def followed(mesh: Mesh, layers: Sequence[str], present: Sequence[Effect], value
     InputError
         For an effect on borders of layers that do not lie flat on top of each other.
     """
-    present = [effect for effect in present if {BORDER, WITHIN} & effect.changes.keys()]
+    present = [effect for effect in present if moves_borders(effect)]
     if not present:
         return mesh
     if not is_stacked(mesh, layers):

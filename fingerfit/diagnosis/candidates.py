@@ -9,6 +9,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.deck.context import check_layers
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
+from fingerfit.forward.bodies import MESH_LINE
 from fingerfit.forward.decks import with_effect
 from fingerfit.model.applicable import not_measured
 from fingerfit.model.effect import CONSTANTS, OBSERVATION, OUTLINE, Effect
@@ -50,7 +51,7 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     -------
     list of Candidate
     dict
-        What the solver lacks for others, by their titles: they are not tried.
+        What the solver, or the deck, lacks for others, by their titles: they are not tried.
     """
     found: list[Candidate] = []
     lacking: dict[str, InputError] = {}
@@ -63,11 +64,13 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
         for place in effect.places():
             if not may_be(effect, place, problem):
                 continue
-            asked = []
-            for parameter in effect.parameters if effect.simulated else ():
-                trial = with_effect(effect, place, parameter.name)
-                role = f"{effect.name}.{parameter.name}"
-                asked.append(problem.ask({**values, **trial}, role, nearby=values, first_order=False))
+            try:
+                asked = _asked(effect, place, problem, values)
+            except InputError as error:
+                if error.field != MESH_LINE:
+                    raise
+                lacking[effect.title] = error  # a template with nodes of its own: none can lie elsewhere
+                continue
             if asked and all(one.sim == without for one in asked):
                 continue  # no part of this study's deck: friction where nothing is in contact, a layer beyond the last
             candidate = Candidate(effect, place, tuple(asked))
@@ -80,7 +83,20 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
                     lacking[effect.title] = refused
                     break
             found.append(candidate)
-    return found, lacking
+    tried = {one.effect.title for one in found}
+    return found, {title: error for title, error in lacking.items() if title not in tried}
+
+
+def _asked(
+    effect: Effect, place: Mapping[str, float], problem: InverseProblem, values: Mapping[str, float]
+) -> list[Asked]:
+    """A simulation for each number of an effect at a place, at a small size of it."""
+    asked = []
+    for parameter in effect.parameters if effect.simulated else ():
+        trial = with_effect(effect, place, parameter.name)
+        role = f"{effect.name}.{parameter.name}"
+        asked.append(problem.ask({**values, **trial}, role, nearby=values, first_order=False))
+    return asked
 
 
 def makes_sense(effect: Effect, problem: InverseProblem) -> bool:

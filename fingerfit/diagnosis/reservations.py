@@ -367,9 +367,10 @@ def untried(
 ) -> Verdict:
     """The verdict, and in its sentence what was not tried, and what does not count for lack of an answer.
 
-    Not tried is what the solver cannot, and what was left out, of which the number is said.
+    Not tried is what the solver or the deck cannot, and what was left out, of which the number is said.
     """
-    lacking = f"; not tried, since solver {solver} lacks what they need: {', '.join(titles)}" if titles else ""
+    why = f"; not tried, since solver {solver} or the deck lacks what they need: "
+    lacking = why + ", ".join(titles) if titles else ""
     count = "1 effect was" if left_out == 1 else f"{left_out} effects were"
     chosen = f"; {count} not tried, as diagnosis in config.yaml says" if left_out else ""
     ended = f"; tried, but solver {solver} gave no answer, so that it does not count: {', '.join(unsolved)}"

@@ -13,7 +13,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import digest, write_text
-from fingerfit.deck.borders import followed
+from fingerfit.deck.borders import followed, moves_borders
 from fingerfit.deck.changed import changed_by
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.mesh.mesh import Mesh
@@ -29,6 +29,8 @@ _ROUNDING = 1e-9
 """Share of a body's size: what the text of a mesh leaves of its digits."""
 _ROUNDS = 10
 """At most; three for a body that was pressed by 5 %."""
+MESH_LINE = "*INCLUDE"
+"""Keyword of the line by which a deck has its mesh: without it no other mesh can take its place."""
 _NODES = "** --- the mesh, whose nodes lie where effects say that layers begin and end\n"
 _HEAD = "** --- the body without load: the stated height, in the first picture, times {:.10g}\n"
 _RAISED = _HEAD.partition("{")[0]
@@ -71,12 +73,15 @@ def deck_of_body(
     Raises
     ------
     InputError
-        For a deck that does not include the mesh of a body which is not as that.
+        For a deck that does not include the mesh, where effects say that its nodes lie elsewhere.
     """
     present = [effect for effect in effects.values() if effect.present(values)]
     body = followed(mesh, [name.upper() for name in study.layer_names], present, values)
     if study.body.mesh is not None or mesh.dim != 2 or not changed_by("pictured", 0.0, {}, present, values):
-        return deck_of(mesh) if body is mesh else _with_mesh(deck_of(body), included, _NODES, body)
+        deck = deck_of(body)
+        # asked for also where nodes stay: other numbers move them
+        moved = _with_mesh(deck, included, _NODES, body) if any(map(moves_borders, present)) else deck
+        return deck if body is mesh else moved
 
     @cache
     def raised(factor: float) -> str:
@@ -95,7 +100,7 @@ def _with_mesh(deck: str, included: str, head: str, mesh: Mesh) -> str:
     made, count = re.subn(line, lambda _: head + format_mesh(mesh), deck, flags=re.IGNORECASE | re.MULTILINE)
     if not count:
         found = f"no line *INCLUDE, INPUT={included}"
-        raise InputError("deck", "*INCLUDE", found, "that line: effects on the mesh put another one in its place")
+        raise InputError("deck", MESH_LINE, found, "that line: effects on the mesh put another one in its place")
     return made
 
 

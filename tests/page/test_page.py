@@ -83,7 +83,7 @@ def test_a_mesh_that_is_too_coarse_is_told_with_its_cure(tmp_path):
     sample.write(tmp_path / "study", done=False)
     file = tmp_path / "study/base/diagnosis.json"
     said = "the mesh is too coarse: half the element size explains 90 % of the misfit; take a finer model.mesh"
-    said += "; not tried, since solver abaqus lacks what they need: tilt"
+    said += "; not tried, since solver abaqus or the deck lacks what they need: tilt"
     keep_json(file, read_json(file) | {"verdict": "unexplained", "effects": [], "family": "numerics", "sentence": said})
     write_page(tmp_path / "study", tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")

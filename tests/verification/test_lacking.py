@@ -9,12 +9,15 @@ from blocks import FIT, MESH, MODEL, STUDY
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.files import write_json
+from fingerfit.core.folders import OURS
+from fingerfit.deck.borders import moves_borders
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.deck.reader import read_deck
 from fingerfit.diagnosis.candidates import candidates, untestable
 from fingerfit.diagnosis.diagnose import diagnose
 from fingerfit.diagnosis.ladder import add
 from fingerfit.fit.course import next_round
+from fingerfit.fit.problem import SEARCH
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.model.catalogue import catalogue
@@ -28,8 +31,8 @@ STEPS = "step,displacement,force,time\n1,0.4,10.0,10\n2,0.8,21.0,20\n3,1.2,32.0,
 MESHLESS = {key: value for key, value in MODEL.items() if key != "mesh"}
 
 
-def made(folder, solver, element="CPE8", own_mesh=False):
-    """Study and config.yaml in a folder; the mesh is the study's or the model's."""
+def made(folder, solver, element="CPE8", own_mesh=False, template=None):
+    """Study and config.yaml in a folder; the mesh is the study's or the model's, the template a text of its own or none."""
     (folder / "study").mkdir()
     study, model = STUDY, {**MODEL, "mesh": {**MESH, "element": element}}
     if own_mesh:
@@ -38,6 +41,9 @@ def made(folder, solver, element="CPE8", own_mesh=False):
         layers = [{"name": "top"}, {"name": "bottom"}]
         study = {**STUDY, "body": {"mesh": "mesh.inp", "thickness": 70, "layers": layers}}
         model = MESHLESS
+    if template is not None:
+        (folder / "study/own.inp.j2").write_text(template)
+        model = {**model, "template": "own.inp.j2"}
     write_json(folder / "study/study.yaml", study)
     (folder / "study/steps.csv").write_text(STEPS)
     config = {"study": str(folder / "study"), "solver": solver, "model": model, "fit": FIT}
@@ -85,6 +91,26 @@ def test_effects_that_the_solver_lacks_are_no_candidates(tmp_path, needs_ccx):
     assert "base_slip" in names["calculix"][0]
 
 
+def test_a_template_with_nodes_of_its_own_has_no_others(tmp_path):
+    plain, _ = begin(made(tmp_path, "builtin"), tmp_path / "model")
+    text = (OURS / "block.inp.j2").read_text()
+    line = "*INCLUDE, INPUT={{ mesh }}\n"
+    assert line in text
+    (tmp_path / "own").mkdir()
+    template = text.replace(line, format_mesh(plain.meshes[SEARCH]))
+    problem, _ = begin(made(tmp_path / "own", "builtin", template=template), tmp_path / "own/model")
+    of = {}
+    for name, one in (("plain", plain), ("own", problem)):
+        found, lacking = candidates(one, {"mu": 0.05})
+        of[name] = {each.effect.name for each in found}, lacking
+    assert of["plain"][1] == {}
+    gone = of["plain"][0] - of["own"][0]
+    assert "split_layer" in gone
+    assert all(moves_borders(catalogue()[name]) for name in gone)
+    assert of["own"][1].keys() == {catalogue()[name].title for name in gone}
+    assert "no line *INCLUDE" in of["own"][1][catalogue()["split_layer"].title].found
+
+
 def test_the_diagnosis_says_so(tmp_path, monkeypatch):
     less = replace(BuiltinSolver.capabilities, features=FEATURES - {"*VISCOELASTIC"})
     monkeypatch.setattr(BuiltinSolver, "check", lambda self, deck: refuse_lacking(read_deck(deck), deck, "less", less))
@@ -93,7 +119,7 @@ def test_the_diagnosis_says_so(tmp_path, monkeypatch):
     found = diagnose(problem, last, everything)
     write_diagnosis(found, tmp_path / "diagnosis.json")
     diagnosis = json.loads((tmp_path / "diagnosis.json").read_text())
-    said = "; not tried, since solver builtin lacks what they need: viscoelastic relaxation"
+    said = "; not tried, since solver builtin or the deck lacks what they need: viscoelastic relaxation"
     assert diagnosis["sentence"].endswith(said)
     assert [(entry["title"], entry["lacks"]) for entry in diagnosis["not_tried"]] == [
         ("viscoelastic relaxation", "*VISCOELASTIC"),
