@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import os
 import re
 from collections import Counter
@@ -188,9 +189,17 @@ def _environment(folders: tuple[str, ...], ours: bool) -> SandboxedEnvironment:
     environment = SandboxedEnvironment(
         loader=Loader(), undefined=jinja2.StrictUndefined, autoescape=False, bytecode_cache=Compiled()
     )
-    environment.filters["number"] = _number
+    environment.filters |= {"number": _number, "cosd": _cosd, "sind": _sind}
     return environment
 
 
 def _number(value: float) -> str:
     return f"{float(value):.12g}"
+
+
+def _cosd(degrees: float) -> float:
+    return math.cos(math.radians(degrees))
+
+
+def _sind(degrees: float) -> float:
+    return math.sin(math.radians(degrees))

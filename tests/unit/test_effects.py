@@ -599,6 +599,14 @@ def test_fibres_lie_at_their_angle(tmp_path, plain):
     assert np.abs(lean[:, 0]).max() > 0.02
     upright = outcome[90].displacement[-1]
     assert upright == pytest.approx(mirrored(upright), abs=1e-6)
+    two = {a: {"fibres.stiffness": 0.25, "fibres.families": 2, "fibres.angle": a} for a in (0, 1e-3, 30, 45, -45, 90)}
+    # along the axes, and mirrored, they are the same
+    assert all(deck(two[a]) == deck(two[a] | {"fibres.families": 1}) for a in (0, 90))
+    assert deck(two[45]) == deck(two[-45])
+    crossed = {a: solve(deck(two[a]), tmp_path).displacement[-1] for a in (1e-3, 30)}
+    assert crossed[1e-3] == pytest.approx(outcome[0].displacement[-1], abs=1e-4)
+    assert crossed[30] == pytest.approx(mirrored(crossed[30]), abs=1e-6)
+    assert bulge[0] < crossed[30][x == 12.0, 0].max() < bulge[90]
 
 
 def test_fibres_of_one_layer_keep_that_one_narrow(tmp_path, plain):
