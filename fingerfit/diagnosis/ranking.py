@@ -157,14 +157,17 @@ def best_places(ranking: Sequence[Ranked]) -> list[Ranked]:
 def other_places(score_test: ScoreTest, everywhere: Sequence[Ranked], best: Ranked) -> list[Ranked]:
     """Further places of an effect from which it is refitted, since a fit cannot come there from its best place.
 
-    That is the next best layer, border or side: slopes where the effect is absent may point to the wrong one of them.
+    That is the next best layer, border or side, or number of families of fibres, all else of these being the same:
+    slopes where the effect is absent may point to the wrong one of them.
     Where the place is fitted, also the best ones that look otherwise, or are of the other sign: between a stiff lump
     and a soft one elsewhere the effect is absent, and between two directions of fibres the misfit has a ridge.
     """
     effect = best.candidate.effect
     others = [one for one in everywhere if one.candidate.effect is effect and one.candidate is not best.candidate]
     others.sort(key=lambda one: -one.finding.fall)
-    there = [one for one in others if elsewhere(one, best)][:1]
+    there = list[Ranked]()
+    for key in _fixed(effect):
+        there += [one for one in others if _differing(one, best) == [key]][:1]
     chosen = [best]
     for one in others if effect.refine else ():
         room = len(chosen) + len(there) < STARTS and one.finding.fall > 0.0 and not elsewhere(one, best)
@@ -175,7 +178,12 @@ def other_places(score_test: ScoreTest, everywhere: Sequence[Ranked], best: Rank
 
 def elsewhere(one: Ranked, other: Ranked) -> bool:
     """Whether an effect is in another layer, or at another border or side, to which no fit can move it."""
-    return any(one.candidate.place[key] != other.candidate.place[key] for key in _fixed(one.candidate.effect))
+    return bool(_differing(one, other))
+
+
+def _differing(one: Ranked, other: Ranked) -> list[str]:
+    """What of their places no fit can move."""
+    return [key for key in _fixed(one.candidate.effect) if one.candidate.place[key] != other.candidate.place[key]]
 
 
 def _fixed(effect: Effect) -> list[str]:

@@ -264,7 +264,25 @@ def test_where_the_place_is_fitted_it_begins_at_places_that_look_otherwise(world
         for b in starts[:n]:
             # that of another layer, to which no fit can move it, is one more
             assert elsewhere(a, b) or alike(score_test, a, b) < 0.5 or a.finding.size[0] * b.finding.size[0] < 0
-    assert sum(not elsewhere(one, best) for one in starts) > 1
+    layers = [one.candidate.place.get(f"{name}.layer") for one in starts]
+    assert layers.count(layers[0]) > 1
+
+
+def test_one_and_two_families_of_fibres_are_begun_and_another_layer(world):
+    """All else that no fit can move is the same: slopes of fibres that are not there tell neither for sure."""
+    comparison, _, _ = world
+    problem, score_test = comparison.problem, comparison.score_test
+    found = [one for one in candidates(problem, comparison.base.values)[0] if one.effect.name == "fibres"]
+    solve_missing(problem, [asked for one in found for asked in one.asked], 1)
+    everywhere = rank_candidates(comparison, score_test, found)
+    (best,) = best_places(everywhere)
+    fixed = ("fibres.layer", "fibres.families")
+    starts = [
+        tuple(one.candidate.place[key] for key in fixed) for one in (best, *other_places(score_test, everywhere, best))
+    ]
+    layer, families = starts[0]
+    assert (layer, 3 - families) in starts
+    assert any(one[0] != layer and one[1] == families for one in starts)
 
 
 def test_few_digits_of_a_place_stay_within_its_bounds(world):
