@@ -255,6 +255,8 @@ def test_where_the_place_is_fitted_it_begins_at_places_that_look_otherwise(world
     comparison, _, _ = world
     problem, score_test = comparison.problem, comparison.score_test
     found = [one for one in candidates(problem, comparison.base.values)[0] if one.effect.name == name]
+    # of two families of fibres all angles look alike
+    found = [one for one in found if one.place.get("fibres.families", 1) == 1]
     solve_missing(problem, [asked for one in found for asked in one.asked], 1)
     everywhere = rank_candidates(comparison, score_test, found)
     (best,) = best_places(everywhere)
@@ -264,8 +266,7 @@ def test_where_the_place_is_fitted_it_begins_at_places_that_look_otherwise(world
         for b in starts[:n]:
             # that of another layer, to which no fit can move it, is one more
             assert elsewhere(a, b) or alike(score_test, a, b) < 0.5 or a.finding.size[0] * b.finding.size[0] < 0
-    layers = [one.candidate.place.get(f"{name}.layer") for one in starts]
-    assert layers.count(layers[0]) > 1
+    assert sum(not elsewhere(one, best) for one in starts) > 1
 
 
 def test_one_and_two_families_of_fibres_are_begun_and_another_layer(world):
