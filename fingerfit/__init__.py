@@ -4,7 +4,7 @@ For notebooks and scripts (docs/python.md):
 
     import fingerfit
 
-    result = fingerfit.fit("tilt.yaml")
+    result = fingerfit.fit("tilt/config.yaml")
     result.constants
 """
 

@@ -110,7 +110,8 @@ class FitSettings(Keys):
         ge=0,
         lt=1,
         description="Relative change of a constant that does not matter to you. An effect that changes no constant by"
-        " more than this and beyond its 95 % interval may be a trace: the model is adequate without it.",
+        " more than this, and hardly lowers the error on held-out steps, may be a trace: the model is adequate without"
+        " it.",
     )
     discrepancy: Literal["none", "estimate"] = Field(
         default="none",

@@ -20,15 +20,15 @@ ROOT = Path(__file__).parents[2]
 def names(tmp_path_factory):
     """What the documented lines leave behind."""
     folder = tmp_path_factory.mktemp("notebook")
-    study = written(folder, effects={"tilt": {"slope": 0.04}})
+    study = written(folder, effects={"tilt": {"slope": 0.04}}).rename(folder / "tilt")
     config = {**config_of(study, SMALL), "diagnosis": {"only": [*FEW, "indenter_probe"]}}
-    (folder / "tilt.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
+    (study / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
     (lines,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text(), re.DOTALL)
     found = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        exec(lines.replace("studies/hidden-tilt", str(study)), found)
-        found["again"] = fingerfit.fit("tilt.yaml")
+        exec(lines, found)
+        found["again"] = fingerfit.fit("tilt/config.yaml")
     return found
 
 
