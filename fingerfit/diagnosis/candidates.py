@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.context import check_layers
@@ -30,11 +30,14 @@ class Candidate:
         Its scanned numbers.
     asked : tuple of Asked
         One for each parameter; none for effects on the observation.
+    choices : int
+        How many of the effect's places are tried that differ in what no fit can move, as layers or borders.
     """
 
     effect: Effect
     place: dict[str, float]
     asked: tuple[Asked, ...] = ()
+    choices: int = 1
 
     def is_that_of(self, other: Candidate) -> bool:
         """Whether it is the same model under another name: the same changes by the same decks, and no other ones."""
@@ -84,7 +87,13 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
                     break
             found.append(candidate)
     tried = {one.effect.title for one in found}
+    found = [replace(one, choices=_choices(one.effect, found)) for one in found]
     return found, {title: error for title, error in lacking.items() if title not in tried}
+
+
+def _choices(effect: Effect, found: Sequence[Candidate]) -> int:
+    keys = effect.unmoved()
+    return len({tuple(one.place[key] for key in keys) for one in found if one.effect is effect})
 
 
 def _asked(

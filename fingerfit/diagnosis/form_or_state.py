@@ -142,7 +142,7 @@ def elsewhere(
 
     # what is left beyond what chance would: each has its own values, and some that another has not
     def left(refit: Refit) -> float:
-        return refit.misfit - refit.freedom + refit.sides.misfit + refit.numbers * float(np.log(refit.freedom))
+        return refit.misfit - refit.freedom + refit.sides.misfit + refit.worth
 
     def counts(refit: Refit) -> bool:
         if not explains(refit) or refit.sides.off > near or refit.sides.misfit >= sides.misfit:

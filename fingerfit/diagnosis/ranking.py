@@ -15,7 +15,6 @@ from fingerfit.diagnosis.evidence import log_odds_of_some
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
 from fingerfit.fit.problem import SEARCH
 from fingerfit.fit.rounds import Asked
-from fingerfit.model.effect import Effect
 
 FIRST_PASS, REFIT = "first pass", "refit"
 """What says how much an effect explains, in words: never one of them where the other one is meant."""
@@ -166,7 +165,7 @@ def other_places(score_test: ScoreTest, everywhere: Sequence[Ranked], best: Rank
     others = [one for one in everywhere if one.candidate.effect is effect and one.candidate is not best.candidate]
     others.sort(key=lambda one: -one.finding.fall)
     there = list[Ranked]()
-    for key in _fixed(effect):
+    for key in effect.unmoved():
         there += [one for one in others if _differing(one, best) == [key]][:1]
     chosen = [best]
     for one in others if effect.refine else ():
@@ -183,11 +182,8 @@ def elsewhere(one: Ranked, other: Ranked) -> bool:
 
 def _differing(one: Ranked, other: Ranked) -> list[str]:
     """What of their places no fit can move."""
-    return [key for key in _fixed(one.candidate.effect) if one.candidate.place[key] != other.candidate.place[key]]
-
-
-def _fixed(effect: Effect) -> list[str]:
-    return [effect.key(name) for name in effect.scan if name not in effect.refine and name != effect.series]
+    effect, here, there = one.candidate.effect, one.candidate.place, other.candidate.place
+    return [key for key in effect.unmoved() if here[key] != there[key]]
 
 
 def _apart(score_test: ScoreTest, a: Ranked, b: Ranked) -> bool:

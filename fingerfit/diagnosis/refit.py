@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import log
 
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
@@ -52,6 +53,8 @@ class Refit:
         How many numbers of the effect were fitted.
     spared : float
         What those are worth together that the effect does not need: as from `evidence.spared`.
+    choices : int
+        Of how many places that no fit can move, as layers, the effect's was chosen.
     sides : Sides
         Where the picture before compression has the sides of the body, against the model.
     but_mesh : (float, float or None), optional
@@ -75,6 +78,7 @@ class Refit:
     before: float | None = None
     numbers: int = 0
     spared: float = 0.0
+    choices: int = 1
     sides: Sides = field(default_factory=Sides)
     but_mesh: tuple[float, float | None] | None = None
 
@@ -91,7 +95,16 @@ class Refit:
     @property
     def level(self) -> float:
         """The misfit by which refits are compared with each other, and what the numbers that it needs are worth."""
-        return self._misfit + self.numbers * per_number(self.freedom) - self.spared
+        return self._misfit + self.worth - self.spared
+
+    @property
+    def worth(self) -> float:
+        """Misfit that its numbers must explain to be worth it, and the choice of its place.
+
+        Of as many places each was as likely before, so that the odds for the one that was chosen are divided by their
+        number.
+        """
+        return self.numbers * per_number(self.freedom) + 2.0 * log(self.choices)
 
     @property
     def _misfit(self) -> float:
@@ -117,9 +130,7 @@ class Refit:
 
 def per_number(freedom: int) -> float:
     """Misfit that a number of an effect must explain to be worth it (Schwarz 1978)."""
-    from numpy import log
-
-    return float(log(max(freedom, 1)))
+    return log(max(freedom, 1))
 
 
 def good(freedom: int) -> float:

@@ -58,7 +58,7 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]
         ended.share, start, len(after.problem.asked), ended.fall(before), constants, after.weighed,
         compared=own["after"], before=own["before"],
         numbers=len(settings.parameters()) - len(before.problem.settings.parameters()),
-        spared=spared(far, told, optional, per_number(score_test.freedom)),
+        spared=spared(far, told, optional, per_number(score_test.freedom)), choices=one.candidate.choices,
         sides=sides_of(after), but_mesh=errors_but_mesh(after),
     )  # fmt: skip
     return refit, run

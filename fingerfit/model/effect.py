@@ -264,6 +264,10 @@ class Effect:
             for values in product(*self.scan.values())
         ]
 
+    def unmoved(self) -> list[str]:
+        """Scanned numbers that no fit can move, as a layer, by their names in a guess."""
+        return [self.key(name) for name in self.scan if name not in self.refine and name != self.series]
+
     def own(self, values: Mapping[str, float]) -> dict[str, float]:
         """This effect's numbers in a guess, by their short names; null and first place where it has none."""
         first = self.places()[0]

@@ -164,6 +164,17 @@ def test_fewer_numbers_that_are_nearer_in_the_pictures_are_named_first(world, nu
     assert verdict.kind == ("missing" if len(names) == 1 else "indistinguishable")
 
 
+@pytest.mark.parametrize(("choices", "first"), [(1, "tilt"), (4, "tilt"), (5, "skin")])
+def test_a_place_that_was_chosen_from_many_has_to_earn_it(world, choices, first):
+    """Of five places each was as likely before: odds of exp(1.5), which is 4.5, are not enough for the best of them."""
+    score_test = world.score_test(40 * (world.signal(0) + world.signal(1)))
+    ranking = world.ranking(score_test, tilt=world.signal(0), skin=world.signal(1))
+    chosen = Refit(VALUES, VALUES, 1.0, 1.0, {}, numbers=2, choices=choices)
+    plain = Refit(VALUES + 3.0, VALUES, 1.0, 1.0, {}, numbers=2)
+    verdict = decide(score_test, ranking, {"tilt": chosen, "skin": plain}, TESTS)
+    assert verdict.effects == (first, {"tilt": "skin", "skin": "tilt"}[first])
+
+
 @pytest.mark.parametrize(
     ("other", "changed", "names"),
     [

@@ -43,6 +43,18 @@ def test_one_layer_that_stiffens_is_another_model_where_there_are_several(tmp_pa
     assert len(found) == len(set(found))
 
 
+@pytest.mark.parametrize(("layers", "stiffening_of", "softening_of"), [(1, None, 1), (2, 2, 3)])
+def test_places_that_no_fit_can_move_are_counted(tmp_path, layers, stiffening_of, softening_of):
+    """A law of one layer may be that of either layer; softening of all, too. Its rate is fitted, and counts as that."""
+    problem = problem_of(tmp_path, layers)
+    values = {one.name: one.start for one in problem.settings.parameters()}
+    found = candidates(problem, values)[0]
+    choices = {one.effect.name: one.choices for one in found}
+    assert choices.get("layer_stiffening") == stiffening_of
+    assert choices["softening"] == softening_of < len([one for one in found if one.effect.name == "softening"])
+    assert choices["compressibility"] == 1
+
+
 def test_what_config_yaml_leaves_out_is_not_tried(tmp_path):
     every = {name for name, *_ in named(problem_of(tmp_path))}
     assert {"compressibility", "base_slip"} < every
