@@ -14,6 +14,7 @@ from fingerfit.core.files import write_text
 from fingerfit.core.folders import OURS
 from fingerfit.deck.context import PATCH, deck_context
 from fingerfit.deck.mesh_file import format_mesh
+from fingerfit.deck.questions import areas
 from fingerfit.deck.render import blocks
 from fingerfit.forward.predict import as_seen, since_first_picture
 from fingerfit.mesh.blocks import layered_block
@@ -484,6 +485,25 @@ def test_a_base_that_is_loose_everywhere_slips_and_one_that_is_loose_on_the_left
     moved = np.abs(solve(deck(on_the_left), tmp_path).displacement[-1, :, 0])
     left, right = base[x[base] < 0.4 * 12.0], base[x[base] > 0.6 * 12.0]
     assert moved[left].max() > 100 * moved[right].max()
+
+
+def test_a_plate_comes_loose_over_a_width_of_its_own():
+    """Springs half as stiff as a free plate's at the extent; loose to its left and held to its right by half the fade."""
+    base, x = MESH.node_sets["BOTTOM"], MESH.points[:, 0]
+    at = np.sort(x[base]) / 12.0
+
+    def stiffness(**fade):
+        values = {"debonding.left": 0.5, "debonding.right": 0.0, "debonding.extent": 0.5, **fade}
+        found = cards(deck(values), r"SPRING, ELSET=LOOSE_BASE_\d+")
+        return np.array([block[1][0] for block in found]) / [area for _, area in areas(MESH, base, 70.0)]
+
+    for fade in (0.1, 0.4):
+        found = stiffness(**{"debonding.fade": fade})
+        loose, held = found[at < 0.5 - fade / 2 - 1e-9], found[at > 0.5 + fade / 2 + 1e-9]
+        assert loose == pytest.approx(np.full(len(loose), found[0]), rel=1e-4)
+        assert held.min() > 500 * found[0] and len(loose) > 2 and len(held) > 2
+        assert found[np.argmin(abs(at - 0.5))] == pytest.approx(3 * found[0], rel=1e-4)  # 1 / 0.25 - 1 for 1 / 0.5 - 1
+    assert stiffness() == pytest.approx(stiffness(**{"debonding.fade": 0.2}))
 
 
 def test_an_indenter_that_is_loose_on_the_left_holds_on_the_right(tmp_path, plain):
