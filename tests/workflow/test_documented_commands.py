@@ -167,6 +167,7 @@ SESSIONS = {
         "fingerfit new tilt --example hidden-tilt",
         "> sed s,studies/phantom,tilt, config.yaml > tilt/config.yaml",
         "fingerfit run tilt -- --dry-run", "fingerfit run tilt", "fingerfit run tilt --diagnose", "fingerfit open tilt",
+        "fingerfit add tilt --config tilt/config.yaml", "fingerfit drop tilt --config tilt/config.yaml",
         "fingerfit add tilt --config tilt/config.yaml",
     ],
 }  # fmt: skip
