@@ -11,7 +11,7 @@ from fingerfit.core.errors import StateError
 from fingerfit.core.progress import counted, tell
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by
-from fingerfit.diagnosis.refit import Refit, explains
+from fingerfit.diagnosis.refit import Refit, explains, per_number
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_pass import refit_of, with_outline
 from fingerfit.diagnosis.sides import Sides, begun
@@ -153,7 +153,7 @@ def elsewhere(
         return left(refit) + surely < stated.misfit - stated.freedom + sides.misfit
 
     able = [(one, refit) for one, refit in states if counts(refit)]
-    shaped = form.misfit - form.freedom + sides.numbers * float(np.log(form.freedom))
+    shaped = form.misfit - form.freedom + sides.numbers * per_number(form.freedom)
     if own is not None and explains(own):
         rivals = [shaped, *(left(refit) for _, refit in able)]
         if left(own) + verdict.threshold + _chance(form, own) < min(rivals):
