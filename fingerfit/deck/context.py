@@ -23,6 +23,7 @@ from fingerfit.deck.questions import (
     rests_on,
     shares,
     side,
+    strips,
 )
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.catalogue import catalogue
@@ -81,9 +82,9 @@ def deck_context(
         increment, top, indenter, layers, effects, parts, from_rest, beside``, ``values`` for templates
         with parameters of their own, and what templates may call: ``fills(block)`` and ``replaced(block)`` for what
         effects do to a block, ``areas(set)``, ``aside(node)``, ``elements(layer)``, ``lengths(set)``, ``shares()``,
-        ``side(way)``, ``nodes(set)``, ``node(set)`` and ``point(set)`` of a set of one node, ``resting(surface, x, y,
-        radius)`` for the centre of a sphere that touches it from above, ``ball(centre, radius, count)`` and
-        ``half_tube(axis, radius, count)`` of bricks.
+        ``strips(set)``, ``side(way)``, ``nodes(set)``, ``node(set)`` and ``point(set)`` of a set of one node,
+        ``resting(surface, x, y, radius)`` for the centre of a sphere that touches it from above, and
+        ``ball(centre, radius, count)`` and ``half_tube(axis, radius, count)`` of bricks.
     """
     effects = bound(
         catalogue() if effects is None else effects, scales(study, np.ptp(mesh.body, axis=0)), study.control
@@ -134,6 +135,7 @@ def deck_context(
         "elements": lambda layer=None: elements(mesh, numbers, layer),
         "lengths": lambda name: lengths(mesh, mesh.node_sets[name]),
         "shares": lambda: shares(mesh),
+        "strips": lambda name: strips(mesh, mesh.node_sets[name], study.thickness if mesh.dim == 2 else 1.0),
         "side": lambda way: side(mesh, way),
         "nodes": lambda name: [int(node) + 1 for node in nodes_of(mesh, name)],
         "node": lambda name: only(mesh, name) + 1,

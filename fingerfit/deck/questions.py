@@ -40,6 +40,19 @@ def areas(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, fl
     return [(int(node) + 1, float(thickness * area[node])) for node in order]
 
 
+def strips(mesh: Mesh, nodes: np.ndarray, thickness: float) -> list[tuple[int, float, float, float]]:
+    """The same, and from where to where the strip of the side reaches that a node stands for, as shares of its width.
+
+    Strips of nodes of the same x are one: it has the area of all of these.
+    """
+    pairs = areas(mesh, nodes, thickness)
+    places = np.round(mesh.points[[node - 1 for node, _ in pairs], 0] / np.ptp(mesh.points[nodes, 0]), 9)
+    _, which = np.unique(places, return_inverse=True)
+    ends = np.cumsum(np.bincount(which, [area for _, area in pairs]))
+    ends = np.concatenate([[0.0], ends]) / ends[-1]
+    return [(*pair, float(ends[n]), float(ends[n + 1])) for pair, n in zip(pairs, which, strict=True)]
+
+
 def lengths(mesh: Mesh, nodes: np.ndarray) -> list[tuple[int, float]]:
     """Nodes, counted from 1, of any line of element edges of a plane mesh of linear elements, and their length, mm."""
     length, chosen = np.zeros(len(mesh.points)), np.zeros(len(mesh.points), dtype=bool)

@@ -16,7 +16,7 @@ from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_sear
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.priors import told, weigh
 from fingerfit.fit.problem import REFINED, InverseProblem
-from fingerfit.fit.refine import CLOSE
+from fingerfit.fit.refine import CLOSE, stopped_early
 from fingerfit.fit.replicates import Replicates
 from fingerfit.fit.rounds import Round, simulations
 from fingerfit.fit.slopes import coordinates, moved
@@ -84,6 +84,7 @@ def estimate_of(
             *found.remarks,
             *(told(priors, priors.left(values), np.hypot(found.relative, found.mesh)) if priors else []),
             *_extrapolated(problem, best, values),
+            *_early(problem, last, best),
             *_rival_remarks(problem, values),
             *_bound_remarks(problem, values),
             *_mesh_remarks(problem, mesh, partly),
@@ -146,6 +147,14 @@ def _extrapolated(problem: InverseProblem, best: Minimum, values: Mapping[str, f
     if not problem.priors or far <= CLOSE:
         return []
     return [f"with its priors the estimate is {100 * far:.0f} % from the last simulation, by slopes alone"]
+
+
+def _early(problem: InverseProblem, last: Round, best: Minimum) -> list[str]:
+    """A sentence where the fit did not come to the minimum that its slopes promise."""
+    if not stopped_early(problem, last, best):
+        return []
+    text = "the fit stopped early: slopes promise a better score"
+    return [f"{text} {100 * best.move:.0f} % away, which its last steps missed; try other starting values"]
 
 
 def _with_rivals(found: Uncertainty, problem: InverseProblem) -> Uncertainty:

@@ -42,6 +42,9 @@ is of the order of its square, 0.001 %. A choice."""
 AS_TRUSTED = 0.9
 """Share of the longest move that is trusted from which one is as long as it: clearly shorter ones end of themselves. A
 choice."""
+PROMISED = 6.0
+"""Log likelihood that slopes may promise beyond the end of a fit: odds of 400 to 1, as where two models are told apart
+(`fingerfit.diagnosis.verdict`)."""
 SOLUTIONS = 4
 """At most as many on the finest mesh, the costliest there are (docs/decisions/0003-two-meshes.md)."""
 
@@ -108,8 +111,7 @@ def refine_round(problem: InverseProblem, last: Round) -> Round:
         known += _by_control(problem, best_values(last))
     solutions = sum(a.role == FINAL for a in last.batch)
     lost = solutions > 1 and unusable(problem, last.batch[-1])
-    close = NEARER if last.reason == ADDED else CLOSE
-    enough = found.move <= close or solutions + 1 >= SOLUTIONS or lost
+    enough = found.move <= _close(last) or solutions + 1 >= SOLUTIONS or lost
     return Round(
         number=last.number + 1,
         stage=FINAL,
@@ -123,6 +125,17 @@ def refine_round(problem: InverseProblem, last: Round) -> Round:
         reason=last.reason,
         slopes=last.slopes,
     )
+
+
+def stopped_early(problem: InverseProblem, last: Round, found: Minimum) -> bool:
+    """Whether a fit ended where slopes promise a better score farther away, which its last moves did not come to."""
+    at_last = found.base == last.batch[-1]
+    return at_last and found.move > _close(last) and found.fall > PROMISED * problem.unit
+
+
+def _close(last: Round) -> float:
+    """Move from which another solution checks it."""
+    return NEARER if last.reason == ADDED else CLOSE
 
 
 def _slopes_again(

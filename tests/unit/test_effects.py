@@ -487,23 +487,28 @@ def test_a_base_that_is_loose_everywhere_slips_and_one_that_is_loose_on_the_left
     assert moved[left].max() > 100 * moved[right].max()
 
 
-def test_a_plate_comes_loose_over_a_width_of_its_own():
-    """Springs half as stiff as a free plate's at the extent; loose to its left and held to its right by half the fade."""
-    base, x = MESH.node_sets["BOTTOM"], MESH.points[:, 0]
-    at = np.sort(x[base]) / 12.0
+@pytest.mark.parametrize("across", [7, 24])
+@pytest.mark.parametrize("element", ["CPE4", "CPE8H"])
+def test_a_plate_comes_loose_over_a_width_of_its_own(across, element):
+    """A node's spring is that of the mean share where it stands for; so all meshes are loose by the same, at any extent."""
+    mesh, fades, extents = layered_block(12.0, LAYERS, across, 2, element, 3.0), (0.05, 0.4), np.arange(0.3, 0.4, 0.017)
+    row = areas(mesh, mesh.node_sets["BOTTOM"], 70.0)
+    parts = np.array([area for _, area in row])
+    ends = np.concatenate([[0.0], np.cumsum(parts)]) / parts.sum()
 
-    def stiffness(**fade):
-        values = {"debonding.left": 0.5, "debonding.right": 0.0, "debonding.extent": 0.5, **fade}
-        found = cards(deck(values), r"SPRING, ELSET=LOOSE_BASE_\d+")
-        return np.array([block[1][0] for block in found]) / [area for _, area in areas(MESH, base, 70.0)]
+    def shares(**values):
+        own = {"debonding.left": 0.5, "debonding.right": 0.0, **{f"debonding.{key}": v for key, v in values.items()}}
+        found = cards(deck(own, mesh=mesh), r"SPRING, ELSET=LOOSE_BASE_\d+")
+        return 1 / (1 + np.array([block[1][0] for block in found]) / parts * 1.2 / MU["mu_bottom"])
 
-    for fade in (0.1, 0.4):
-        found = stiffness(**{"debonding.fade": fade})
-        loose, held = found[at < 0.5 - fade / 2 - 1e-9], found[at > 0.5 + fade / 2 + 1e-9]
-        assert loose == pytest.approx(np.full(len(loose), found[0]), rel=1e-4)
-        assert held.min() > 500 * found[0] and len(loose) > 2 and len(held) > 2
-        assert found[np.argmin(abs(at - 0.5))] == pytest.approx(3 * found[0], rel=1e-4)  # 1 / 0.25 - 1 for 1 / 0.5 - 1
-    assert stiffness() == pytest.approx(stiffness(**{"debonding.fade": 0.2}))
+    for fade in fades:
+        for extent in extents:
+            found = shares(extent=extent, fade=fade)
+            fine = np.linspace(ends[:-1], ends[1:], 2001)
+            seen = 0.5 * np.clip(0.5 + (extent - fine) / fade, 0, 1).mean(axis=0)
+            assert found == pytest.approx(np.maximum(seen, 0.5 / 1000), abs=1e-4)
+            assert found @ parts / parts.sum() == pytest.approx(0.5 * extent, abs=0.5 / 1000)
+    assert shares(extent=0.5) == pytest.approx(shares(extent=0.5, fade=0.2))
 
 
 def test_an_indenter_that_is_loose_on_the_left_holds_on_the_right(tmp_path, plain):

@@ -12,7 +12,7 @@ from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.minimum import ORDER, Minimum, finest, mesh_error, minimum
 from fingerfit.fit.priors import Priors
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY
-from fingerfit.fit.refine import ADDED, around_best, refine_round
+from fingerfit.fit.refine import ADDED, around_best, refine_round, stopped_early
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.fit.slopes import STEP, coordinates, moved, neighbours, step_to
 from fingerfit.forward.score import Prediction, score
@@ -305,6 +305,32 @@ def test_a_move_that_is_short_for_want_of_trust_is_no_end(tmp_path, came_true, s
     assert found.stage == stage
     if stage == SENSITIVITY:
         assert found.best["trust"] == pytest.approx(0.008)
+
+
+@pytest.mark.parametrize(
+    ("off", "reason", "unit", "early"),
+    [
+        (0.03, ADDED, 1e-6, True),
+        (0.03, "tolerances met", 1e-6, False),
+        (0.005, ADDED, 1e-6, False),
+        (0.03, ADDED, 1.0, False),
+    ],
+    ids=["valley", "search", "near", "chance"],
+)
+def test_a_fit_that_ends_where_slopes_promise_a_better_score_says_so(tmp_path, off, reason, unit, early):
+    """By more than chance, and farther than a move is left unchecked."""
+    problem = Body(tmp_path)
+    problem.unit = unit
+    last = problem.start(0.030 / 1.05 * float(np.exp(off)))
+    last = replace(last, stage=FINAL, stop=reason, reason=reason, batch=[*last.batch[1:], last.batch[0]])
+    assert stopped_early(problem, last, minimum(problem, last)) is early
+    # a finest solution that is no answer was not what moves came to
+    lost = Asked({"mu_top": 0.02}, "lost", REFINED, "", FINAL)
+    problem = Body(tmp_path, folded=["lost"])
+    problem.unit = unit
+    Outcome(CONVERGED, np.zeros((1, 1, 2)), np.zeros((1, 2)), np.zeros((1, 2))).save(tmp_path / "lost" / "solution.npz")
+    last = replace(last, batch=[*last.batch, lost])
+    assert not stopped_early(problem, last, minimum(problem, last))
 
 
 def roles(asked):

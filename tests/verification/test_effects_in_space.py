@@ -14,7 +14,7 @@ from fingerfit.core.files import write_text
 from fingerfit.deck.context import deck_context
 from fingerfit.deck.loading import under_indenter
 from fingerfit.deck.mesh_file import format_mesh
-from fingerfit.deck.questions import areas
+from fingerfit.deck.questions import areas, strips
 from fingerfit.deck.render import render_deck
 from fingerfit.mesh.blocks import brick, layered_block
 from fingerfit.model.applicable import unmet
@@ -79,6 +79,21 @@ def test_nodes_of_a_side_share_its_area(element):
     assert min(area for _, area in found) > 0
     assert sum(mesh.points[node - 1, 0] * area for node, area in found) == pytest.approx(24.0 * 3.0)
     assert sum(mesh.points[node - 1, 1] * area for node, area in found) == pytest.approx(24.0 * 2.0)
+
+
+@pytest.mark.parametrize("element", ["C3D8", "C3D20H"])
+def test_nodes_of_the_same_x_stand_for_one_strip(element):
+    mesh = brick((6.0, 4.0, 5.0), (3, 2, 2), element=element)
+    nodes = mesh.node_sets["BOTTOM"]
+    found = strips(mesh, nodes, 1.0)
+    assert [pair[:2] for pair in found] == areas(mesh, nodes, 1.0)
+    x = mesh.points[[node - 1 for node, *_ in found], 0] / 6.0
+    ends = {round(at, 6): (begin, end) for at, (*_, begin, end) in zip(x, found, strict=True)}
+    assert all(ends[round(at, 6)] == (begin, end) for at, (*_, begin, end) in zip(x, found, strict=True))
+    in_order = [ends[at] for at in sorted(ends)]
+    assert in_order[0][0] == 0.0 and in_order[-1][1] == pytest.approx(1.0)
+    assert [end for _, end in in_order[:-1]] == [begin for begin, _ in in_order[1:]]
+    assert all(begin - 1e-9 <= at <= end + 1e-9 for at, (begin, end) in ends.items())
 
 
 @pytest.mark.parametrize(("name", "edge"), [("base_slip", "BOTTOM"), ("indenter_slip", "TOP"), ("debonding", "BOTTOM")])
