@@ -55,6 +55,12 @@ class LinearSolver:
         self._last: Apply | None = None
         self._factorised: tuple[csc_matrix, Apply] | None = None
 
+    def beside(self) -> LinearSolver:
+        """Another one for the same unknowns: what it factorises leaves the factors of this one as they are."""
+        other = LinearSolver(self.positions, self.symmetric)
+        other._order = self._order
+        return other
+
     def solve(self, matrix: csc_matrix, right: np.ndarray, close: float = CLOSE) -> np.ndarray | None:
         """Solution, or None where the matrix is singular; the same matrix once more is not factorised again.
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from fingerfit.fem.system import Contribution
+from fingerfit.fem.system import Contribution, Evaluation
 from fingerfit.mesh.faces import Faces, area_vectors, cell_rule, cell_shape
 
 
@@ -26,6 +27,10 @@ class _Ends:
         """Entries of the stiffness matrix, at `_rows` and `_columns`, of springs of a stiffness, shape (springs,)."""
         k = stiffness[self._linked]
         return np.concatenate([stiffness, k, -k, -k])
+
+    def between(self, other: _Ends) -> bool:
+        """Whether others are between the same degrees of freedom."""
+        return np.array_equal(self.first, other.first) and np.array_equal(self.second, other.second)
 
     @property
     def dofs(self) -> np.ndarray:
@@ -119,6 +124,31 @@ class NonlinearSprings(_Ends):
     def _energies(self, moved: np.ndarray) -> np.ndarray:
         chosen, along = self._stretch(moved)
         return self._work[chosen] + (self._force[chosen] + self._slope[chosen] * along / 2) * along
+
+
+def stiffened(
+    evaluation: Evaluation, own: Sequence[object], others: Sequence[object], u: np.ndarray, least: float
+) -> Evaluation | None:
+    """An evaluation with the stiffness that other springs between the same ends have at displacements `u`, in mm.
+
+    None where all are as stiff, but for a share `least`.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    own, others : sequence of Term
+        What the evaluated system has beside its elements, and what another one has.
+    u : ndarray, shape (size,)
+    least : float
+    """
+    kinds, extra = (Springs, NonlinearSprings), list(evaluation.extra)
+    for n, (here, there) in enumerate(zip(own, others, strict=False)):
+        if isinstance(here, kinds) and isinstance(there, kinds) and here.between(there):
+            before, found = extra[n], there.forces(u)
+            if not np.allclose(found.values, before.values, rtol=least, atol=0.0):
+                extra[n] = replace(before, values=found.values)
+    changed = any(one is not before for one, before in zip(extra, evaluation.extra, strict=True))
+    return replace(evaluation, extra=extra) if changed else None
 
 
 class Pressure:

@@ -371,10 +371,13 @@ class System:
             total += np.bincount(added.rows, weights=added.values * move[added.columns], minlength=self.size)
         return total
 
-    def solver(self, evaluation: Evaluation) -> Apply | None:
-        """Solutions for many right sides, by the tangent that came with an evaluation; None where it is singular."""
-        matrix = self.matrix(evaluation)
-        return self._linear.factor(self._sparse(matrix) if isinstance(matrix, np.ndarray) else matrix)
+    def solver(self, evaluation: Evaluation, beside: bool = False) -> Apply | None:
+        """Solutions for many right sides, by the tangent that came with an evaluation; None where it is singular.
+
+        Those of the one before are no longer to be had, but where this one is made `beside` it.
+        """
+        matrix, linear = self.matrix(evaluation), self._linear.beside() if beside else self._linear
+        return linear.factor(self._sparse(matrix) if isinstance(matrix, np.ndarray) else matrix)
 
     def solve(self, matrix: csc_matrix | np.ndarray, right: np.ndarray, close: float = CLOSE) -> np.ndarray | None:
         """Solution of the unknowns, see `fingerfit.fem.factor.LinearSolver.solve`; small systems by levels."""

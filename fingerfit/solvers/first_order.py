@@ -1,19 +1,20 @@
 """Answers of the built-in solver to decks that differ little from one whose answer is known: to first order.
 
-The equations of a deck are T (f(u) - F) = 0, with the internal forces f at the displacements u, the loads F and the map
-T of forces on all degrees of freedom to those on the unknowns. At the known displacements the forces of a deck that was
-moved are evaluated, and followed with the tangent of the known one: a single step of Newton's method, with one
-factorisation for all moved decks, and no way from rest. Where materials relax, the known deck is solved again, and the
-others are followed at the end of each increment, each with the history of its own answer. Where bodies touch, a second
-step with the same tangent tells what the first one left out, and whether that is little. What moves with a deck may be
-anything: constants, places of nodes, prescribed displacements, factors of ties, springs, temperatures, stresses.
-Divided by the size of its change, it is a derivative up to that size, as a difference of two answers is.
+The equations of a deck are T (f(u) - F) = 0, with the internal forces f at the displacements u, the loads F and the
+map T of forces on all degrees of freedom to those on the unknowns. At the known displacements the forces of a deck
+that was moved are evaluated, and followed with the tangent of the known one: a single step of Newton's method, with
+one factorisation for all moved decks (and one for each whose springs are of another stiffness), and no way from rest.
+Where materials relax, the known deck is solved again, and the others are followed at the end of each increment, each
+with the history of its own answer. Where bodies touch, a second step with the same tangent tells what the first one
+left out, and whether that is little. What moves with a deck may be anything: constants, places of nodes, prescribed
+displacements, factors of ties, springs, temperatures, stresses. Divided by the size of its change, it is a derivative
+up to that size, as a difference of two answers is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from fingerfit.core.errors import InputError
 from fingerfit.deck.content import DeckStep
 from fingerfit.deck.reader import read_deck
 from fingerfit.fem.factor import Apply
+from fingerfit.fem.forces import stiffened
 from fingerfit.fem.newton import TOLERANCE, Load
 from fingerfit.fem.system import Evaluation, System
 from fingerfit.solvers.analysis import IncrementEnd, Watched, load_at_end, load_path, model_of, prescribed_in, run_steps
@@ -38,6 +40,10 @@ _SAME = 1e-6
 _BESIDE = 5e-3
 """Share of the body's size by which nodes may lie elsewhere: a row of elements that is much flatter is no small change
 (docs/decisions/0045-borders-in-the-mesh.md). A choice."""
+
+_AS_STIFF = 0.1
+"""Relative difference of the stiffness of springs from which a tangent with the others is made. A choice: what is left
+out is the product of it and the change of the displacements."""
 
 _FOLLOWED = 0.2
 """Share of the answer above which what the tangent left out of a contact is too much: whole patches have come to touch.
@@ -174,7 +180,8 @@ class _Moved:
         evaluation = system.evaluate(place.u, tangent=False)
         if evaluation is None or not np.array_equal(system.free, place.system.free):
             return None
-        # products of two changes are left out: nodes that are moved alone meet the bulk modulus
+        place = place.with_springs(system)
+        # other products of two changes are left out: nodes that are moved alone meet the bulk modulus
         moved = system.expand(place.q, load.given) - place.u
         forces = system.reduce(evaluation.internal - load.force) + place.system.reduce(place.along(moved))
         still = np.zeros(len(moved))
@@ -238,6 +245,15 @@ class _Place:
             return None
         solve = system.solver(evaluation)
         return None if solve is None else cls(system, evaluation, solve, u[system.free], u, left)
+
+    def with_springs(self, system: System) -> _Place:
+        """The same beside another system, with the tangent of its springs where these are much softer or stiffer.
+
+        A plate that comes loose changes springs by a factor of a thousand, and displacements by little.
+        """
+        evaluation = stiffened(self.evaluation, self.system.terms, system.terms, self.u, _AS_STIFF)
+        solve = self.system.solver(evaluation, beside=True) if evaluation else None
+        return replace(self, evaluation=evaluation, solve=solve) if evaluation and solve else self
 
     def along(self, move: np.ndarray) -> np.ndarray:
         """Change of the internal forces with a change of all displacements, N."""
