@@ -180,7 +180,10 @@ class _Moved:
         evaluation = system.evaluate(place.u, tangent=False)
         if evaluation is None or not np.array_equal(system.free, place.system.free):
             return None
-        place = place.with_springs(system)
+        with_springs = place.with_springs(system)
+        if with_springs is None:
+            return None
+        place = with_springs
         # other products of two changes are left out: nodes that are moved alone meet the bulk modulus
         moved = system.expand(place.q, load.given) - place.u
         forces = system.reduce(evaluation.internal - load.force) + place.system.reduce(place.along(moved))
@@ -246,14 +249,17 @@ class _Place:
         solve = system.solver(evaluation)
         return None if solve is None else cls(system, evaluation, solve, u[system.free], u, left)
 
-    def with_springs(self, system: System) -> _Place:
-        """The same beside another system, with the tangent of its springs where these are much softer or stiffer.
+    def with_springs(self, system: System) -> _Place | None:
+        """The same, with the tangent of another system's springs where these are much softer or stiffer.
 
-        A plate that comes loose changes springs by a factor of a thousand, and displacements by little.
+        A plate that comes loose changes springs by a factor of a thousand, and displacements by little. None where that
+        tangent is singular.
         """
         evaluation = stiffened(self.evaluation, self.system.terms, system.terms, self.u, _AS_STIFF)
-        solve = self.system.solver(evaluation, beside=True) if evaluation else None
-        return replace(self, evaluation=evaluation, solve=solve) if evaluation and solve else self
+        if evaluation is None:
+            return self
+        solve = self.system.solver(evaluation, beside=True)
+        return None if solve is None else replace(self, evaluation=evaluation, solve=solve)
 
     def along(self, move: np.ndarray) -> np.ndarray:
         """Change of the internal forces with a change of all displacements, N."""

@@ -125,7 +125,10 @@ def test_elements_with_unknowns_of_their_own(tmp_path, case, element):
 
 @pytest.mark.parametrize("control", CONTROLS)
 @pytest.mark.parametrize("step", [-0.03, 0.03])
-@pytest.mark.parametrize("name", ["debonding.extent", "debonding.left", "indenter_debonding.extent", "base_slip.share"])
+@pytest.mark.parametrize(
+    "name",
+    ["debonding.extent", "debonding.left", "indenter_debonding.extent", "base_slip.share", "base_friction.share"],
+)
 def test_springs_may_be_much_softer_or_stiffer(tmp_path, name, step, control):
     """A plate comes loose farther on: springs change by a factor of hundreds, and where they do the body moves a little.
 
