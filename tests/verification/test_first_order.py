@@ -132,8 +132,8 @@ def test_elements_with_unknowns_of_their_own(tmp_path, case, element):
 def test_springs_may_be_much_softer_or_stiffer(tmp_path, name, step, control):
     """A plate comes loose farther on: springs change by a factor of hundreds, and where they do the body moves a little.
 
-    What is left out is what the body is not linear in: 0.2 to 1.2 % of the change here, where the tangent of the known
-    deck's springs leaves out 6 % of it to a hundred times as much.
+    What is left out is what the body is not linear in: 0.2 to 1.2 % of the change here. With the known deck's springs
+    linear ones left out 6 % of it to a hundred times as much (friction was not measured).
     """
     effect, number = name.split(".")
     own = {"left": 0.9, "right": 0.5, "extent": 0.3, "fade": 0.06} if "debonding" in effect else {"share": 0.95}
