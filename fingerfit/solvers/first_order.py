@@ -3,12 +3,12 @@
 The equations of a deck are T (f(u) - F) = 0, with the internal forces f at the displacements u, the loads F and the
 map T of forces on all degrees of freedom to those on the unknowns. At the known displacements the forces of a deck
 that was moved are evaluated, and followed with the tangent of the known one: a single step of Newton's method, with
-one factorisation for all moved decks (and one for each whose springs are of another stiffness), and no way from rest.
-Where materials relax, the known deck is solved again, and the others are followed at the end of each increment, each
-with the history of its own answer. Where bodies touch, a second step with the same tangent tells what the first one
-left out, and whether that is little. What moves with a deck may be anything: constants, places of nodes, prescribed
-displacements, factors of ties, springs, temperatures, stresses. Divided by the size of its change, it is a derivative
-up to that size, as a difference of two answers is.
+one factorisation for all moved decks (and one for each whose materials are others, or whose springs are of another
+stiffness), and no way from rest. Where materials relax, the known deck is solved again, and the others are followed at
+the end of each increment, each with the history of its own answer. Where bodies touch, and where materials are others,
+a second step with the same tangent tells what the first one left out, and whether that is little. What moves with a
+deck may be anything: constants, places of nodes, prescribed displacements, factors of ties, springs, temperatures,
+stresses. Divided by the size of its change, it is a derivative up to that size, as a difference of two answers is.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _AS_STIFF = 0.1
 out is the product of it and the change of the displacements."""
 
 _FOLLOWED = 0.2
-"""Share of the answer above which what the tangent left out of a contact is too much: whole patches have come to touch.
+"""Share of the change above which what the first step left out is too much: whole patches have come to touch.
 A choice: in a fingertip constants left out 0.01 to 0.05 (one point 0.11), a tool set down elsewhere 0.5 to 1.0."""
 
 
@@ -72,9 +72,9 @@ def answers(
     -------
     list
         None where that cannot be: where the answer depends on the way to it (friction), where another part of the body
-        would touch, where nodes have displacements that neither the deck prescribes nor the answer tells
-        (of rigid bodies that turn), where the moved deck has other unknowns, and where its nodes lie elsewhere by more
-        than a little.
+        would touch, where the second step is no small one, where nodes have displacements that neither the deck
+        prescribes nor the answer tells (of rigid bodies that turn), where the moved deck has other unknowns, and where
+        its nodes lie elsewhere by more than a little.
     """
     here = _read(folder / "deck.inp", deck, averaged)
     found: list[_Moved | None] = [None] * len(moved)
@@ -82,7 +82,7 @@ def answers(
         return [None] * len(moved)
     with np.errstate(all="ignore"):
         others = (_read(folder / "deck.inp", text, averaged) for text in moved)
-        found = [one if one and here.is_like(one) else None for one in others]
+        found = [one.beside(here) if one and here.is_like(one) else None for one in others]
         if here.relaxes:
             return _by_increments(here, folder / "deck.inp", known, found, averaged)
         for n, displacement in enumerate(known.displacement):
@@ -117,6 +117,7 @@ class _Moved:
 
     model: Model
     watched: Watched
+    other_materials: bool = False
     displacement: list[np.ndarray] = field(default_factory=list)
     internal: list[np.ndarray] = field(default_factory=list)
     _system: System | None = None
@@ -133,6 +134,14 @@ class _Moved:
         own, others = self.model.deck.mesh.points, other.model.deck.mesh.points
         same = len(self.steps) == len(other.steps) and self.model.size == other.model.size and own.shape == others.shape
         return same and self.relaxes == other.relaxes and bool(np.abs(own - others).max() <= _BESIDE * np.ptp(own))
+
+    def beside(self, known: _Moved) -> _Moved:
+        """The same, which knows whether its elements, where those of a known one are, are of other materials."""
+        own, others = self.model, known.model
+        same = len(own.bodies) == len(others.bodies) and np.array_equal(own.deck.mesh.points, others.deck.mesh.points)
+        pairs = zip(own.bodies, others.bodies, strict=False)
+        same = same and all(np.array_equal(one.connectivity, other.connectivity) for one, other in pairs)
+        return replace(self, other_materials=same and own.materials != others.materials)
 
     def system(self, step: int) -> System:
         """Its equations in a step."""
@@ -177,26 +186,27 @@ class _Moved:
 
     def _beside(self, place: _Place, system: System, load: Load) -> tuple[np.ndarray, np.ndarray] | None:
         """Displacements, mm, and internal forces, N, under a load from what is known of a place."""
-        evaluation = system.evaluate(place.u, tangent=False)
+        evaluation = system.evaluate(place.u, tangent=self.other_materials)
         if evaluation is None or not np.array_equal(system.free, place.system.free):
             return None
-        with_springs = place.with_springs(system)
-        if with_springs is None:
+        found = place.with_tangent(evaluation) if self.other_materials else place.with_springs(system)
+        if found is None:
             return None
-        place = with_springs
+        place = found
         # other products of two changes are left out: nodes that are moved alone meet the bulk modulus
         moved = system.expand(place.q, load.given) - place.u
         forces = system.reduce(evaluation.internal - load.force) + place.system.reduce(place.along(moved))
         still = np.zeros(len(moved))
         change = moved + place.system.expand(place.solve(place.left - forces), still)
         internal = evaluation.internal + place.along(change)
-        if system.touches:
-            # what touches or lifts off on the way is not in the tangent
+        if system.touches or self.other_materials:
+            # what touches or lifts off on the way is not in the tangent; pressures change by more than is linear
             evaluation = system.evaluate(place.u + change, tangent=False)
             if evaluation is None:
                 return None
             more = place.system.expand(place.solve(place.left - system.reduce(evaluation.internal - load.force)), still)
-            if not np.linalg.norm(more) <= _FOLLOWED * np.linalg.norm(change):
+            little = max(_FOLLOWED * np.linalg.norm(change), _SAME * np.linalg.norm(place.u))
+            if not np.linalg.norm(more) <= little:
                 return None
             change, internal = change + more, evaluation.internal + place.along(more)
         return place.u + change, internal
@@ -252,12 +262,13 @@ class _Place:
     def with_springs(self, system: System) -> _Place | None:
         """The same, with the tangent of another system's springs where these are much softer or stiffer.
 
-        A plate that comes loose changes springs by a factor of a thousand, and displacements by little. None where that
-        tangent is singular.
+        A plate that comes loose changes springs by a factor of a thousand, and displacements by little.
         """
         evaluation = stiffened(self.evaluation, self.system.terms, system.terms, self.u, _AS_STIFF)
-        if evaluation is None:
-            return self
+        return self if evaluation is None else self.with_tangent(evaluation)
+
+    def with_tangent(self, evaluation: Evaluation) -> _Place | None:
+        """The same, with the tangent of another system at the same displacements; None where that is singular."""
         solve = self.system.solver(evaluation, beside=True)
         return None if solve is None else replace(self, evaluation=evaluation, solve=solve)
 

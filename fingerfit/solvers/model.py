@@ -125,6 +125,16 @@ class Model:
         return material
 
     @cached_property
+    def materials(self) -> list[Any]:
+        """Material of each element, in order; None without a section."""
+        return [self._materials.get(n) for n in self._section.tolist()]
+
+    @cached_property
+    def _materials(self) -> dict[int, Any]:
+        """By number of the section, of those that elements have."""
+        return {n: self.material(n) for n in sorted(set(self._section.tolist())) if n >= 0}
+
+    @cached_property
     def elements(self) -> list[Element]:
         """All elements in order."""
         blocks = self.deck.mesh.blocks
@@ -134,17 +144,14 @@ class Model:
 
     def _add_bodies(self, averaged: bool) -> None:
         deck, first = self.deck, 0
-        materials = {n: self.material(n) for n in sorted(set(self._section.tolist())) if n >= 0}
-        kinds = {n: structure_of(material) for n, material in materials.items()}
+        kinds = {n: structure_of(material) for n, material in self._materials.items()}
         for block in deck.mesh.blocks:
             section = self._section[first : first + len(block.nodes)]
             numbers = np.arange(first, first + len(block.nodes))
             first += len(block.nodes)
             for kind in dict.fromkeys(kinds[n] for n in section if n >= 0):
                 chosen = np.isin(section, [n for n in kinds if kinds[n] == kind])
-                self._add_body(
-                    block.element, block.nodes[chosen], section[chosen], numbers[chosen], materials, averaged
-                )
+                self._add_body(block.element, block.nodes[chosen], section[chosen], numbers[chosen], averaged)
 
     def _add_body(
         self,
@@ -152,11 +159,10 @@ class Model:
         nodes: np.ndarray,
         section: np.ndarray,
         numbers: np.ndarray,
-        materials: dict[int, Any],
         averaged: bool,
     ) -> None:
         gauss = len(rule(element)[1])
-        own = [materials[s] for s in section]
+        own = [self._materials[s] for s in section]
         everywhere = spread(own, [gauss] * len(section))
         thickness = np.array([self.deck.sections[s].thickness for s in section])
         initial, stretched = initial_state(self.deck, self.path, numbers, own)
@@ -169,7 +175,7 @@ class Model:
         if ELEMENTS[element].nodal:
             from fingerfit.fem.volume import AveragedVolume
 
-            term = AveragedVolume(body, section, materials)
+            term = AveragedVolume(body, section, self._materials)
         expansion = np.array([self.deck.expansion.get(self.deck.sections[s].material, 0.0) for s in section])
         if expansion.any():
             if not self.finite:

@@ -146,6 +146,29 @@ def test_springs_may_be_much_softer_or_stiffer(tmp_path, name, step, control):
     assert np.linalg.norm(flat(found) - flat(there)) < 0.05 * np.linalg.norm(change)
 
 
+BAND = {"band.contrast": 2.5, "band.angle": 20.0, "band.above": 1.0, "band.wide": 1.8}
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize(
+    ("values", "name", "step"),
+    [
+        ({}, "poisson", 0.005),
+        (BAND, "band.angle", 4.0),
+        (BAND | {"band.contrast": -2.5}, "band.angle", 2.0),
+    ],
+    ids=["compressible", "stiff band turns", "soft band turns"],
+)
+def test_elements_may_be_much_softer_or_stiffer(tmp_path, values, name, step, control):
+    """Slopes between two sides: 0.5 to 5.3 % off here, with the stiffness of the known deck's elements 6 to 33 %."""
+    at = (BASE | values)[name]
+    here, *sides = (written(tmp_path, values | {name: at + sign * step}, control, "CPE8H") for sign in (0.0, 1.0, -1.0))
+    ahead, behind = (flat(solved(tmp_path, side)) for side in sides)
+    first, second = map(flat, answers(tmp_path, here, solved(tmp_path, here), sides))
+    left = first - second - (ahead - behind)
+    assert np.linalg.norm(left) < 0.07 * np.linalg.norm(ahead - behind)
+
+
 def test_what_has_not_moved_stays(tmp_path):
     here = written(tmp_path, {}, "force", "CPE8H")
     known = solved(tmp_path, here)
