@@ -210,12 +210,12 @@ def traced(
 
     With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance,
     or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`. What is
-    named is likely when the odds that one of it is there, against the model that explains the data without it, are more
-    than `LIKELY_ENOUGH`; before it was seen, each of those that were tested had an equal share of what speaks for any
-    of them. What speaks for it is only what the form of the effects that the model has does not explain (`Form`), and
-    a model explains the data also where it leaves no more than that form and noise. Beside effects of the model that
-    leaves more, what acts on the body or on pictures and does not matter is a trace as well. Where pictures differ by
-    much (`loud`), nothing is.
+    named and matters is likely when the odds that one of it is there, against the model that explains the data without
+    it, are more than `LIKELY_ENOUGH`; before it was seen, each of those that were tested had an equal share of what
+    speaks for any of them. What speaks for it is only what the form of the effects that the model has does not explain
+    (`Form`), and a model explains the data also where it leaves no more than that form and noise. Beside effects of the
+    model that leaves more, what acts on the body or on pictures and does not matter is a trace as well. Where pictures
+    differ by much (`loud`), nothing is.
 
     Parameters
     ----------
@@ -240,11 +240,11 @@ def traced(
     if verdict.kind == "unexplained" and (explained or not form.explains):
         return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
-    names = " or ".join(one.candidate.effect.title for one in named)
-    matter = any(_matters(refits[name], base, tolerance) for name in verdict.effects)
+    matter = [one for one in named if _matters(refits[one.candidate.effect.name], base, tolerance)]
+    names, likely = (" or ".join(one.candidate.effect.title for one in those) for those in (named, matter))
     far = f"by more than {100 * tolerance:g} %"
-    odds = odds_of_any(named, score_test, ranking, tests, form.limited(refits))
-    before = odds_of_any(named, score_test, ranking, tests, refits)
+    odds = odds_of_any(matter, score_test, ranking, tests, form.limited(refits))
+    before = odds_of_any(matter, score_test, ranking, tests, refits)
     of_form = "what the form of its own effects may be off by"
     if not explained and not form.explains:
         if matter or not form.beside or not all(_is_quiet(one, refits, base) for one in named):
@@ -260,7 +260,10 @@ def traced(
         elif before >= LIKELY_ENOUGH:
             text += f"; a trace, hardly more than {of_form}: {names}"
         elif named:
-            text += f"; a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {names}"
+            text += f"; a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {likely}"
+            if len(matter) < len(named):
+                rest = " or ".join(one.candidate.effect.title for one in named if one not in matter)
+                text += f"; beyond chance, but a trace that moves no constant {far}: {rest}"
     return Verdict("adequate", (), text, verdict.threshold)
 
 

@@ -643,6 +643,26 @@ def test_what_does_not_matter_is_a_trace(found, misfit, value, held_out, kind):
     assert verdict.effects == (("tilt",) if kind == "missing" else ())
 
 
+@pytest.mark.parametrize(
+    ("constants", "odds", "kind"),
+    [
+        ((0.101, 0.103), (20.0, 3.0), "adequate"),  # one is likely, the other one would matter
+        ((0.103, 0.101), (20.0, 3.0), "indistinguishable"),
+        ((0.101, 0.103), (3.0, 20.0), "indistinguishable"),
+        ((0.101, 0.101), (20.0, 20.0), "adequate"),
+    ],
+)
+def test_of_effects_named_together_one_must_be_likely_and_matter(constants, odds, kind):
+    score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
+    base, names = Refit(100.0, 100, 1.0, 1.0, {"mu_top": 0.1}), ("tilt", "friction")
+    refits = {name: Refit(60.0, 99, 1.0, 1.0, {"mu_top": mu}) for name, mu in zip(names, constants, strict=True)}
+    ranking = [likely(one, name) for one, name in zip(odds, names, strict=True)]
+    verdict = traced(Verdict("indistinguishable", names, "", 12.0), score_test, ranking, refits, base, 0.02, 20)
+    assert verdict.kind == kind
+    only = "odds of only 1 to 1 for it after 20 tests: friction under the indenter; beyond chance, but a trace that"
+    assert (only in verdict.sentence) == (kind == "adequate" and odds[1] == 3.0)
+
+
 def test_where_pictures_surely_differ_nothing_is_a_trace():
     score_test = SimpleNamespace(misfit=100.0, freedom=100, common_misfit=0.0, common_freedom=0)
     named, refits = Verdict("missing", ("tilt",), "", 12.0), {"tilt": Refit(60.0, 99, 1.0, 1.0, {"mu_top": 0.1})}
