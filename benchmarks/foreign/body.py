@@ -301,7 +301,9 @@ def _samples(world: World, rows: int) -> tuple[list[np.ndarray], np.ndarray]:
         return nominal, np.array(nominal)
     across, up, _ = _lines(world, rows)
     corners = _true(world, *np.meshgrid(across, up, indexing="ij"))
-    places = [RegularGridInterpolator((across, up), np.asarray(c))(np.stack(nominal, axis=-1)) for c in corners]
+    # the last line may lie below the side by rounding
+    inside = np.stack([np.clip(x, line[0], line[-1]) for x, line in zip(nominal, (across, up), strict=True)], axis=-1)
+    places = [RegularGridInterpolator((across, up), np.asarray(c))(inside) for c in corners]
     return nominal, np.array(places)
 
 
