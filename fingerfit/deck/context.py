@@ -104,14 +104,14 @@ def deck_context(
     beyond = 10 ** len(str(max(len(mesh.points), mesh.element_count)))
     patch = PARTS * beyond + 1
     numbers = itertools.count(patch + 2 * PATCH)  # of one part after the other
-    deep = study.thickness if mesh.dim == 2 else None
+    thickness = study.thickness if mesh.dim == 2 else None
     return {
         "title": study.title,
         "law": law,
         "mesh": mesh_name,
         "dim": mesh.dim,
         "quadratic": quadratic(mesh),
-        "thickness": deep,
+        "thickness": thickness,
         "control": study.control,
         "boundary": {"base": study.base, "indenter": study.indenter},
         "steps": steps,
@@ -130,13 +130,13 @@ def deck_context(
         "replaced": lambda block: any(block in effect.replaces for effect in present),
         "from_rest": from_rest(study, present),
         "beside": {axis: float(changed_by(f"beside_{axis}", 0.0, {}, present, values)) for axis in "xy"},
-        "areas": lambda name: areas(mesh, mesh.node_sets[name], deep or 1.0),
+        "areas": lambda name: areas(mesh, mesh.node_sets[name], thickness or 1.0),
         "aside": lambda node: float(mesh.points[node - 1, 0] - mesh.points[indenter, 0]),
         "beyond": beyond,
         "elements": lambda layer=None: elements(mesh, numbers, layer),
         "lengths": lambda name: lengths(mesh, mesh.node_sets[name]),
         "shares": lambda: shares(mesh),
-        "strips": lambda name: strips(mesh, mesh.node_sets[name], deep or 1.0),
+        "strips": lambda name: strips(mesh, mesh.node_sets[name], thickness or 1.0),
         "side": lambda way: side(mesh, way),
         "nodes": lambda name: [int(node) + 1 for node in nodes_of(mesh, name)],
         "node": lambda name: only(mesh, name) + 1,

@@ -241,7 +241,7 @@ def traced(
         return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     matter = [one for one in named if _matters(refits[one.candidate.effect.name], base, tolerance)]
-    names, likely = (" or ".join(one.candidate.effect.title for one in those) for those in (named, matter))
+    names = _titles(named)
     far = f"by more than {100 * tolerance:g} %"
     odds = odds_of_any(matter, score_test, ranking, tests, form.limited(refits))
     before = odds_of_any(matter, score_test, ranking, tests, refits)
@@ -260,11 +260,17 @@ def traced(
         elif before >= LIKELY_ENOUGH:
             text += f"; a trace, hardly more than {of_form}: {names}"
         elif named:
-            text += f"; a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {likely}"
+            text += (
+                f"; a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {_titles(matter)}"
+            )
             if len(matter) < len(named):
-                rest = " or ".join(one.candidate.effect.title for one in named if one not in matter)
-                text += f"; beyond chance, but a trace that moves no constant {far}: {rest}"
+                rest = [one for one in named if one not in matter]
+                text += f"; beyond chance, but a trace that moves no constant {far}: {_titles(rest)}"
     return Verdict("adequate", (), text, verdict.threshold)
+
+
+def _titles(those: Sequence[Ranked]) -> str:
+    return " or ".join(one.candidate.effect.title for one in those)
 
 
 def _matters(refit: Refit, base: Refit, tolerance: float) -> bool:
