@@ -58,12 +58,12 @@ def form_of(comparison: Comparison, named: Sequence[Effect], refits: Mapping[str
     and its pattern is known roughly.
 
     A shift or a brightness that has another form leaves shifts and brightness: where all that is `named` acts on the
-    body, effects on the observation do not count.
+    body or the loading, effects on the pictures do not count.
     """
     problem = comparison.problem
-    bodily = bool(named) and all(effect.acts != OBSERVATION for effect in named)
+    bodily = bool(named) and not any(map(_of_pictures, named))
     known = [effect for effect in map(problem.effects.get, problem.settings.model.effects) if effect is not None]
-    own = [effect for effect in known if not (bodily and effect.acts == OBSERVATION)]
+    own = [effect for effect in known if not (bodily and _of_pictures(effect))]
     if not own:
         return replace(NO_FORM, beside=bool(known))
     members, probes = (
@@ -76,6 +76,10 @@ def form_of(comparison: Comparison, named: Sequence[Effect], refits: Mapping[str
     left = {effect.name: refits[effect.name].weighed for effect in named if effect.name in refits}
     falls = {name: fall(beside, one) for name, one in left.items() if one is not None}
     return Form(True, explains(ScoreTest(*residual)), falls)
+
+
+def _of_pictures(effect: Effect) -> bool:
+    return effect.acts == OBSERVATION and not effect.on_loading
 
 
 def _covariance(comparison: Comparison, effects: Sequence[Effect]) -> np.ndarray:

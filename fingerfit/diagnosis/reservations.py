@@ -18,7 +18,7 @@ from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, LIKELY_ENOUGH, odds_of_any, threshold
 from fingerfit.fit.far_off import far_off
 from fingerfit.model.applicable import CURE, cure_of
-from fingerfit.model.effect import FAMILIES, LOADING, NUMERICS, Effect
+from fingerfit.model.effect import FAMILIES, NUMERICS, Effect
 
 BEYOND = "the misfit beyond the noise"
 """What shares of an explanation are of, in words."""
@@ -288,7 +288,7 @@ def _lowers(refit: Refit, base: Refit) -> float:
 def _is_quiet(one: Ranked, refits: Mapping[str, Refit], base: Refit) -> bool:
     """Whether an effect is one of the body, or of pictures, and hardly lowers their error."""
     effect = one.candidate.effect
-    return effect.acts != LOADING and _lowers(refits[effect.name], base) <= MATTERS
+    return not effect.on_loading and _lowers(refits[effect.name], base) <= MATTERS
 
 
 def doubted(verdict: Verdict, error: float, held_out: float | None, freedom: int) -> Verdict:

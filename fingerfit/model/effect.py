@@ -196,6 +196,12 @@ class Effect:
         """Whether it takes simulations to see what it does."""
         return self.acts != OBSERVATION and not self.signal and bool(self.parameters)
 
+    @property
+    def on_loading(self) -> bool:
+        """Whether it acts on what is prescribed, or only on how force or displacement is read."""
+        reads = not {"force", "displacement"}.isdisjoint(self.observes)
+        return self.acts == LOADING or (self.acts == OBSERVATION and reads)
+
     def under(self, control: str) -> Effect:
         """The same as it acts where `control`, ``force`` or ``displacement``, is prescribed and the other one measured.
 

@@ -726,23 +726,29 @@ def test_what_the_form_of_the_models_own_effects_explains_does_not_speak_for_ano
 
 
 @pytest.mark.parametrize(
-    ("name", "beside", "after", "constant", "kind"),
+    ("name", "control", "beside", "after", "constant", "kind"),
     [
-        ("tilt", True, 1.06, 0.101, "adequate"),
-        ("tilt", False, 1.06, 0.101, "missing"),  # the model has no effects
-        ("tilt", True, 1.04, 0.101, "missing"),  # it lowers the error
-        ("tilt", True, 1.06, 0.103, "missing"),  # it moves a constant
-        ("onset", True, 1.06, 0.101, "missing"),  # it acts on the loading alone, where few values are
+        ("tilt", "force", True, 1.06, 0.101, "adequate"),
+        ("misregistration", "force", True, 1.06, 0.101, "adequate"),
+        ("tilt", "force", False, 1.06, 0.101, "missing"),  # the model has no effects
+        ("tilt", "force", True, 1.04, 0.101, "missing"),  # it lowers the error
+        ("tilt", "force", True, 1.06, 0.103, "missing"),  # it moves a constant
+        # these act on the loading or on its reading alone, where few values are
+        ("onset", "displacement", True, 1.06, 0.101, "missing"),
+        ("onset", "force", True, 1.06, 0.101, "missing"),
+        ("force_offset", "displacement", True, 1.06, 0.101, "missing"),
     ],
 )
 def test_beside_effects_what_does_not_matter_is_a_trace_also_where_the_data_are_not_explained(
-    name, beside, after, constant, kind
+    name, control, beside, after, constant, kind
 ):
+    one = likely(20.0, name)
+    one.candidate = Candidate(EFFECTS[name].under(control), {})
     score_test = SimpleNamespace(misfit=1300.0, freedom=1000, common_misfit=27.0, common_freedom=27)
     base = Refit(1300.0, 1000, 1.1, 1.1, {"mu_top": 0.1})
     refits = {name: Refit(1000.0, 999, after, after, {"mu_top": constant}, fall=300.0)}
     given = Verdict("missing", (name,), "", 12.0)
-    found = traced(given, score_test, [likely(20.0, name)], refits, base, 0.02, 20, Form(beside))
+    found = traced(given, score_test, [one], refits, base, 0.02, 20, Form(beside))
     assert found.kind == kind
     assert ("leaves little beside its effects" in found.sentence) == (kind == "adequate")
 
