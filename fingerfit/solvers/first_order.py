@@ -119,6 +119,7 @@ class _Moved:
     model: Model
     watched: Watched
     other_materials: bool = False
+    other_elements: bool = False
     displacement: list[np.ndarray] = field(default_factory=list)
     internal: list[np.ndarray] = field(default_factory=list)
     _system: System | None = None
@@ -137,12 +138,17 @@ class _Moved:
         return same and self.relaxes == other.relaxes and bool(np.abs(own - others).max() <= _BESIDE * np.ptp(own))
 
     def compared(self, known: _Moved) -> _Moved:
-        """The same, which knows whether its elements, where those of a known one are, are of other materials."""
+        """The same, which knows whether it has other elements on the nodes of a known one, or these of other materials.
+
+        Where nodes lie elsewhere neither counts.
+        """
         own, others = self.model, known.model
-        same = len(own.bodies) == len(others.bodies) and np.array_equal(own.deck.mesh.points, others.deck.mesh.points)
+        if not np.array_equal(own.deck.mesh.points, others.deck.mesh.points):
+            return self
         pairs = zip(own.bodies, others.bodies, strict=False)
+        same = len(own.bodies) == len(others.bodies)
         same = same and all(np.array_equal(one.connectivity, other.connectivity) for one, other in pairs)
-        return replace(self, other_materials=same and own.materials != others.materials)
+        return replace(self, other_elements=not same, other_materials=same and own.materials != others.materials)
 
     def system(self, step: int) -> System:
         """Its equations in a step."""
@@ -187,10 +193,13 @@ class _Moved:
 
     def _beside(self, place: _Place, system: System, load: Load) -> tuple[np.ndarray, np.ndarray] | None:
         """Displacements, mm, and internal forces, N, under a load from what is known of a place."""
-        evaluation = system.evaluate(place.u, tangent=self.other_materials)
+        own = self.other_materials or self.other_elements
+        evaluation = system.evaluate(place.u, tangent=own)
         if evaluation is None or not np.array_equal(system.free, place.system.free):
             return None
-        found = place.with_tangent(evaluation) if self.other_materials else place.with_springs(system)
+        if self.other_elements:
+            place = replace(place, system=system)
+        found = place.with_tangent(evaluation) if own else place.with_springs(system)
         if found is None:
             return None
         place = found
@@ -200,7 +209,7 @@ class _Moved:
         still = np.zeros(len(moved))
         change = moved + place.system.expand(place.solve(place.left - forces), still)
         internal = evaluation.internal + place.along(change)
-        if system.touches or self.other_materials:
+        if system.touches or own:
             # what touches or lifts off on the way is not in the tangent; pressures change by more than is linear
             evaluation = system.evaluate(place.u + change, tangent=False)
             if evaluation is None:
@@ -269,7 +278,7 @@ class _Place:
         return self if evaluation is None else self.with_tangent(evaluation)
 
     def with_tangent(self, evaluation: Evaluation) -> _Place | None:
-        """The same, with the tangent of another system at the same displacements; None where that is singular."""
+        """The same, with another tangent of its system at the same displacements; None where that is singular."""
         solve = self.system.solver(evaluation, beside=True)
         return None if solve is None else replace(self, evaluation=evaluation, solve=solve)
 
