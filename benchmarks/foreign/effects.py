@@ -315,6 +315,11 @@ def drying(w: World, form: str, n: Mapping[str, float], a: float) -> None:
     w.drying = lambda now: -abs(a) * (now if form == "steady" else (1 - ng.exp(-3 * now)))
 
 
+def out_of_plane(w: World, form: str, n: Mapping[str, float], a: float) -> None:
+    """The body gets longer out of the plane with the indentation. Amount: stretch less 1 at the end."""
+    w.bulging = lambda load: 1 + a * load
+
+
 def interface(w: World, form: str, n: Mapping[str, float], a: float) -> None:
     """An interface lies elsewhere than said. Amount: share of the height."""
     levels = w.levels()

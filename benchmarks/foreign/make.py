@@ -31,6 +31,7 @@ from body import NoEquilibriumError, Solved, solve
 from cases import Case, Hidden, cases
 from files import write_study
 from observing import Observation
+from phantom import phantoms
 from pictures import body_size
 from sizing import Ruler, amount_for
 from world import World
@@ -73,9 +74,14 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
     ruler = Ruler(setting, lambda given: solve(World(given), coarse), case.seed)
     amounts, told = [], []
     for one in acting:
-        amount, size, tried = amount_for(
-            one.size, one.start, one.largest, lambda a, one=one: _measured(ruler, one, a, coarse)
-        )
+
+        def measured(amount: float, one: Hidden = one) -> float | None:
+            return _measured(ruler, one, amount, coarse)
+
+        if one.start == one.largest:  # the amount is given
+            amount, size, tried = one.start, measured(one.start), []
+        else:
+            amount, size, tried = amount_for(one.size, one.start, one.largest, measured)
         amounts.append((one, amount))
         told.append({**asdict(one), "alone": size, "tried": tried})
     solved, less = _as_far_as_it_goes(setting, amounts, rows)
@@ -156,7 +162,7 @@ def _difference(rough: Solved, fine: Solved, rough_rows: int, rows: int) -> dict
 def main() -> int:
     """Make what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--half", required=True, help="study, exam, or another name with --seed")
+    parser.add_argument("--half", required=True, help="study, exam, phantom, or another name with --seed")
     parser.add_argument("--seed", type=int, help="seed of another half")
     parser.add_argument(
         "--shaped", action="store_true", help="bodies of other shapes than rectangles, by meshes of their own"
@@ -166,10 +172,12 @@ def main() -> int:
     parser.add_argument("--list", action="store_true", help="names of the cases, and nothing else")
     parser.add_argument("--again", action="store_true", help="make also what is there")
     args = parser.parse_args()
+    if args.half == "phantom" and (args.seed is not None or args.shaped):
+        parser.error("--half phantom has neither seed nor shapes")
     try:
-        table = cases(args.half, args.seed, args.shaped)
+        table = phantoms() if args.half == "phantom" else cases(args.half, args.seed, args.shaped)
     except KeyError:
-        parser.error(f"--half {args.half}: expected study or exam, or --seed with it")
+        parser.error(f"--half {args.half}: expected study, exam or phantom, or --seed with it")
     wanted = [c for c in table if not args.only or any(fnmatch.fnmatch(c.name, name) for name in args.only)]
     if not wanted:
         parser.error(f"--only {' '.join(args.only)}: no such case; --list shows all")

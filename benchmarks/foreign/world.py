@@ -58,6 +58,7 @@ class World:
     grown: list[Field] = field(default_factory=list)  # logarithm of growth, alike in all directions
     pulled: list[Field] = field(default_factory=list)  # logarithm of a stretch across before it was glued
     drying: Callable[[Any], Any] | None = None  # logarithm of growth after the first picture, of now
+    bulging: Callable[[Any], Any] | None = None  # stretch out of the plane, of load
     ageing: list[Field] = field(default_factory=list)  # logarithm of a factor on mu that comes with time
     base: Hold = field(default_factory=Hold)
     top: Hold = field(default_factory=Hold)
@@ -129,8 +130,9 @@ class World:
             parts = (across, upright) if n == 2 else (across, out, upright)
             F = F * ng.CF(tuple(1 / parts[i] if i == j else 0.0 for i in range(n) for j in range(n)), dims=(n, n))
         C = F.trans * F
-        third = 1 / (out * out) if n == 2 else None  # squared stretch out of the plane
-        J = ng.Det(F) * (1 / out if n == 2 else 1.0)
+        beside = (self.bulging(self.load) if self.bulging else 1.0) / out  # stretch out of the plane
+        third = beside * beside if n == 2 else None
+        J = ng.Det(F) * (beside if n == 2 else 1.0)
         trace = ng.Trace(C)
         squares = ng.Det(C) + trace * third if n == 2 else (trace * trace - ng.InnerProduct(C, C)) / 2
         whole = trace + third if n == 2 else trace

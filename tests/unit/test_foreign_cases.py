@@ -11,6 +11,7 @@ from conftest import ROOT
 
 sys.path.insert(0, str(ROOT / "benchmarks/foreign"))
 from cases import HALVES, cases
+from phantom import OUT_OF_PLANE, SETTING, phantoms
 from rules import FAMILIES, PAIRS, RULES, SIZES, SPACE, VARIATIONS
 from run import rungs
 from score import (
@@ -136,6 +137,23 @@ def test_fitted_steps_have_what_is_fitted(halves):
                 assert given["control"] == "force", case.name
 
 
+def test_the_phantom_is_the_papers_and_its_amounts_are_given(halves):
+    table = phantoms()
+    assert len({case.name for case in table}) == len({case.seed for case in table}) == len(table)
+    assert all(one.start == one.largest > 0 for case in table for one in case.hidden)
+    assert {one.form for case in table for one in case.hidden if one.kind == OUT_OF_PLANE.kind} <= {*OUT_OF_PLANE.forms}
+    # no case of the halves has its amount given, so that each is looked for
+    assert not any(
+        one.start == one.largest
+        for half in halves.values()
+        for case in half
+        for one in case.hidden
+        if case.family != "numerics"
+    )
+    assert SETTING.keys() == next(case for case in halves["study"] if case.setting["dimension"] == 2).setting.keys()
+    assert sum(SETTING["heights"]) * SETTING["compress"] == pytest.approx(3.5)
+
+
 def sources(folder=FOLDER):
     return {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.py"))}
 
@@ -161,7 +179,7 @@ def test_each_kind_has_one_function_and_each_form_is_known():
     kinds = [rule.kind for rule in RULES]
     assert len(set(kinds)) == len(kinds) and {kind for pair in PAIRS for kind in pair} <= set(kinds)
     assert set(SPACE) <= {*kinds, "nothing"}
-    for rule in RULES:
+    for rule in (*RULES, OUT_OF_PLANE):
         assert rule.families[0] in FAMILIES and set(rule.families) <= set(FAMILIES)
         assert rule.count <= len(rule.forms), rule.kind
         assert rule.families[0] == "numerics" or rule.kind.replace(" ", "_") in where, rule.kind
