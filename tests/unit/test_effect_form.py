@@ -107,11 +107,13 @@ def test_without_effects_there_is_no_form():
     assert found.limited(refits) == refits
 
 
-def test_a_shift_is_no_excuse_for_what_acts_on_the_body():
+@pytest.mark.parametrize("name", ["wall", "onset"])  # of the onset, under a force, only a reading is left
+def test_a_shift_is_no_excuse_for_what_acts_on_the_body_or_the_loading(name):
     left = 0.2 * turned(0, 10)
     beside = world(field(0, 10), names=("misregistration",), left=left)
-    assert form_of(beside, [EFFECTS["wall"]], {}).falls == {}
-    assert form_of(beside, [EFFECTS["wall"]], {}).beside
+    refits = {name: Refit(0.0, COUNT, 1.0, 1.0, {}, weighed=replace(beside.weighed, vector=np.zeros(COUNT)))}
+    assert form_of(beside, [EFFECTS[name]], refits).falls == {}
+    assert form_of(beside, [EFFECTS[name]], refits).beside
     assert explained_beside(beside, "turned_pictures") < 0.1 * float(left @ left) / NOISE**2
 
 
