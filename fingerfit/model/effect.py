@@ -197,10 +197,14 @@ class Effect:
         return self.acts != OBSERVATION and not self.signal and bool(self.parameters)
 
     @property
+    def observes_response(self) -> bool:
+        """Whether it changes how force or displacement is read."""
+        return not {"force", "displacement"}.isdisjoint(self.observes)
+
+    @property
     def on_loading(self) -> bool:
         """Whether it acts on what is prescribed, or only on how force or displacement is read."""
-        reads = not {"force", "displacement"}.isdisjoint(self.observes)
-        return self.acts == LOADING or (self.acts == OBSERVATION and reads)
+        return self.acts == LOADING or (self.acts == OBSERVATION and self.observes_response)
 
     def under(self, control: str) -> Effect:
         """The same as it acts where `control`, ``force`` or ``displacement``, is prescribed and the other one measured.

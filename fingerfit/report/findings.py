@@ -168,7 +168,7 @@ def part_shown(effect: Effect, pattern: Mapping[str, np.ndarray]) -> str:
     chosen = DISPLACEMENT
     if "intensity" in effect.observes:
         chosen = BRIGHTNESS
-    elif effect.acts == LOADING or set(effect.observes) & {"force", "displacement"}:
+    elif effect.acts == LOADING or effect.observes_response:
         chosen = RESPONSE
     order = sorted((DISPLACEMENT, RESPONSE, BRIGHTNESS), key=lambda name: name != chosen)
     return next((name for name in order if np.nan_to_num(pattern[name]).any()), chosen)
