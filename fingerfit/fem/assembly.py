@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from fingerfit.fem.pressure import Lead, projection
-from fingerfit.fem.response import Points, divided
+from fingerfit.fem.response import Points
 from fingerfit.fem.strain import Strain, principal
+from fingerfit.fem.tensors import across, along, material_tangent, pairs, product, strain_modes
 from fingerfit.material.prony import History, Increment, history_of_pressure
 from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, STRESS, rule, shape
 
@@ -30,14 +31,14 @@ class Response:
     strain : Strain
     first, second, stress : ndarray, shape (elements, points, 3), (elements, points, 3, 3) and (elements, points, 3)
         Derivatives of the isotropic energy by the logarithms, and principal second Piola-Kirchhoff stresses.
-    weighted : ndarray, shape (elements, points, axes)
-        All normal stresses times the volume.
     volume, bulk : ndarray or None
         Volume ratio in the pressure field and bulk modulus, flat, of elements with a pressure of their own; the
         volume ratio alone of others that are nearly incompressible.
     directed : Directed or None
-    g, fa : ndarray, shape (elements, points, nodes, dim) and (elements, points, dim, dim)
-        Shape gradients and deformation gradient, in the principal directions.
+    weighted : ndarray, shape (elements, points, dim, dim)
+        All stresses times the volume, in fixed axes.
+    around : ndarray or None, shape (elements, points)
+        Those of the hoop, where there is one.
     force : ndarray, shape (elements, dofs)
         N.
     """
@@ -46,12 +47,11 @@ class Response:
     first: np.ndarray
     second: np.ndarray
     stress: np.ndarray
-    weighted: np.ndarray
     volume: np.ndarray | None
     bulk: np.ndarray | None
     directed: Any
-    g: np.ndarray
-    fa: np.ndarray
+    weighted: np.ndarray
+    around: np.ndarray | None
     force: np.ndarray
 
 
@@ -119,6 +119,10 @@ class Body:
             self.gradient = self.gradient @ stretched[:, None, : self.dim, : self.dim]
             if self.hoop is not None:
                 self.hoop = self.hoop * stretched[:, None, None, 2, 2]
+        # shape gradients of a point by nodes, and of a node by points: one product for an element, not for a point
+        self._by_point = np.ascontiguousarray(np.swapaxes(self.gradient, -1, -2))
+        self._slopes = np.swapaxes(self.gradient, 1, 2).reshape(*connectivity.shape, -1)
+        self._by_direction = np.swapaxes(self.dofs.reshape(*connectivity.shape, -1), 1, 2).reshape(self.dofs.shape)
         self.points = Points(material, self.pressure is None and not kind.nodal)
         if initial is not None:
             self.points.initial = np.repeat(initial, len(xi), axis=0)
@@ -156,7 +160,7 @@ class Body:
         """Take the end of an increment as what the pressure of the next one is foretold from."""
         found = self._response(u)
         if found is not None and found.volume is not None:
-            self._settled = Lead(u[self.dofs], found.volume)
+            self._settled = Lead(u[self._by_direction], found.volume)
 
     def commit(self, u: np.ndarray, dt: float, relaxed: bool = False) -> None:
         """Take the end of an increment into the history.
@@ -200,12 +204,13 @@ class Body:
             the reference state.
         """
         dim = self.dim
-        local = u[self.dofs].reshape(*self.connectivity.shape, dim)
-        f = np.swapaxes(local, 1, 2)[:, None] @ self.gradient
-        f += self.stretched[:, None, :dim, :dim]
+        local = u[self._by_direction]
+        by_element = (local.reshape(len(local), dim, -1) @ self._slopes).reshape(len(local), dim, -1, dim)
+        f = np.empty((*self.weight.shape, dim, dim))
+        np.add(by_element.swapaxes(1, 2), self.stretched[:, None, :dim, :dim], out=f)
         across = np.broadcast_to(self.stretched[:, None, 2, 2], f.shape[:2])
         if self.hoop is not None:
-            across = across + (self.hoop @ local[:, :, :1])[..., 0]
+            across = across + (self.hoop @ local[:, : self.hoop.shape[2], None])[..., 0]
         return f, across
 
     def _deformation(self, u: np.ndarray) -> Strain | None:
@@ -290,110 +295,73 @@ class Body:
         directed = None
         if strain.frame is not None:
             directed = self.points.directions(squared.reshape(-1, 3), strain.frame)
-            full = stress + directed.stress.reshape(count, gauss, 6)[..., :3]
-        g = self.gradient @ directions
-        fa = f @ directions
-        axes = self.dim if self.hoop is None else 3
-        weighted = full[..., :axes] * self.weight[..., None]
-        # sum over the directions of g_a S_a f_a
-        by_point = (g * weighted[..., None, : self.dim]) @ np.swapaxes(fa, -1, -2)
-        if self.hoop is not None:
-            by_point[..., 0] += self.hoop * (weighted[..., 2] * np.sqrt(squared[..., 2]))[..., None]
+            parts = directed.stress.reshape(count, gauss, 6)
+            full = stress + parts[..., :3]
+        full = full * self.weight[..., None]
+        weighted = along(directions, full)
         if directed:
-            for k, (i, j) in enumerate(_pairs(self.dim)):
-                tau = (directed.stress.reshape(count, gauss, 6)[..., 3 + k] * self.weight)[..., None, None]
-                by_point += tau * (g[..., None, j] * fa[..., None, :, i] + g[..., None, i] * fa[..., None, :, j])
-        force = by_point.sum(axis=1).reshape(count, -1)
-        kept = Response(strain, first, second, stress, weighted, volume, bulk, directed, g, fa, force)
+            for k, (i, j) in enumerate(pairs(self.dim)):
+                weighted += across(directions, i, j, parts[..., 3 + k] * self.weight)
+        # sum of grad N . S F^T over the points
+        force = self._slopes @ product(weighted, np.swapaxes(f, -1, -2)).reshape(count, -1, self.dim)
+        around = None
+        if self.hoop is not None:
+            around = full[..., 2]
+            force[..., 0] += ((around * np.sqrt(squared[..., 2]))[:, None] @ self.hoop)[:, 0]
+        force = force.reshape(count, -1)
+        kept = Response(strain, first, second, stress, volume, bulk, directed, weighted, around, force)
         self._responses = [kept, *self._responses][:1]
         return kept
 
     def _stiffness(self, found: Response, led: bool) -> np.ndarray:
         """Tangent stiffnesses, shape (elements, dofs, dofs), N/mm."""
-        squared, weighted, g, fa = found.strain.squared, found.weighted, found.g, found.fa
+        squared, directions, weighted, around = (
+            found.strain.squared,
+            found.strain.directions,
+            found.weighted,
+            found.around,
+        )
         first, second, stress = found.first, found.second, found.stress
-        dim, directed, pairs = self.dim, found.directed, _pairs(self.dim)
-        count, gauss, nodes = g.shape[:3]
-        axes = weighted.shape[-1]
-        b = np.zeros((count, gauss, axes + len(pairs), nodes, dim))
-        for a in range(dim):
-            np.multiply(g[..., a, None], fa[..., None, :, a], out=b[:, :, a])
+        dim, (count, gauss), nodes = self.dim, self.weight.shape, self.connectivity.shape[1]
+        axes = dim if around is None else 3
+        modes = strain_modes(found.strain.f, directions, axes)
+        strains = modes.shape[2]
+        # strains by the dofs, those of one direction after those of another
+        b = (modes.reshape(count, gauss, -1, dim) @ self._by_point).reshape(count, gauss, strains, -1)
         if self.hoop is not None:
-            b[:, :, 2, :, 0] = self.hoop * np.sqrt(squared[..., None, 2])
-        for k, (i, j) in enumerate(pairs, axes):
-            np.multiply(g[..., j, None], fa[..., None, :, i], out=b[:, :, k])
-            b[:, :, k] += g[..., i, None] * fa[..., None, :, j]
+            b[:, :, 2, :nodes] = self.hoop * np.sqrt(squared[..., 2, None])
         if found.volume is not None:
-            jacobian = np.sqrt(squared.prod(axis=-1))
-            slope = (b[:, :, :axes] / squared[:, :, :axes, None, None]).sum(axis=2).reshape(count, gauss, -1)
-            slope = slope * jacobian[..., None]
+            jacobian = np.sqrt(squared[..., 0] * squared[..., 1] * squared[..., 2])
+            slope = ((jacobian[..., None] / squared[..., :axes])[..., None, :] @ b[:, :, :axes])[:, :, 0]
             slope = slope if self.pressure is None else self.pressure @ slope
             ahead = self._foretell(found.volume, slope)
             if led and ahead is not None:
                 ahead = (ahead * jacobian)[..., None]
                 first, second = first + ahead, second + ahead[..., None]
-                stress = stress + ahead / squared
-                weighted = weighted + (ahead / squared * self.weight[..., None])[..., :axes]
-        d = self._tangent(first, second, stress, squared, axes, pairs, directed)
+                ahead = ahead / squared
+                stress, ahead = stress + ahead, ahead * self.weight[..., None]
+                weighted = weighted + along(directions, ahead)
+                around = None if around is None else around + ahead[..., 2]
+        d = material_tangent(first, second, stress, squared, dim, axes, found.directed, self.kind.state == STRESS)
         d *= self.weight[..., None, None]
-        flat = (count, gauss * b.shape[2], nodes * dim)
-        db = d @ b.reshape(count, gauss, b.shape[2], nodes * dim)
-        stiffness = np.swapaxes(b.reshape(flat), 1, 2) @ db.reshape(flat)
+        flat = (count, gauss * strains, nodes * dim)
+        stiffness = np.swapaxes(b.reshape(flat), 1, 2) @ (d @ b).reshape(flat)
         if found.bulk is not None:
             bulk = found.bulk.reshape(count, gauss) * self.weight
             stiffness += np.swapaxes(slope, 1, 2) @ (slope * bulk[..., None])
-        by_stress = g * weighted[..., None, :dim]
-        if directed:
-            for k, (i, j) in enumerate(pairs):
-                tau = (directed.stress.reshape(count, gauss, 6)[..., 3 + k] * self.weight)[..., None]
-                by_stress[..., i] += g[..., j] * tau
-                by_stress[..., j] += g[..., i] * tau
-        scaled = by_stress.swapaxes(1, 2).reshape(count, nodes, -1)
-        geometric = scaled @ g.swapaxes(1, 2).reshape(count, nodes, -1).swapaxes(1, 2)
-        view = stiffness.reshape(count, nodes, dim, nodes, dim)
+        view = stiffness.reshape(count, dim, nodes, dim, nodes)
+        geometric = self._slopes @ (weighted @ self._by_point).reshape(count, -1, nodes)
         for axis in range(dim):
-            view[:, :, axis, :, axis] += geometric
-        if self.hoop is not None:
-            view[:, :, 0, :, 0] += np.swapaxes(self.hoop, 1, 2) @ (self.hoop * weighted[..., None, 2])
-        return stiffness
+            view[:, axis, :, axis] += geometric
+        if self.hoop is not None and around is not None:
+            view[:, 0, :, 0] += np.swapaxes(self.hoop, 1, 2) @ (self.hoop * around[..., None])
+        return view.transpose(0, 2, 1, 4, 3).reshape(count, nodes * dim, -1)
 
     def _foretell(self, volume: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
         """Pressure foretold less the one that is there, (elements, points), MPa; None without a volume above 0."""
-        local = self._states[0][0][self.dofs]
+        local = self._states[0][0][self._by_direction]
         lead, self._lead = self._lead, Lead(local, volume, slope)
         if lead is None or not (foretold := lead.at(local)).min() > 0:
             return None
         pressure = self.points.volumetric(foretold)[1] - self.points.volumetric(volume)[1]
         return self._project(pressure).reshape(self.weight.shape)
-
-    def _tangent(
-        self,
-        first: np.ndarray,
-        second: np.ndarray,
-        stress: np.ndarray,
-        squared: np.ndarray,
-        axes: int,
-        pairs: list[tuple[int, int]],
-        directed: Any,
-    ) -> np.ndarray:
-        """Material tangent dS/dE in the principal directions: normal components first, then shear."""
-        plane_stress = self.kind.state == STRESS
-        n = 3 if plane_stress else axes
-        d = np.zeros((*first.shape[:2], n + len(pairs), n + len(pairs)))
-        d[..., :n, :n] = second[..., :n, :n] / (squared[..., :n, None] * squared[..., None, :n])
-        for a in range(n):
-            d[..., a, a] -= 2 * stress[..., a] / squared[..., a]
-        for k, (i, j) in enumerate(pairs, n):
-            d[..., k, k] = divided(stress, second, first, squared, i, j)
-        if directed:
-            chosen = [*range(n), *range(3, 3 + len(pairs))]
-            d += directed.tangent.reshape(*first.shape[:2], 6, 6)[..., chosen, :][..., chosen]
-        if plane_stress:
-            kept = [0, 1, 3]
-            column = d[..., kept, 2]
-            d = d[..., kept, :][..., kept] - column[..., :, None] * column[..., None, :] / d[..., None, None, 2, 2]
-        return d
-
-
-def _pairs(dim: int) -> list[tuple[int, int]]:
-    return [(a, b) for a in range(dim) for b in range(a + 1, dim)]

@@ -41,26 +41,28 @@ def principal(f: np.ndarray, framed: bool) -> Strain | None:
     framed : bool
         Whether the material has directions.
     """
-    if not np.isfinite(f).all() or _determinants(f).min() <= 0:
+    if not np.isfinite(f).all() or (jacobian := _determinants(f)).min() <= 0:
         return None
-    c = np.swapaxes(f, -1, -2) @ f
     if f.shape[-1] == 3:
-        squared, directions = eigen(c)
+        squared, directions = eigen(np.swapaxes(f, -1, -2) @ f)
         return Strain(f, squared, directions, directions.reshape(-1, 3, 3) if framed else None)
-    half, shear = (c[..., 0, 0] - c[..., 1, 1]) / 2, c[..., 0, 1]
-    mean, radius = (c[..., 0, 0] + c[..., 1, 1]) / 2, np.hypot(half, shear)
+    first, second = f[..., 0, 0] ** 2 + f[..., 1, 0] ** 2, f[..., 0, 1] ** 2 + f[..., 1, 1] ** 2
+    half, shear = (first - second) / 2, f[..., 0, 0] * f[..., 0, 1] + f[..., 1, 0] * f[..., 1, 1]
     angle = np.arctan2(shear, half) / 2
-    cos, sin = np.cos(angle), np.sin(angle)
-    # the smaller one from the determinant: mean - radius loses digits
-    large = mean + radius
-    small = (c[..., 0, 0] * c[..., 1, 1] - shear**2) / large
-    directions = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+    squared = np.ones((*jacobian.shape, 3))
+    squared[..., 0] = large = (first + second) / 2 + np.hypot(half, shear)
+    # from the determinant: a difference loses digits
+    squared[..., 1] = jacobian**2 / large
+    directions = np.empty(f.shape)
+    directions[..., 0, 0] = directions[..., 1, 1] = np.cos(angle)
+    directions[..., 1, 0] = np.sin(angle)
+    directions[..., 0, 1] = -directions[..., 1, 0]
     frame = None
     if framed:
         frame = np.zeros((large.size, 3, 3))
         frame[:, :2, :2] = directions.reshape(-1, 2, 2)
         frame[:, 2, 2] = 1.0
-    return Strain(f, np.stack([large, small, np.ones_like(large)], -1), directions, frame)
+    return Strain(f, squared, directions, frame)
 
 
 def _determinants(f: np.ndarray) -> np.ndarray:

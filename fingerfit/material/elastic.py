@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fingerfit.material.isotropic import Isotropic, column
+from fingerfit.material.isotropic import Isotropic, column, deviatoric, diagonal
 
 if TYPE_CHECKING:
     from fingerfit.material.prony import Prony
@@ -62,18 +62,15 @@ class Elastic(Isotropic):
         lame, shear = column(self.bulk - 2 * self.shear / 3), column(self.shear)
         stress = lame * green.sum(axis=-1, keepdims=True) + 2 * shear * green
         second = lame[..., None] * squared[..., :, None] * squared[..., None, :]
-        index = np.arange(3)
-        second[..., index, index] += 2 * shear * squared**2 + 2 * stress * squared
+        diagonal(second)[...] += 2 * shear * squared**2 + 2 * stress * squared
         return stress * squared, second
 
     def deviatoric_energy(self, stretch: np.ndarray) -> np.ndarray:
-        logarithm = np.log(stretch)
-        logarithm -= logarithm.mean(axis=-1, keepdims=True)
+        logarithm = deviatoric(stretch)
         return self.shear * (logarithm**2).sum(axis=-1)
 
     def deviatoric_derivatives(self, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        logarithm = np.log(stretch)
-        logarithm -= logarithm.mean(axis=-1, keepdims=True)
+        logarithm = deviatoric(stretch)
         twice = 2 * column(self.shear)
         projector = np.broadcast_to(np.eye(3) - 1 / 3, (*stretch.shape, 3))
         return twice * logarithm, twice[..., None] * projector

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fingerfit.material.isotropic import Isotropic, polynomial
+from fingerfit.material.isotropic import Isotropic, deviatoric, diagonal, mean, polynomial
 
 if TYPE_CHECKING:
     from fingerfit.material.prony import Prony
@@ -40,8 +40,7 @@ class Ogden(Isotropic):
 
     def deviatoric_energy(self, stretch: np.ndarray) -> np.ndarray:
         """Energy density of the deviatoric part alone, as `energy`."""
-        logarithm = np.log(stretch)
-        logarithm -= logarithm.mean(axis=-1, keepdims=True)
+        logarithm = deviatoric(stretch)
         total = np.zeros(stretch.shape[:-1])
         for mu, alpha in zip(self.mu, self.alpha, strict=True):
             power = np.exp(np.asarray(alpha)[..., None] * logarithm)
@@ -50,19 +49,17 @@ class Ogden(Isotropic):
 
     def deviatoric_derivatives(self, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of the deviatoric part alone, as `derivatives`."""
-        logarithm = np.log(stretch)
-        logarithm -= logarithm.mean(axis=-1, keepdims=True)
+        logarithm = deviatoric(stretch)
         first = np.zeros(stretch.shape)
         second = np.zeros((*stretch.shape, 3))
-        index = np.arange(3)
         for mu_i, alpha_i in zip(self.mu, self.alpha, strict=True):
             mu, alpha = np.asarray(mu_i)[..., None], np.asarray(alpha_i)[..., None]
             power = np.exp(alpha * logarithm)
-            mean = power.mean(axis=-1, keepdims=True)
-            first += 2 * mu / alpha * (power - mean)
-            pair = (mean[..., None] - power[..., :, None] - power[..., None, :]) / 3
-            second += 2 * mu[..., None] * pair
-            second[..., index, index] += 2 * mu * power
+            middle = mean(power)
+            first += 2 * mu / alpha * (power - middle)
+            power *= 2 * mu / 3
+            second += (2 * mu / 3 * middle)[..., None] - power[..., :, None] - power[..., None, :]
+            diagonal(second)[...] += 3 * power
         return first, second
 
     def volumetric(self, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

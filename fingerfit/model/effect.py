@@ -280,9 +280,8 @@ class Effect:
 
     def own(self, values: Mapping[str, float]) -> dict[str, float]:
         """This effect's numbers in a guess, by their short names; null and first place where it has none."""
-        first = self.places()[0]
         found = {p.name: values.get(self.key(p.name), p.null) for p in self.parameters}
-        return found | {name: values.get(self.key(name), first[self.key(name)]) for name in self.scan}
+        return found | {name: values.get(self.key(name), places[0]) for name, places in self.scan.items()}
 
     def present(self, values: Mapping[str, float]) -> bool:
         """Whether a guess has it at other than null values."""
