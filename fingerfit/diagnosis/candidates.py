@@ -12,7 +12,7 @@ from fingerfit.fit.rounds import Asked
 from fingerfit.forward.bodies import MESH_LINE
 from fingerfit.forward.decks import with_effect
 from fingerfit.model.applicable import not_measured
-from fingerfit.model.effect import CONSTANTS, OBSERVATION, OUTLINE, Effect
+from fingerfit.model.effect import CONSTANTS, OUTLINE, Effect
 from fingerfit.model.laws import foreign
 from fingerfit.model.regions import PREFIX
 
@@ -145,7 +145,7 @@ def untestable(problem: InverseProblem) -> dict[str, InputError]:
     """
     study, found = problem.study, dict[str, InputError]()
     for effect in problem.effects.values():
-        if effect.name in (OUTLINE, *problem.settings.model.effects) or effect.acts == OBSERVATION or effect.probe:
+        if effect.name in (OUTLINE, *problem.settings.model.effects) or effect.observes_alone or effect.probe:
             continue
         if not problem.settings.tries(effect.name):
             continue

@@ -28,7 +28,7 @@ from fingerfit.fit.slopes import difference, step_of
 from fingerfit.forward.patches import Patches, Reader, flat
 from fingerfit.forward.predict import Predictor, Synthesis
 from fingerfit.mesh.mesh import Mesh
-from fingerfit.model.effect import MESH_ERROR, OBSERVATION, Effect
+from fingerfit.model.effect import MESH_ERROR, Effect
 from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.study.data import Data
@@ -168,7 +168,7 @@ class Comparison:
             name = parameter.name.partition(".")[0]
             effect = self.problem.effects.get(name)
             column: Any = 0.0
-            if effect is None or effect.acts != OBSERVATION:
+            if effect is None or not effect.observes_alone:
                 column = (slope or self.slope)(parameter.name)
             if effect and effect.observes:
                 column = column + self.observed(effect, self.base.values, parameter.name.partition(".")[2])
@@ -333,7 +333,7 @@ class Comparison:
         effect, columns = candidate.effect, []
         if effect.signal == MESH_ERROR:
             return self.mesh_signal[:, None][self.residual.kept]
-        if effect.acts == OBSERVATION:
+        if effect.observes_alone:
             columns = [self.observed(effect, candidate.place, p.name) for p in effect.parameters]
         else:
             for parameter, asked in zip(effect.parameters, candidate.asked, strict=True):

@@ -13,7 +13,7 @@ from fingerfit.diagnosis.joint import diagonal
 from fingerfit.diagnosis.likelihood import fall
 from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.model.effect import OBSERVATION, Effect
+from fingerfit.model.effect import Effect
 from fingerfit.study.several import AT
 
 FORM = 0.1
@@ -79,7 +79,7 @@ def form_of(comparison: Comparison, named: Sequence[Effect], refits: Mapping[str
 
 
 def _of_pictures(effect: Effect) -> bool:
-    return effect.acts == OBSERVATION and not effect.on_loading
+    return effect.observes_alone and not effect.on_loading
 
 
 def _covariance(comparison: Comparison, effects: Sequence[Effect]) -> np.ndarray:

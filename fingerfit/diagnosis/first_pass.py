@@ -26,7 +26,7 @@ from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked, simulations
 from fingerfit.fit.slopes import STEP, coordinates, difference, moved
 from fingerfit.imaging.registration import FARTHEST
-from fingerfit.model.effect import OBSERVATION, Effect
+from fingerfit.model.effect import Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.settings.extend import extended
 from fingerfit.solvers.contract import Outcome
@@ -200,7 +200,7 @@ class Way:
         absent = {name: value for e in effects for key, value in e.null().items() for name in names(key)}
         self._base = {**absent, **comparison.base.values}
         around = {**problem.settings.fixed(), **self.start, **self._base}
-        self._linear = {n for e in effects if e.acts == OBSERVATION for p in e.parameters for n in names(e.key(p.name))}
+        self._linear = {n for e in effects if e.observes_alone for p in e.parameters for n in names(e.key(p.name))}
         self._observed = {
             name: comparison.observed(effect, around, name.partition(".")[2])
             for effect in effects

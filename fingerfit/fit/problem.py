@@ -29,7 +29,7 @@ from fingerfit.forward.predict import Predictor, Synthesis, since_first_picture
 from fingerfit.forward.score import Prediction, chi_square, deviations, score
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import unmet
-from fingerfit.model.effect import OBSERVATION, Effect
+from fingerfit.model.effect import Effect
 from fingerfit.model.observation import Observation
 from fingerfit.search.stages import LEAST_SQUARES
 from fingerfit.solvers.contract import BY_PATH, Capabilities, Outcome
@@ -126,7 +126,7 @@ class InverseProblem:
     def observed(self) -> np.ndarray:
         """Which parameters belong to effects on the observation that the score of pictures may not see, bool."""
         blind = self.settings.fit.score != "likelihood"
-        acting = [e for e in self.effects.values() if e.acts == OBSERVATION]
+        acting = [e for e in self.effects.values() if e.observes_alone]
         mine = {e.key(name) for e in acting for name in (*(p.name for p in e.parameters), *e.refine)}
         return np.array([blind and p.name in mine for p in self.settings.parameters()], dtype=bool)
 

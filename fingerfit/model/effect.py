@@ -15,7 +15,7 @@ STATE = "state"
 NUMERICS = "numerics"
 """Effects of mesh and load steps: they are tested, but cured by other settings instead of being fitted."""
 OBSERVATION = "observation"
-"""Effects on what is measured: they need no new simulation."""
+"""Effects on what is measured."""
 ACTS = ("material", "structure", "boundary", LOADING, NUMERICS, OBSERVATION)
 """Where an effect acts."""
 FAMILIES = {
@@ -194,7 +194,12 @@ class Effect:
     @property
     def simulated(self) -> bool:
         """Whether it takes simulations to see what it does."""
-        return self.acts != OBSERVATION and not self.signal and bool(self.parameters)
+        return not self.observes_alone and not self.signal and bool(self.parameters)
+
+    @property
+    def observes_alone(self) -> bool:
+        """Whether it changes what is measured and nothing of the deck."""
+        return bool(self.observes) and not (self.changes or self.part or self.fills or self.replaces)
 
     @property
     def observes_response(self) -> bool:
@@ -204,21 +209,19 @@ class Effect:
     @property
     def on_loading(self) -> bool:
         """Whether it acts on what is prescribed, or only on how force or displacement is read."""
-        return self.acts == LOADING or (self.acts == OBSERVATION and self.observes_response)
+        return self.acts == LOADING or (self.observes_alone and self.observes_response)
 
     def under(self, control: str) -> Effect:
         """The same as it acts where `control`, ``force`` or ``displacement``, is prescribed and the other one measured.
 
-        What it changes of the measured one, and shows of the prescribed one, falls away. One of which
-        only what it shows is left acts on the observation.
+        What it changes of the measured one, and shows of the prescribed one, falls away.
         """
         measured = "displacement" if control == "force" else "force"
         changes = {what: formula for what, formula in self.changes.items() if what != measured}
         observes = {what: formula for what, formula in self.observes.items() if what != control}
         if (len(changes), len(observes)) == (len(self.changes), len(self.observes)):
             return self
-        shown_alone = observes and not (changes or self.part or self.fills or self.replaces)
-        return replace(self, changes=changes, observes=observes, acts=OBSERVATION if shown_alone else self.acts)
+        return replace(self, changes=changes, observes=observes)
 
     def bound(self, scales: Mapping[str, float]) -> Effect:
         """The same with its shares as numbers, as far as what they are shares of is known (`scales`).
