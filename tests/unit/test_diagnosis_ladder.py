@@ -1,5 +1,6 @@
 """Up and down the ladder: config.yaml keeps all its lines but those of the effect."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -371,16 +372,19 @@ def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, mon
     ]
 
 
+@pytest.fixture
+def fitted(monkeypatch):
+    """A workflow that has nothing to do, as in the test above, without the seconds that Snakemake takes to say so."""
+    monkeypatch.setattr(ladder, "command", lambda *_: [sys.executable, "-c", ""])
+
+
 @pytest.mark.parametrize(
     ("without", "needed"),
     [({}, False), ({"effects": ["tilt"]}, True), ({"effects": ["onset"]}, True), ({"verdict": "unexplained"}, True)],
     ids=["adequate", "it is missing", "another one is missing", "unexplained"],
 )
-def test_discover_drops_what_is_not_needed_beside_a_later_effect(without, needed, config, tmp_path, monkeypatch, capfd):
+def test_discover_drops_what_is_not_needed_beside_a_later_effect(without, needed, fitted, config, tmp_path, capfd):
     """Where the model is not adequate without it, it comes back as it was, and nothing is dropped any more."""
-    write_text(tmp_path / "Snakefile", SNAKEFILE)
-    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
-    monkeypatch.setattr(call, "SHIPPED", tmp_path)
     study = tmp_path / "results/study"
     rung(study, "base", ["tilt"])
     rung(study, "base+tilt", ["skin"])
@@ -408,11 +412,8 @@ def test_discover_drops_what_is_not_needed_beside_a_later_effect(without, needed
     ],
     ids=["a known effect", "no known form again", "nothing"],
 )
-def test_discover_looks_again_for_what_had_no_known_form(instead, ends, config, tmp_path, monkeypatch, capfd):
+def test_discover_looks_again_for_what_had_no_known_form(instead, ends, fitted, config, tmp_path, capfd):
     """Beside an effect that was added later, the first one may have a form that is known."""
-    write_text(tmp_path / "Snakefile", SNAKEFILE)
-    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
-    monkeypatch.setattr(call, "SHIPPED", tmp_path)
     study, missing = tmp_path / "results/study", "missing" if instead else "unexplained"
     rung(study, "base", ["stiffness_field"])
     rung(study, "base+stiffness_field", ["skin"])
@@ -427,10 +428,9 @@ def test_discover_looks_again_for_what_had_no_known_form(instead, ends, config, 
 
 
 @pytest.mark.parametrize(("last", "done"), [("added", ["skin"]), ("dropped", [])])
-def test_discover_says_what_it_did_last_to_a_model_that_is_not_fitted(last, done, config, tmp_path, monkeypatch, capfd):
-    write_text(tmp_path / "Snakefile", SNAKEFILE)
-    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
-    monkeypatch.setattr(call, "SHIPPED", tmp_path)
+def test_discover_says_what_it_did_last_to_a_model_that_is_not_fitted(
+    last, done, fitted, config, tmp_path, monkeypatch, capfd
+):
     monkeypatch.setattr(ladder, "RUNGS", 2)
     rung(tmp_path / "results/study", "base", ["tilt"])
     rung(tmp_path / "results/study", "base+tilt", done, spare=[] if done else ["tilt"])
@@ -439,13 +439,8 @@ def test_discover_says_what_it_did_last_to_a_model_that_is_not_fitted(last, done
 
 
 @pytest.mark.parametrize(("refuses", "verdict"), [(False, "unexplained"), (True, "unexplained"), (False, "adequate")])
-def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(
-    refuses, verdict, config, tmp_path, monkeypatch, capfd
-):
+def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(refuses, verdict, fitted, config, tmp_path, capfd):
     """At most twice; a mesh that cannot be changed stays, and the verdict with it."""
-    write_text(tmp_path / "Snakefile", SNAKEFILE)
-    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
-    monkeypatch.setattr(call, "SHIPPED", tmp_path)
     if refuses:
         write_text(config, CONFIG.replace("across: 3", "across: 600"))
     rung(tmp_path / "results/study", "base", verdict=verdict, numerics="coarse_mesh")
@@ -499,10 +494,9 @@ def test_a_mesh_that_is_no_block_in_the_plane_is_made_finer_by_hand(mesh, found,
     assert config.read_text() == text
 
 
-def test_discover_takes_a_lens_in_place_of_sides_as_the_picture_shows_them(config, tmp_path, monkeypatch, capfd):
-    write_text(tmp_path / "Snakefile", SNAKEFILE)
-    write_text(tmp_path / "workflow/profiles/default/config.yaml", "cores: 1\nquiet: [all]\n")
-    monkeypatch.setattr(call, "SHIPPED", tmp_path)
+def test_discover_takes_a_lens_in_place_of_sides_as_the_picture_shows_them(
+    fitted, config, tmp_path, monkeypatch, capfd
+):
     # the mesh would follow a picture, which is an empty file here
     monkeypatch.setattr(ladder, "_refuse", lambda *_: None)
     study = tmp_path / "results/study"

@@ -32,6 +32,8 @@ fit:
   replicates: 20
   stages:
     - {name: grid, kind: grid, points: 3}
+diagnosis:
+  only: [second_term, stiffening, exponential, yeoh, material_probe, force_offset, loading_probe, base_slip, base_probe]
 """.replace("replicates: 20", f"replicates: 20\n  seed: {seed_of(1)}")
 
 
