@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from fingerfit.core.folders import PACKAGE
+
+_IMPORT = re.compile(r"from\s+[\w.]+\s+import\b|import\s+[\w.]+(\s+as\s+\w+)?\s*(,|#|$)")
+"""The beginning of an import statement."""
 
 
 @dataclass(frozen=True)
@@ -64,10 +68,6 @@ def _modules() -> dict[str, Path]:
 
 @cache
 def _tree(path: Path) -> ast.Module:
-    return _parsed(path)
-
-
-def _parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
@@ -111,8 +111,33 @@ def _names(node: ast.AST) -> set[str]:
 @cache
 def _imports_of(module: str) -> set[str]:
     path = _modules()[module]
-    # not kept: Python would look through the trees of all modules, half a million objects, when it ends
-    return set(_imported(_parsed(path), module if path.name != "__init__.py" else f"{module}.", None))
+    text = path.read_text(encoding="utf-8")
+    try:
+        tree = ast.parse("\n".join(_import_statements(text)))
+    except SyntaxError:  # a way of writing one that is not known there
+        tree = ast.parse(text)
+    return set(_imported(tree, module if path.name != "__init__.py" else f"{module}.", None))
+
+
+def _import_statements(text: str) -> Iterator[str]:
+    """The import statements of a module, by its lines: trees of all modules take a second.
+
+    Lines of a text that read like one are among them, which errs on the safe side.
+    """
+    checkers: int | None = None  # indentation of a block for type checkers
+    lines = iter(text.splitlines())
+    for line in lines:
+        code = line.lstrip()
+        if not code:
+            continue
+        indent = len(line) - len(code)
+        if checkers is not None and indent > checkers:
+            continue
+        checkers = indent if code.startswith("if ") and "TYPE_CHECKING" in code else None
+        if _IMPORT.match(code):
+            while "(" in code and ")" not in code:
+                code += next(lines, ")")
+            yield code
 
 
 def _imported(node: ast.AST, module: str, names: set[str] | None, inside: bool = True) -> Iterator[str]:

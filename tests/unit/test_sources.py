@@ -1,5 +1,6 @@
 """What a stage depends on of our own sources: followed here once more, from the text and by other means."""
 
+import ast
 import re
 import shutil
 from functools import cache
@@ -143,6 +144,16 @@ def test_the_built_in_solver_is_known_by_all_that_its_answer_comes_from():
     assert {str(path) for path in listed} == {
         str(files()[name]) for name in {*closure(text), "fingerfit.solvers.builtin"}
     }
+
+
+def test_imports_read_by_lines_are_those_of_the_trees():
+    """All of them, and none that only stands in a text."""
+    for name, path in sources._modules().items():
+        tree, inside = ast.parse(path.read_text(encoding="utf-8")), f"{name}." * (path.name == "__init__.py")
+        wanted = set(sources._imported(tree, inside or name, None))
+        # the package's own text has an example
+        assert sources._imports_of(name) - {"fingerfit"} == wanted - {"fingerfit"}, name
+        assert sources._imports_of(name) >= wanted, name
 
 
 def test_imports_are_followed_once_for_the_same_sources(tmp_path, monkeypatch):
