@@ -17,7 +17,7 @@ import numpy as np
 from fingerfit.fem.pressure import Lead, projection
 from fingerfit.fem.response import Points
 from fingerfit.fem.strain import Strain, principal
-from fingerfit.fem.tensors import across, along, material_tangent, pairs, product, strain_modes
+from fingerfit.fem.tensors import material_tangent, pairs, principal_tensors, product, shear_tensors, strain_modes
 from fingerfit.material.prony import History, Increment, history_of_pressure
 from fingerfit.mesh.elements import AXISYMMETRIC, ELEMENTS, STRESS, rule, shape
 
@@ -298,10 +298,10 @@ class Body:
             parts = directed.stress.reshape(count, gauss, 6)
             full = stress + parts[..., :3]
         full = full * self.weight[..., None]
-        weighted = along(directions, full)
+        weighted = principal_tensors(directions, full)
         if directed:
             for k, (i, j) in enumerate(pairs(self.dim)):
-                weighted += across(directions, i, j, parts[..., 3 + k] * self.weight)
+                weighted += shear_tensors(directions, i, j, parts[..., 3 + k] * self.weight)
         # sum of grad N . S F^T over the points
         force = self._slopes @ product(weighted, np.swapaxes(f, -1, -2)).reshape(count, -1, self.dim)
         around = None
@@ -315,13 +315,8 @@ class Body:
 
     def _stiffness(self, found: Response, led: bool) -> np.ndarray:
         """Tangent stiffnesses, shape (elements, dofs, dofs), N/mm."""
-        squared, directions, weighted, around = (
-            found.strain.squared,
-            found.strain.directions,
-            found.weighted,
-            found.around,
-        )
-        first, second, stress = found.first, found.second, found.stress
+        squared, directions = found.strain.squared, found.strain.directions
+        first, second, stress, weighted, around = found.first, found.second, found.stress, found.weighted, found.around
         dim, (count, gauss), nodes = self.dim, self.weight.shape, self.connectivity.shape[1]
         axes = dim if around is None else 3
         modes = strain_modes(found.strain.f, directions, axes)
@@ -336,12 +331,12 @@ class Body:
             slope = slope if self.pressure is None else self.pressure @ slope
             ahead = self._foretell(found.volume, slope)
             if led and ahead is not None:
-                ahead = (ahead * jacobian)[..., None]
-                first, second = first + ahead, second + ahead[..., None]
-                ahead = ahead / squared
-                stress, ahead = stress + ahead, ahead * self.weight[..., None]
-                weighted = weighted + along(directions, ahead)
-                around = None if around is None else around + ahead[..., 2]
+                kirchhoff = (ahead * jacobian)[..., None]
+                first, second = first + kirchhoff, second + kirchhoff[..., None]
+                more = kirchhoff / squared
+                stress, more = stress + more, more * self.weight[..., None]
+                weighted = weighted + principal_tensors(directions, more)
+                around = None if around is None else around + more[..., 2]
         d = material_tangent(first, second, stress, squared, dim, axes, found.directed, self.kind.state == STRESS)
         d *= self.weight[..., None, None]
         flat = (count, gauss * strains, nodes * dim)

@@ -30,7 +30,7 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return found
 
 
-def along(directions: np.ndarray, values: np.ndarray) -> np.ndarray:
+def principal_tensors(directions: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Tensors of principal values, sum of v_a N_a N_a, in fixed axes.
 
     Parameters
@@ -48,8 +48,8 @@ def along(directions: np.ndarray, values: np.ndarray) -> np.ndarray:
     return product(directions * values[..., None, :dim], np.swapaxes(directions, -1, -2))
 
 
-def across(directions: np.ndarray, i: int, j: int, values: np.ndarray) -> np.ndarray:
-    """Tensors v (N_i N_j + N_j N_i) in fixed axes, for values of shape (elements, points); see `along`."""
+def shear_tensors(directions: np.ndarray, i: int, j: int, values: np.ndarray) -> np.ndarray:
+    """Tensors v (N_i N_j + N_j N_i) in fixed axes, for values of shape (elements, points); see `principal_tensors`."""
     one = directions[..., :, None, i] * directions[..., None, :, j]
     return values[..., None, None] * (one + np.swapaxes(one, -1, -2))
 
