@@ -13,6 +13,7 @@ from fingerfit.core.errors import FingerfitError, InputError, SolverError
 from fingerfit.core.files import read_record, read_text, write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
+from fingerfit.fit.problem import REFINED
 from fingerfit.forward.decks import make_deck, refusal, template_of, with_effect
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.model.applicable import unmet
@@ -24,7 +25,7 @@ from fingerfit.provenance.results import model_folder, study_folder
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, Settings, load_settings
 from fingerfit.settings.edit import remove_effect, write_effect, write_meshes
-from fingerfit.settings.finer import MESHES, finer_meshes
+from fingerfit.settings.finer import MESHES, finer_meshes, is_as_fine
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.several import of_test
@@ -81,7 +82,7 @@ def refine(config: Path) -> str:
     ------
     FingerfitError
         Where the file has it in a layout in which it cannot be changed alone, or it is larger than a mesh may be; of a
-        mesh of the study's own, and of a brick, which would take many times as long.
+        mesh of the study's own, and of a brick, which would take many times as long; where one as fine has no solution.
     """
     settings = load_settings(config)
     mesh = settings.model.mesh
@@ -91,9 +92,18 @@ def refine(config: Path) -> str:
     elements = get_solver(settings.solver).capabilities.elements
     made = finer_meshes({"mesh": mesh, "refined": settings.model.refined}, elements)
     meshes = {key: one for key, one in made.items() if one is not None}
+    if settings.model.refined and is_as_fine(meshes["mesh"], settings.model.refined) and _folds(settings):
+        expected = "a solution there: the mesh of the search would become as fine"
+        raise InputError(config, "model.refined", "a mesh without a solution at the best guess", expected)
     write_meshes(config, meshes)
     said = (f"{key}: {one.element}, across {one.across}, per_layer {one.per_layer}" for key, one in meshes.items())
     return f"{config}: finer mesh, {'; '.join(said)}"
+
+
+def _folds(settings: Settings) -> bool:
+    """Whether a fit found no solution on its finer mesh, or one in which the body goes through itself."""
+    path = model_folder(settings) / "estimate.json"
+    return path.exists() and read_record(path, "sim_mesh")["sim_mesh"] != REFINED
 
 
 def run_again(config: Path) -> str:

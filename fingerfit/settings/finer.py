@@ -38,6 +38,11 @@ def finer_meshes(meshes: Meshes, elements: Collection[str]) -> Meshes:
     return {key: mesh and finer_mesh(mesh, elements)[0] for key, mesh in meshes.items()}
 
 
+def is_as_fine(mesh: MeshSettings, other: MeshSettings) -> bool:
+    """Whether a mesh has the elements of another one, and as many of them or more."""
+    return mesh.element == other.element and mesh.across >= other.across and mesh.per_layer >= other.per_layer
+
+
 def are_finer(meshes: Meshes, lower: Meshes, elements: Collection[str]) -> bool:
     """Whether meshes are others as they are made finer, up to `MESHES` times."""
     for _ in range(MESHES):

@@ -461,6 +461,24 @@ def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(refuses, verdi
     assert "finer mesh" not in capfd.readouterr().out
 
 
+@pytest.mark.parametrize(("across", "mesh", "taken"), [(6, "search", 3), (7, "search", 6), (6, "refined", 6)])
+def test_a_mesh_as_fine_as_one_without_a_solution_is_not_tried(across, mesh, taken, config, tmp_path):
+    search = "  mesh: {element: CPE8, across: 3, per_layer: 2}\n"
+    refined = search.replace("mesh", "refined").replace("3, per_layer: 2", f"{across}, per_layer: 4")
+    write_text(config, CONFIG.replace(search, search + refined))
+    keep_json(tmp_path / "results/study/base/estimate.json", {"sim_mesh": mesh})
+    if taken == 3:
+        with pytest.raises(InputError) as caught:
+            ladder.refine(config)
+        assert str(caught.value) == (
+            "config.yaml: model.refined: found a mesh without a solution at the best guess;"
+            " expected a solution there: the mesh of the search would become as fine"
+        )
+    else:
+        ladder.refine(config)
+    assert load_settings(config).model.mesh.across == taken
+
+
 def test_discover_takes_a_mesh_back_that_has_no_fit(config, tmp_path, monkeypatch, capfd):
     """At glued corners a finer mesh may have no equilibrium: nothing is lost, and the verdict of the coarser one ends it."""
     write_text(tmp_path / "Snakefile", 'assert config["model"]["mesh"]["across"] == 3, "no equilibrium"\n' + SNAKEFILE)
