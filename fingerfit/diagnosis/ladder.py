@@ -92,7 +92,8 @@ def refine(config: Path) -> str:
     elements = get_solver(settings.solver).capabilities.elements
     made = finer_meshes({"mesh": mesh, "refined": settings.model.refined}, elements)
     meshes = {key: one for key, one in made.items() if one is not None}
-    if settings.model.refined and is_as_fine(meshes["mesh"], settings.model.refined) and _folds(settings):
+    refined = settings.model.refined
+    if refined and is_as_fine(meshes["mesh"], refined) and _fails_on_finer_mesh(settings):
         expected = "a solution there: the mesh of the search would become as fine"
         raise InputError(config, "model.refined", "a mesh without a solution at the best guess", expected)
     write_meshes(config, meshes)
@@ -100,7 +101,7 @@ def refine(config: Path) -> str:
     return f"{config}: finer mesh, {'; '.join(said)}"
 
 
-def _folds(settings: Settings) -> bool:
+def _fails_on_finer_mesh(settings: Settings) -> bool:
     """Whether a fit found no solution on its finer mesh, or one in which the body goes through itself."""
     path = model_folder(settings) / "estimate.json"
     return path.exists() and read_record(path, "sim_mesh")["sim_mesh"] != REFINED

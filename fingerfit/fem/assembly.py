@@ -1,9 +1,10 @@
 """Internal forces and tangent stiffness of a body, total Lagrangian, all elements at once.
 
-Everything is written in the principal directions N_a of C = F^T F: with f_a = F N_a and the shape gradients
-g_Ia = grad N_I . N_a, the strains are dE_aa = f_a . du g_a and 2 dE_ab = f_a . du g_b + f_b . du g_a, and the
-tangent needs no rotation. Its shear terms are divided differences of the principal stresses (Ogden,
-Non-linear Elastic Deformations, section 6.1.4), with their limit where two stretches meet. In axisymmetric bodies
+Stresses and the material tangent are known in the principal directions N_a of C = F^T F. Forces follow from the
+stresses in fixed axes. The stiffness follows from the strains in the principal directions, dE_aa = f_a . du N_a and
+2 dE_ab = f_a . du N_b + f_b . du N_a with the gradient du of a displacement and f_a = F N_a, so that the tangent needs
+no rotation. Its shear terms are divided differences of the principal stresses (Ogden, Non-linear Elastic
+Deformations, section 6.1.4), with their limit where two stretches meet. In axisymmetric bodies
 the third direction is the hoop's, with dE_33 = l_3 du_r / R.
 """
 
@@ -326,7 +327,7 @@ class Body:
         if self.hoop is not None:
             b[:, :, 2, :nodes] = self.hoop * np.sqrt(squared[..., 2, None])
         if found.volume is not None:
-            jacobian = np.sqrt(squared[..., 0] * squared[..., 1] * squared[..., 2])
+            jacobian = np.sqrt(squared.prod(axis=-1))
             slope = ((jacobian[..., None] / squared[..., :axes])[..., None, :] @ b[:, :, :axes])[:, :, 0]
             slope = slope if self.pressure is None else self.pressure @ slope
             ahead = self._foretell(found.volume, slope)

@@ -251,7 +251,8 @@ def test_the_diagnosis_opens_nothing_that_is_sealed(place, tmp_path):
     paths = [
         model / value if isinstance(value, str) and value[0] != "-" and value != "2" else value for value in options
     ]
-    run(copy, *map(str, [sys.executable, "-c", SEALED, "diagnose", model / "settings.json", *paths]))
+    command = [sys.executable, "-c", SEALED, "diagnose", model / "settings.json", *paths]
+    run(copy, *map(str, command))
     again = read_json(model / "diagnosis.json")
     assert again["simulations"] == 0
     same_diagnosis(again, before)
@@ -260,10 +261,13 @@ def test_the_diagnosis_opens_nothing_that_is_sealed(place, tmp_path):
         ["deck", "show", "study/sealed/truth.yaml"],
         ["new", "x", "--pictures", "study/sealed", "--forces", "f.csv"],
     ):
-        command = [sys.executable, "-c", SEALED, *looks]
-        stopped = subprocess.run(command, cwd=copy, capture_output=True, text=True)
+        stopped = subprocess.run([sys.executable, "-c", SEALED, *looks], cwd=copy, capture_output=True, text=True)
         assert stopped.returncode == 3, looks
         assert "opened" in stopped.stdout
+    # and without it the diagnosis is the same
+    shutil.rmtree(copy / "study/sealed")
+    run(copy, *map(str, command))
+    same_diagnosis(read_json(model / "diagnosis.json"), again)
 
 
 def same_diagnosis(one, other):
