@@ -165,6 +165,11 @@ def check_blocks(effects: Iterable[Effect]) -> None:
             owner[block] = effect.name
 
 
+def has_its_layer(effect: Effect, values: Mapping[str, float], count: int) -> bool:
+    """Whether a body of so many layers has the one that an effect is in; it may be in all of them."""
+    return effect.own(values).get(LAYER, 0) <= count
+
+
 def check_layers(present: Iterable[Effect], values: Mapping[str, float], count: int) -> None:
     """Refuse what layers or temperatures do not allow.
 
@@ -179,7 +184,7 @@ def check_layers(present: Iterable[Effect], values: Mapping[str, float], count: 
     swelling = [effect for effect in present if "swelling" in effect.changes]
     for effect in present:
         layer = effect.own(values).get(LAYER, 0)
-        if "before" in effect.changes and layer > count:
+        if "before" in effect.changes and not has_its_layer(effect, values, count):
             raise InputError(f"effect {effect.name}", LAYER, f"{layer:g}", f"1 to {count}, or 0 for all layers")
         if "ageing" in effect.changes and (swelling or count == 1):
             expected = f"no effect {swelling[0].name} beside it" if swelling else "an effect of all layers"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fingerfit.core.errors import InputError
-from fingerfit.deck.context import check_layers
+from fingerfit.deck.context import check_layers, has_its_layer
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.bodies import MESH_LINE
@@ -75,7 +75,7 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
                 lacking[effect.title] = error  # a template with nodes of its own: none can lie elsewhere
                 continue
             if asked and all(one.sim == without for one in asked):
-                continue  # no part of this study's deck: friction where nothing is in contact, a layer beyond the last
+                continue  # no part of this study's deck: friction where nothing is in contact
             candidate = Candidate(effect, place, tuple(asked))
             if any(map(candidate.is_that_of, found)):
                 continue  # one layer that stiffens, where there is one: an effect without a place comes first
@@ -125,13 +125,15 @@ def makes_sense(effect: Effect, problem: InverseProblem) -> bool:
 
 
 def may_be(effect: Effect, place: Mapping[str, float], problem: InverseProblem) -> bool:
-    """Whether an effect may be at a place: no test refuses its layer, beside those of the model."""
-    settings = problem.settings
+    """Whether an effect may be at a place: a test has its layer, and none refuses it beside those of the model."""
+    settings, every = problem.settings, [test.study for test in problem.every]
+    if not any(has_its_layer(effect, place, len(study.layer_names)) for study in every):
+        return False
     present = (*settings.effects(known=problem.effects), effect)
     values = {**settings.fixed(known=problem.effects), **place}
     try:
-        for test in problem.every:
-            check_layers(present, values, len(test.study.layer_names))
+        for study in every:
+            check_layers(present, values, len(study.layer_names))
     except InputError:
         return False
     return True

@@ -19,7 +19,9 @@ from fingerfit.fit.rounds import Asked
 FIRST_PASS, REFIT = "first pass", "refit"
 """What says how much an effect explains, in words: never one of them where the other one is meant."""
 STARTS = 4
-"""Places from which an effect is refitted in the first pass, at most. A choice."""
+STARTS_ELSEWHERE = 2
+"""Places between which a fit can move, from which an effect is refitted in the first pass, at most: in the layer (or at
+the border, or side) that slopes prefer, and in each other one. Choices."""
 
 
 def said_by(what: str, effects: Collection[str]) -> str:
@@ -156,23 +158,25 @@ def best_places(ranking: Sequence[Ranked]) -> list[Ranked]:
 def other_places(score_test: ScoreTest, everywhere: Sequence[Ranked], best: Ranked) -> list[Ranked]:
     """Further places of an effect from which it is refitted, since a fit cannot come there from its best place.
 
-    That is the next best layer, border or side, or number of families of fibres, all else of these being the same:
-    slopes where the effect is absent may point to the wrong one of them.
+    That is each other layer, border or side, or number of families of fibres, all else of these being the same: slopes
+    where the effect is absent may point to the wrong one of them.
     Where the place is fitted, also the best ones that look otherwise, or are of the other sign: between a stiff lump
-    and a soft one elsewhere the effect is absent, and between two directions of fibres the misfit has a ridge.
+    and a soft one elsewhere the effect is absent, and between two directions of fibres the misfit has a ridge. In
+    another layer these are fewer.
     """
     effect = best.candidate.effect
     others = [one for one in everywhere if one.candidate.effect is effect and one.candidate is not best.candidate]
     others.sort(key=lambda one: -one.finding.fall)
-    there = list[Ranked]()
-    for key in effect.unmoved():
-        there += [one for one in others if _differing(one, best) == [key]][:1]
-    chosen = [best]
-    for one in others if effect.refine else ():
-        room = len(chosen) + len(there) < STARTS and one.finding.fall > 0.0 and not elsewhere(one, best)
-        if room and all(_apart(score_test, one, known) for known in chosen):
-            chosen.append(one)
-    return [*chosen[1:], *there]
+    chosen: dict[tuple[tuple[str, float], ...], list[Ranked]] = {(): [best]}
+    for one in others:
+        where = tuple((key, one.candidate.place[key]) for key in _differing(one, best))
+        if len(where) > 1:
+            continue
+        there = chosen.setdefault(where, [])
+        room = len(there) < (STARTS_ELSEWHERE if where else STARTS) and one.finding.fall > 0.0 and bool(effect.refine)
+        if not there or (room and all(_apart(score_test, one, known) for known in there)):
+            there.append(one)
+    return [one for there in chosen.values() for one in there if one is not best]
 
 
 def elsewhere(one: Ranked, other: Ranked) -> bool:

@@ -39,8 +39,9 @@ def finer_meshes(meshes: Meshes, elements: Collection[str]) -> Meshes:
 
 
 def is_as_fine(mesh: MeshSettings, other: MeshSettings) -> bool:
-    """Whether a mesh has the elements of another one, and as many of them or more."""
-    return mesh.element == other.element and mesh.across >= other.across and mesh.per_layer >= other.per_layer
+    """Whether a mesh has the elements of another one, as many of them or more, and as small ones at its edges."""
+    more = mesh.across >= other.across and mesh.per_layer >= other.per_layer
+    return mesh.element == other.element and more and mesh.grading >= other.grading
 
 
 def are_finer(meshes: Meshes, lower: Meshes, elements: Collection[str]) -> bool:

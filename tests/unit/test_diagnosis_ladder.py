@@ -461,10 +461,18 @@ def test_discover_takes_finer_meshes_where_the_mesh_is_too_coarse(refuses, verdi
     assert "finer mesh" not in capfd.readouterr().out
 
 
-@pytest.mark.parametrize(("across", "mesh", "taken"), [(6, "search", 3), (7, "search", 6), (6, "refined", 6)])
-def test_a_mesh_as_fine_as_one_without_a_solution_is_not_tried(across, mesh, taken, config, tmp_path):
+@pytest.mark.parametrize(
+    ("finer", "mesh", "taken"),
+    [
+        ("across: 6, per_layer: 4", "search", 3),
+        ("across: 7, per_layer: 4", "search", 6),
+        ("across: 6, per_layer: 4, grading: 2", "search", 6),
+        ("across: 6, per_layer: 4", "refined", 6),
+    ],
+)
+def test_a_mesh_as_fine_as_one_without_a_solution_is_not_tried(finer, mesh, taken, config, tmp_path):
     search = "  mesh: {element: CPE8, across: 3, per_layer: 2}\n"
-    refined = search.replace("mesh", "refined").replace("3, per_layer: 2", f"{across}, per_layer: 4")
+    refined = search.replace("mesh", "refined").replace("across: 3, per_layer: 2", finer)
     write_text(config, CONFIG.replace(search, search + refined))
     keep_json(tmp_path / "results/study/base/estimate.json", {"sim_mesh": mesh})
     if taken == 3:

@@ -55,6 +55,15 @@ def test_places_that_no_fit_can_move_are_counted(tmp_path, layers, stiffening_of
     assert choices["compressibility"] == 1
 
 
+@pytest.mark.parametrize("layers", [1, 2])
+def test_no_layer_is_tried_that_the_body_does_not_have(tmp_path, layers):
+    """Fibres there left a comment in the deck, and relaxation other steps: two candidates that are none."""
+    problem = problem_of(tmp_path, layers)
+    values = {one.name: one.start for one in problem.settings.parameters()}
+    places = [one.place.get(one.effect.key("layer")) for one in candidates(problem, values)[0]]
+    assert max(number for number in places if number is not None) == layers
+
+
 def test_what_config_yaml_leaves_out_is_not_tried(tmp_path):
     every = {name for name, *_ in named(problem_of(tmp_path))}
     assert {"compressibility", "base_slip"} < every

@@ -124,14 +124,15 @@ def test_effects_on_ogden_s_law_are_not_tested_with_another_one(study, tmp_path)
     ("effects", "message"),
     [
         ({"swollen": {"volume": 0.02, "layer": 7}}, "swollen.layer: found 7; expected 1 to 2, or 0 for all layers"),
+        ({"fibres": {"stiffness": 1.0, "layer": 3}}, "fibres.layer: found 3; expected 1 to 2, or 0 for all layers"),
         (
             {"swelling": {"volume": 0.01}, "swollen": {"volume": 0.02, "layer": 2}},
             "swollen.layer: found 2; expected 0, all layers, beside effect swelling",
         ),
     ],
-    ids=["no such layer", "beside another one that swells"],
+    ids=["no such layer", "no such layer for a law", "beside another one that swells"],
 )
-def test_a_layer_that_a_state_cannot_be_in_is_one_line(study, effects, message):
+def test_a_layer_that_an_effect_cannot_be_in_is_one_line(study, effects, message):
     wrong = yaml.safe_load(yaml.safe_dump(config(study, "ogden")))
     wrong["model"]["effects"] = effects
     settings = load_settings(wrong)
