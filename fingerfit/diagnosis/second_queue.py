@@ -16,7 +16,7 @@ from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by, spread_of
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
-from fingerfit.diagnosis.verdict import MATTERS, best_of, generalising
+from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, generalising
 from fingerfit.diagnosis.worth import to_refit
 
 HALF = 0.5
@@ -40,10 +40,11 @@ def refits_of(
 ) -> Iterator[tuple[Ranked, Refit, int]]:
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
-    Where one explains most of the misfit, not those whose odds in the first pass were far below its own, and no probe
-    that was less likely: it would only say that there is something of no known form. But where the best one leaves more
-    than the noise, in the pictures and in the patches, a probe of another family may come nearer, and counts as a
-    member does. A series of many numbers may imitate what has few: beside it others are tried that were half as likely.
+    Where one explains most of the misfit, not those whose odds in the first pass were far below its own, by more than
+    tells refits apart, and no probe that was less likely: it would only say that there is something of no known form.
+    But where the best one leaves more than the noise, in the pictures and in the patches, a probe of another family may
+    come nearer, and counts as a member does. A series of many numbers may imitate what has few: beside it others are
+    tried that were half as likely.
     A probe comes after the members of its family, and not at all where one of them explains the data, every pixel
     included. Nor do then those that only slopes speak for; they come after what explained the data in the first pass.
     """
@@ -65,7 +66,9 @@ def refits_of(
         if seen and not ranked.refitted and least <= 1.0 + MATTERS:
             return False
         share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
-        return not ranked.refitted or ranked.odds(spread) >= share * explained
+        # of members of which even refits could not tell one, each is refitted
+        alike = 0.0 if effect.probe else 0.5 * RIVAL
+        return not ranked.refitted or ranked.odds(spread) >= min(share * explained, explained - alike)
 
     def refitted(ranked: Ranked) -> tuple[tuple[Refit, int, int] | None, set[str]]:
         known, name = set(problem.asked), ranked.candidate.effect.name

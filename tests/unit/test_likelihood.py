@@ -124,3 +124,24 @@ def test_the_log_tells_of_a_refit_what_verdict_and_page_will(monkeypatch):
         f"refit beside outline: {name} ({effects[name].title}) explains {shares[name]:.0f} %; 0 simulations run"
         for name in made
     ]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "count"), [(17.7, 12.7, 2), (17.7, 11.0, 1), (40.0, 31.0, 2), (40.0, 29.0, 1)]
+)
+def test_members_that_refits_may_not_tell_apart_are_both_refitted(monkeypatch, first, second, count):
+    """Log odds of 6 are what refits must differ by, and a quarter of small odds is less."""
+    good, without = model(0.0, 0.1), model(0.6, 0.1)
+    names = ("split_layer", "interface")
+    made = {name: Refit(198.0, COUNT - 2, 1.0, 1.0, {}, weighed=good, numbers=1) for name in names}
+    known = SimpleNamespace(share=1.0)
+    ranking = [SimpleNamespace(candidate=SimpleNamespace(effect=catalogue()[name]), refitted=known) for name in names]
+    ranking[0].odds, ranking[1].odds = lambda _: first, lambda _: second
+    score_test = SimpleNamespace(misfit=misfits({"without": without}, "without")["without"], freedom=COUNT - 2)
+    found = SimpleNamespace(score_test=score_test, ranking=ranking, tests=1, made=made)
+    problem = SimpleNamespace(asked=set(), settings=SimpleNamespace(model=SimpleNamespace(effects={})))
+    found.comparison = SimpleNamespace(problem=problem, weighed=without)
+    monkeypatch.setattr(second_queue, "to_refit", lambda *_: ranking)
+    monkeypatch.setattr(second_queue, "spread_of", lambda *_: 1.0)
+    monkeypatch.setattr(second_queue, "in_space", lambda _: False)
+    assert len(list(second_queue.refits_of(found, 1))) == count
