@@ -42,6 +42,10 @@ class Refit:
         How many it asked for.
     fall : float
         Of the misfit, where both models are weighed by the covariance of the one without the effect.
+    absent : bool
+        Whether it ended at the absent values of the effect: as the model without it, found at another place.
+    lower : float
+        By how much refits that ended so found the model without the effect to leave less, weighed as `fall`.
     constants : mapping
         Where the numbers of the model without the effect went out from.
     weighed : Weighed, optional
@@ -81,6 +85,13 @@ class Refit:
     choices: int = 1
     sides: Sides = field(default_factory=Sides)
     but_mesh: tuple[float, float | None] | None = None
+    absent: bool = False
+    lower: float = 0.0
+
+    @property
+    def earned(self) -> float:
+        """Fall of the misfit against the model without the effect, at the best place that was found of that."""
+        return self.fall - self.lower
 
     @property
     def at_least(self) -> float:

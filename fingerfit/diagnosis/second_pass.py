@@ -60,6 +60,7 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]
         numbers=len(settings.parameters()) - len(before.problem.settings.parameters()),
         spared=spared(far, told, optional, per_number(score_test.freedom)), choices=one.candidate.choices,
         sides=sides_of(after), but_mesh=errors_but_mesh(after),
+        absent=bool(effect.parameters) and not effect.present(values),
     )  # fmt: skip
     return refit, run
 

@@ -205,7 +205,8 @@ def by_one_likelihood(refits: Mapping[str, Refit], without: Weighed) -> dict[str
     """Refits with their misfits by one likelihood: that of the one whose pictures or points come nearest, but for
     what its mesh makes of them; the mean of these where several come as near.
 
-    `without` is what the model leaves that has none of the effects.
+    `without` is what the model leaves that has none of the effects. A refit that ended at the absent values of its
+    effect earns nothing: it is that model, and where it leaves less, what others explain counts from there.
     """
     models = {name: refit.weighed for name, refit in refits.items() if refit.weighed is not None}
     if not models:
@@ -214,7 +215,10 @@ def by_one_likelihood(refits: Mapping[str, Refit], without: Weighed) -> dict[str
     near = [name for name, error in errors.items() if error <= min(errors.values()) + MATTERS]
     each = [misfits({**models, "": without}, name) for name in near]
     found = {name: float(np.mean([by[name] for by in each])) for name in each[0]}
+    absent = [name for name in models if refits[name].absent]
+    before = min(found[name] for name in ("", *absent))
+    lower = max(0.0, *(refits[name].fall for name in absent)) if absent else 0.0
     return {
-        name: replace(refit, compared=found[name], before=found[""]) if name in found else refit
+        name: replace(refit, compared=found[name], before=before, lower=lower) if name in found else refit
         for name, refit in refits.items()
     }

@@ -133,7 +133,7 @@ def decide(
     best = min(tried, key=lambda name: refits[name].level)
     fell = refits[best].gain(score_test.misfit) >= limit
     # or by the likelihood of the model without it, whose mesh may be wrong by another amount
-    if not fell and not (explains(refits[best]) and refits[best].fall >= limit):
+    if not fell and not (explains(refits[best]) and refits[best].earned >= limit):
         kind = "adequate" if adequate else "unexplained"
         text = "no known effect improves the fit beyond chance"
         return Verdict(kind, (), text, limit)

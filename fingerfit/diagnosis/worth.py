@@ -50,7 +50,7 @@ def to_refit(
         return []
     found = [
         one
-        for one in nominated(score_test, ranking, {name: refit.fall for name, refit in (known or {}).items()})
+        for one in nominated(score_test, ranking, {name: refit.earned for name, refit in (known or {}).items()})
         if one.candidate.effect.acts != NUMERICS
         and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
         and one.finding.visible > _seen(score_test)
@@ -92,7 +92,7 @@ def odds_after(
     from numpy import log
 
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
-    return one.odds(spread, refit.fall if refit else None) - float(log(max(tests, 1)))
+    return one.odds(spread, refit.earned if refit else None) - float(log(max(tests, 1)))
 
 
 def odds_of_any(

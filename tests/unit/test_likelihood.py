@@ -94,6 +94,23 @@ def test_a_better_mesh_is_not_held_against_an_effect():
     assert refit.explained(own["without"]) == pytest.approx(8 / 9, abs=0.1)
 
 
+def test_an_effect_that_ends_at_its_absent_values_earns_nothing():
+    """It is the model without it, better fitted: what another one explains counts from there."""
+    without, nearer, other = model(0.6, 0.1), model(0.1, 0.1), model(0.2, 0.1)
+    made = {
+        name: Refit(198.0, COUNT - 2, 1.0, 1.0, {}, weighed=one, numbers=1, fall=fall, absent=absent)
+        for name, one, fall, absent in (("second_term", nearer, 45.0, True), ("relaxation", other, 40.0, False))
+    }
+    found = by_one_likelihood(made, without)
+    assert found["second_term"].gain(0.0) == found["second_term"].earned == 0.0
+    assert found["relaxation"].gain(0.0) < 0.0
+    assert found["relaxation"].earned == -5.0
+    assert by_one_likelihood(found, without) == found
+    # one that did not end there is an effect
+    there = by_one_likelihood({name: replace(one, absent=False) for name, one in made.items()}, without)
+    assert all(one.gain(0.0) > 0.0 and one.earned == one.fall for one in there.values())
+
+
 def test_the_log_tells_of_a_refit_what_verdict_and_page_will(monkeypatch):
     """A refit with a wider covariance forgives itself much: its share is by the likelihood that is nearest so far."""
     good, forgiving, without = model(0.0, 0.1), model(0.3, 10.0), model(0.6, 0.1)
