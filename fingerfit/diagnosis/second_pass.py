@@ -51,6 +51,7 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]
     constants = {name: value for name, value in settings.starts().items() if name in known}
     own = misfits({"before": before.weighed, "after": after.weighed}, "after")
     effect = after.problem.effects[one.candidate.effect.name]
+    nulls = {name: null for key, null in effect.null().items() for name in settings.names_of(key)}
     told, far, optional = information(settings.parameters(), values, score_test.own, effect)
     refit = Refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
@@ -60,7 +61,7 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]
         numbers=len(settings.parameters()) - len(before.problem.settings.parameters()),
         spared=spared(far, told, optional, per_number(score_test.freedom)), choices=one.candidate.choices,
         sides=sides_of(after), but_mesh=errors_but_mesh(after),
-        absent=bool(effect.parameters) and not effect.present(values),
+        absent=bool(nulls) and all(values.get(name, null) == null for name, null in nulls.items()),
     )  # fmt: skip
     return refit, run
 

@@ -66,7 +66,7 @@ def refits_of(
         if seen and not ranked.refitted and least <= 1.0 + MATTERS:
             return False
         share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
-        # of members of which even refits could not tell one, each is refitted
+        # members that not even refits may tell apart are all refitted
         alike = 0.0 if effect.probe else 0.5 * RIVAL
         return not ranked.refitted or ranked.odds(spread) >= min(share * explained, explained - alike)
 
