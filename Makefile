@@ -16,7 +16,7 @@ run: setup  ## set up and identify the phantom study
 TEST = OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadscope --no-loadscope-reorder -rs --durations=25
 WORKERS = $(CORES)
 
-test: setup  ## set up and run the tests but the slow ones: 12 to 25 minutes on two cores
+test: setup  ## set up and run the tests but the slow ones: 12 to 15 minutes on two cores
 	$(TEST) -m 'not slow'
 
 # one process more than cores: the tests of the cluster wait most of the time

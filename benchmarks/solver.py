@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import statistics
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -39,12 +40,17 @@ CASES = (("force", 6, 5), ("force", 12, 3), ("force", 24, 1), ("displacement", 6
 """Control, elements along each side, repetitions."""
 
 
+def phantom(control: str, values: Sequence[float]) -> Study:
+    """The phantom under forces in N, or indentations in mm."""
+    steps = tuple(Step(n, **{control: value}) for n, value in enumerate(values, 1))
+    body = Body(tuple(Layer(*layer) for layer in LAYERS), width=12.0, thickness=70.0)
+    return Study(Path("study.yaml"), "phantom", control, steps, None, Noise(), body, "held", "glued")
+
+
 def write_phantom(folder: Path, control: str, values: list[float], cells: int) -> Path:
     """Write the phantom's deck in a folder of its own."""
     folder.mkdir()
-    steps = tuple(Step(n, **{control: value}) for n, value in enumerate(values, 1))
-    body = Body(tuple(Layer(*layer) for layer in LAYERS), width=12.0, thickness=70.0)
-    study = Study(Path("study.yaml"), "phantom", control, steps, None, Noise(), body, "held", "glued")
+    study = phantom(control, values)
     mesh = layered_block(12.0, LAYERS, cells, cells // 3)
     context = deck_context(study, mesh, "mesh.inp", MU, {"alpha": 1.4, "poisson": 0.495})
     (folder / "mesh.inp").write_text(format_mesh(mesh))

@@ -165,9 +165,16 @@ def check_blocks(effects: Iterable[Effect]) -> None:
             owner[block] = effect.name
 
 
-def has_its_layer(effect: Effect, values: Mapping[str, float], count: int) -> bool:
-    """Whether a body of so many layers has the one that an effect is in; it may be in all of them."""
-    return effect.own(values).get(LAYER, 0) <= count
+def check_layer(effect: Effect, values: Mapping[str, float], count: int) -> None:
+    """Refuse an effect in a layer that a body of so many layers does not have; it may be in all of them.
+
+    Raises
+    ------
+    InputError
+    """
+    layer = effect.own(values).get(LAYER, 0)
+    if layer > count:
+        raise InputError(f"effect {effect.name}", LAYER, f"{layer:g}", f"1 to {count}, or 0 for all layers")
 
 
 def check_layers(present: Iterable[Effect], values: Mapping[str, float], count: int) -> None:
@@ -184,8 +191,8 @@ def check_layers(present: Iterable[Effect], values: Mapping[str, float], count: 
     swelling = [effect for effect in present if "swelling" in effect.changes]
     for effect in present:
         layer = effect.own(values).get(LAYER, 0)
-        if "before" in effect.changes and not has_its_layer(effect, values, count):
-            raise InputError(f"effect {effect.name}", LAYER, f"{layer:g}", f"1 to {count}, or 0 for all layers")
+        if "before" in effect.changes:
+            check_layer(effect, values, count)
         if "ageing" in effect.changes and (swelling or count == 1):
             expected = f"no effect {swelling[0].name} beside it" if swelling else "an effect of all layers"
             raise InputError(f"effect {effect.name}", "changes.ageing", "stiffness of one layer", expected)

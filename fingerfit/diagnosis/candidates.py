@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fingerfit.core.errors import InputError
-from fingerfit.deck.context import check_layers, has_its_layer
+from fingerfit.deck.context import check_layer, check_layers
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.bodies import MESH_LINE
@@ -126,14 +126,13 @@ def makes_sense(effect: Effect, problem: InverseProblem) -> bool:
 
 def may_be(effect: Effect, place: Mapping[str, float], problem: InverseProblem) -> bool:
     """Whether an effect may be at a place: a test has its layer, and none refuses it beside those of the model."""
-    settings, every = problem.settings, [test.study for test in problem.every]
-    if not any(has_its_layer(effect, place, len(study.layer_names)) for study in every):
-        return False
+    settings, counts = problem.settings, [len(test.study.layer_names) for test in problem.every]
     present = (*settings.effects(known=problem.effects), effect)
     values = {**settings.fixed(known=problem.effects), **place}
     try:
-        for study in every:
-            check_layers(present, values, len(study.layer_names))
+        check_layer(effect, values, max(counts))
+        for count in counts:
+            check_layers(present, values, count)
     except InputError:
         return False
     return True

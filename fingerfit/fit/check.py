@@ -8,13 +8,13 @@ import numpy as np
 
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.folders import template_folders
-from fingerfit.deck.context import check_layers, has_its_layer
+from fingerfit.deck.context import check_layer, check_layers
 from fingerfit.deck.render import is_template
 from fingerfit.forward.decks import make_deck, template_of, with_effect
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.applicable import cure_of, unmet
-from fingerfit.model.effect import LAYER, NUMERICS, Effect
+from fingerfit.model.effect import NUMERICS, Effect
 from fingerfit.model.laws import LAWS, foreign
 from fingerfit.model.regions import PREFIX
 from fingerfit.prepare.prepare import make_mesh
@@ -245,15 +245,12 @@ def _in_their_layers(
     effects: tuple[Effect, ...], settings: Settings, study: Study, where: Path | str
 ) -> tuple[Effect, ...]:
     """The effects; refused where one is in a layer that no test has, or cannot be in a test or beside another one."""
-    values = {**settings.starts(), **settings.fixed()}
-    most = max(len(test.layer_names) for test in study.every)
+    values, counts = {**settings.starts(), **settings.fixed()}, [len(test.layer_names) for test in study.every]
     try:
         for effect in effects:
-            if not has_its_layer(effect, values, most):
-                number = f"{effect.own(values)[LAYER]:g}"
-                raise InputError(f"effect {effect.name}", LAYER, number, f"1 to {most}, or 0 for all layers")
-        for test in study.every:
-            check_layers(effects, values, len(test.layer_names))
+            check_layer(effect, values, max(counts))
+        for count in counts:
+            check_layers(effects, values, count)
     except InputError as error:
         field = f"model.effects.{error.where.removeprefix('effect ')}.{error.field}"
         raise InputError(where, field, error.found, error.expected) from error

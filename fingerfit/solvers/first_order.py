@@ -53,8 +53,8 @@ force a soft band (contrast -2.5, 4 x 6 CPE8H) may turn by 2 degrees, and by 3 t
 
 _OTHER_NODES = 1.0
 """The same where nodes lie elsewhere. They have the displacements of the places where they were, so that the first step
-leaves out products of both changes, and may overshoot by as much as is there: where it left out 0.8 of the change, as
-of a border with many waves on small elements, both together are 0.006 off. A choice."""
+leaves out products of both changes, and may overshoot by as much as is there; the second one takes that back (where 0.8
+was left out, of a border with many waves on small elements, 0.006 are). Steps that grow come no nearer."""
 
 
 def answers(
