@@ -49,6 +49,7 @@ def run(study: Path, work: Path, goal: str, cores: int, limit: float) -> dict[st
         "processor_seconds": round(processor_seconds() - used, 1), "code": code,
     }  # fmt: skip
     row["rungs"] = rungs(work / "results")
+    row["last"] = fitted(config)
     if code != 0:
         lines = (work / "log.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
         row["message"] = f"longer than {limit:g} s" if code is None else next(
@@ -61,6 +62,11 @@ def processor_seconds() -> float:
     """What all programs called so far, and those called by them, have used; other programs beside do not change it."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return children.ru_utime + children.ru_stime
+
+
+def fitted(config: Path) -> list[str]:
+    """Effects that the config ends with: `discover` may have dropped some that were in a model of the climb."""
+    return list(yaml.safe_load(config.read_text(encoding="utf-8"))["model"].get("effects") or {})
 
 
 def rungs(results: Path) -> list[dict[str, Any]]:
@@ -119,7 +125,8 @@ def main() -> None:
         row = run(file.parent, work / name, args.goal, args.cores, args.limit)
         with args.out.open("a", encoding="utf-8") as out:
             out.write(json.dumps(row) + "\n")
-        last = row["rungs"][-1] if row["rungs"] else {"model": "-", "sentence": row.get("message", "nothing")}
+        known = (one for one in row["rungs"] if set(one["effects"]) == set(row["last"]))
+        last = next(known, {"model": "-", "sentence": row.get("message", "nothing")})
         said = "" if args.quiet else f"; {last['model']}: {last['sentence']}"
         print(f"{name}: {row['seconds']} s{said}", flush=True)
 

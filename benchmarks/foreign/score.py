@@ -149,6 +149,15 @@ def first(row: dict[str, Any]) -> dict[str, Any]:
     return row["rungs"][0] if row["rungs"] else {"verdict": "none", "named": [], "sentence": "", "parameters": {}}
 
 
+def final(row: dict[str, Any]) -> dict[str, Any]:
+    """What was said of the model that the climb ended with; where it has no answer yet, of the one with most effects.
+
+    So it is in older rows, too, which do not tell that model.
+    """
+    known = [one for one in row["rungs"] if set(one["effects"]) == set(row.get("last", one["effects"]))]
+    return (known or row["rungs"])[-1]
+
+
 def families(rung: dict[str, Any]) -> list[str]:
     """Families that an answer means: that it names, else those of its effects, the first one first."""
     if rung.get("family"):
@@ -203,7 +212,7 @@ def wrong_family(row: dict[str, Any], truth: dict[str, Any]) -> bool:
 
 def stopped(row: dict[str, Any], truth: dict[str, Any]) -> bool:
     """Whether a climb ended adequate, with no more effects than are hidden."""
-    return row["rungs"][-1]["verdict"] == "adequate" and len(row["rungs"]) - 1 <= len(truth["hidden"])
+    return final(row)["verdict"] == "adequate" and len(final(row)["effects"]) <= len(truth["hidden"])
 
 
 def constants(rung: dict[str, Any], truth: dict[str, Any], where: str = "interval") -> dict[str, tuple[float, bool]]:
@@ -254,7 +263,7 @@ def summary(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[tuple[st
     clear = [(row, truth) for row, truth in hidden if size(truth) >= CLEAR and truth["family"] != "numerics"]
     listed = [(row, truth) for row, truth in clear if all(members(one) for one in truth["hidden"])]
     climbed = [(row, truth) for row, truth in clear if family_right(row, truth) and row["goal"] == "discover"]
-    ended = [(row, truth) for row, truth in told if row["rungs"][-1]["verdict"] == "adequate"]
+    ended = [(row, truth) for row, truth in told if final(row)["verdict"] == "adequate"]
     seconds = [row["seconds"] for row, _ in pairs]
     return [
         ("cases that were run; of them without any answer", f"{len(pairs)}; {len(pairs) - len(told)}"),
@@ -271,7 +280,7 @@ def summary(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[tuple[st
         ("clear cases whose family was right: the climb stops after as many effects as are hidden, adequate",
          share(stopped(*both) for both in climbed)),
         ("of these climbs: all constants within 5 % or inside, last model",
-         share(constants_right(row["rungs"][-1], truth) for row, truth in climbed)),
+         share(constants_right(final(row), truth) for row, truth in climbed)),
         ("wrong member named with confidence, on any rung (all hidden)", share(wrong_member(*both) for both in hidden)),
         ("of a wrong family", share(wrong_family(*both) for both in hidden)),
         (f"traces (size below {TRACE:g}): adequate, or the right family",
@@ -283,11 +292,11 @@ def summary(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[tuple[st
         ("nothing hidden: 95 % intervals that hold the truth", share(covered)),
         ("hidden: all constants within 5 % or inside, base model",
          share(constants_right(first(row), truth) for row, truth in hidden)),
-        ("hidden: the same, last model", share(constants_right(row["rungs"][-1], truth) for row, truth in hidden)),
+        ("hidden: the same, last model", share(constants_right(final(row), truth) for row, truth in hidden)),
         ("adequate last models: constants inside their intervals",
-         share(inside for row, truth in ended for _, inside in constants(row["rungs"][-1], truth).values())),
+         share(inside for row, truth in ended for _, inside in constants(final(row), truth).values())),
         ("the same, intervals reaching as far as with effects that are not excluded",
-         share(held for row, truth in ended for _, held in constants(row["rungs"][-1], truth, "reach").values())),
+         share(held for row, truth in ended for _, held in constants(final(row), truth, "reach").values())),
         ("seconds of a climb: median; longest",
          f"{statistics.median(seconds):.0f}; {max(seconds):.0f}" if seconds else "-"),
     ]  # fmt: skip
@@ -300,8 +309,8 @@ def table(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> str:
     for row, truth in pairs:
         what = ", ".join(f"{one['kind']} ({one['form']})" for one in truth["hidden"]) or "nothing"
         named = " / ".join(" or ".join(rung["named"]) or rung["verdict"] for rung in row["rungs"]) or "-"
-        last = row["rungs"][-1] if row["rungs"] else first(row)
-        errors = ", ".join(f"{100 * e:+.1f}{'' if inside else '*'}" for e, inside in constants(last, truth).values())
+        model = final(row) if row["rungs"] else first(row)
+        errors = ", ".join(f"{100 * e:+.1f}{'' if inside else '*'}" for e, inside in constants(model, truth).values())
         fell = ", ".join(f"{rung['error']['fitted']:.2f}" for rung in row["rungs"])
         ended = "" if row["code"] == 0 else f" ({row.get('message', 'failed')[:60]})"
         lines.append(

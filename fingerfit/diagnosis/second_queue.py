@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
 from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, generalising
-from fingerfit.diagnosis.worth import to_refit
+from fingerfit.diagnosis.worth import to_refit, worth_a_refit
 
 HALF = 0.5
 """Share of a series' log odds from which what has fewer numbers is refitted beside it. A choice (decision 19)."""
@@ -47,6 +47,7 @@ def refits_of(
     tried that were half as likely.
     A probe comes after the members of its family, and not at all where one of them explains the data, every pixel
     included. Nor do then those that only slopes speak for; they come after what explained the data in the first pass.
+    At last those of a family whose refit says too little of it: `kin_of`.
     """
     explained, by_series, named = -np.inf, False, set[str]()
     nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
@@ -90,12 +91,14 @@ def refits_of(
         )
     )
     left = [one for one in left if worth_it(one)]
+    tried = set(done)
     while left:
         now, left = left[:beside], left[beside:]
         # what an earlier one of them has made needless is thrown away, so that one process finds the same
         for ranked, (made, asked) in zip(now, side_by_side(refitted, now, beside), strict=True):
             if not worth_it(ranked):
                 continue
+            tried.add(ranked.candidate.effect.name)
             problem.asked.update(asked)
             if made is None:
                 found.ended(ranked, problem.lost.why(sorted(asked)))
@@ -122,6 +125,46 @@ def refits_of(
             yield ranked, refit, run
         # the first one often makes all others needless, which would hold it up
         beside, each = (threads, 1) if flat else (1, threads)
+        if not left:
+            left = [one for one in kin_of(found, tried, done, by_chance) if worth_it(one)]
+
+
+def kin_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit], by_chance: bool) -> list[Ranked]:
+    """Effects whose family has a refit that says too little of it; nearly as likely in the first pass as that effect.
+
+    Where it has no solution, or ended where the effect is absent, and no other refit is of that family, the likeliest
+    one takes its place. Where it leaves least of all, but more than chance does, all of them are refitted: the first
+    pass, which rounds off pictures to patches, does not tell them apart. Nearly is three quarters of the log odds.
+
+    Parameters
+    ----------
+    found : Tested
+    tried : collection of str
+        Effects whose refits were tried.
+    done : mapping
+        These refits, of those that have a solution.
+    by_chance : bool
+        Whether one of them leaves no more than chance does.
+    """
+    ranking, score_test = found.ranking, found.score_test
+    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
+    worth = worth_a_refit(score_test, ranking, found.tests, done)
+    left = [one for one in worth if one.refitted and one.candidate.effect.name not in tried]
+
+    def kin(of: Ranked) -> list[Ranked]:
+        family, least = of.candidate.effect.family, ENOUGH * of.odds(spread)
+        near = [one for one in left if one.candidate.effect.family == family and one.odds(spread) >= least]
+        return sorted(near, key=lambda one: -one.odds(spread))
+
+    refits = by_one_likelihood(done, found.comparison.weighed)
+    ended = {name: refit for name, refit in refits.items() if not refit.absent}
+    best = best_of(ranking, ended)
+    chosen = [] if best is None or by_chance else kin(best[0])
+    said = {one.candidate.effect.family for one in ranking if one.candidate.effect.name in ended}
+    unsaid = [one for one in ranking if one.candidate.effect.name in tried and one.candidate.effect.family not in said]
+    for lost in {one.candidate.effect.family: one for one in reversed(unsaid)}.values():
+        chosen += kin(lost)[:1]
+    return chosen
 
 
 def imitated(known: Tested) -> Ranked | None:

@@ -46,15 +46,7 @@ def to_refit(
     best one's family that are as likely in the first pass come beside them. None where the model explains the data and
     the first pass is sure of no other one.
     """
-    if explains(score_test) and not _sure(score_test, ranking, tests):
-        return []
-    found = [
-        one
-        for one in nominated(score_test, ranking, {name: refit.earned for name, refit in (known or {}).items()})
-        if one.candidate.effect.acts != NUMERICS
-        and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
-        and one.finding.visible > _seen(score_test)
-    ]
+    found = worth_a_refit(score_test, ranking, tests, known)
     spread = spread_of(score_test.misfit, ranking, score_test.freedom)
     parts = [[one for one in found if bool(one.refitted) == refitted] for refitted in (True, False)]
     if known:
@@ -68,6 +60,24 @@ def to_refit(
     chosen = [one for part in left for one in part[:TRIED]]
     chosen += [one for part in left for one in part[TRIED:] if _tied(one, part[0], spread)]
     return [one for one in found if any(one is other for other in chosen)]
+
+
+def worth_a_refit(
+    score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, known: Mapping[str, Refit] | None = None
+) -> list[Ranked]:
+    """Effects that are beyond chance, seen by the data, and no matter of the solver's, however many these are.
+
+    None where the model explains the data and the first pass is sure of no other one; some may be `known`.
+    """
+    if explains(score_test) and not _sure(score_test, ranking, tests):
+        return []
+    return [
+        one
+        for one in nominated(score_test, ranking, {name: refit.earned for name, refit in (known or {}).items()})
+        if one.candidate.effect.acts != NUMERICS
+        and one.finding.fall > threshold(score_test, ranking, tests, one.columns.shape[1])
+        and one.finding.visible > _seen(score_test)
+    ]
 
 
 def _tied(one: Ranked, best: Ranked, spread: float) -> bool:

@@ -19,9 +19,11 @@ from score import (
     constants,
     constants_right,
     family_right,
+    final,
     member_right,
     share,
     size,
+    stopped,
     summary,
     wrong_family,
     wrong_member,
@@ -207,8 +209,13 @@ def truth(*hidden, size=2.0, family=None):
     return {"family": family, "hidden": told, "constants": {"mu_top": 0.02}, "size": sizes}
 
 
-def row(*rungs, code=0, seconds=10.0):
-    return {"name": "x", "goal": "discover", "rungs": list(rungs), "code": code, "seconds": seconds}
+def row(*rungs, code=0, seconds=10.0, **more):
+    """A climb that adds what each answer names first, unless the answers tell the effects of their models."""
+    effects, models = [], []
+    for one in rungs:
+        models.append({"effects": list(effects), **one})
+        effects += one["named"][:1]
+    return {"name": "x", "goal": "discover", "rungs": models, "code": code, "seconds": seconds, **more}
 
 
 TILT = ("tilt", ("indenter",), "tilt")
@@ -281,6 +288,20 @@ def test_counts():
         "3 of 3 (100 %)", "3 of 3 (100 %)", "25; 90",
     ]  # fmt: skip
     assert share([]) == "0 of 0"
+
+
+def test_a_climb_ends_with_the_model_that_its_config_has():
+    """`discover` may drop an effect: then the model with most of them is not the last one."""
+    said = [
+        rung("missing", ["skin"]),
+        rung("adequate", effects=["tilt"]),
+        rung("missing", ["tilt"], effects=["skin"]),
+        rung("adequate", effects=["skin", "tilt"]),
+    ]
+    assert final(row(*said, last=["tilt"]))["effects"] == ["tilt"] and stopped(row(*said, last=["tilt"]), truth(TILT))
+    assert not stopped(row(*said, last=["skin", "tilt"]), truth(TILT))
+    # rows that do not tell it, and climbs that were stopped before the answer: the model with most effects
+    assert final(row(*said))["effects"] == final(row(*said, last=["bed"]))["effects"] == ["skin", "tilt"]
 
 
 def test_what_was_said_is_read_model_by_model(tmp_path):

@@ -1,18 +1,15 @@
 """Models are compared by one likelihood: a covariance of its own must not make a worse model look better."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from seeds import generator
 
-from fingerfit.diagnosis import second_queue
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.second_queue import by_one_likelihood
 from fingerfit.diagnosis.verdict import MATTERS
-from fingerfit.model.catalogue import catalogue
 
 COUNT = 200
 
@@ -109,56 +106,3 @@ def test_an_effect_that_ends_at_its_absent_values_earns_nothing():
     # one that did not end there is an effect
     there = by_one_likelihood({name: replace(one, absent=False) for name, one in made.items()}, without)
     assert all(one.gain(0.0) > 0.0 and one.earned == one.fall for one in there.values())
-
-
-def test_the_log_tells_of_a_refit_what_verdict_and_page_will(monkeypatch):
-    """A refit with a wider covariance forgives itself much: its share is by the likelihood that is nearest so far."""
-    good, forgiving, without = model(0.0, 0.1), model(0.3, 10.0), model(0.6, 0.1)
-    made = {
-        "tilt": Refit(198.0, COUNT - 2, 0.85, 0.84, {}, weighed=good, numbers=1),
-        "skin": Refit(1.0, COUNT - 2, 1.4, 1.4, {}, weighed=forgiving, numbers=1),
-    }
-    misfit = misfits({"without": without}, "without")["without"]
-    effects = {name: catalogue()[name] for name in made}
-    ranking = [SimpleNamespace(candidate=SimpleNamespace(effect=one), refitted=None) for one in effects.values()]
-    score_test = SimpleNamespace(misfit=misfit, freedom=COUNT - 2)
-    found = SimpleNamespace(score_test=score_test, ranking=ranking, tests=1, made=dict(made))
-    settings = SimpleNamespace(model=SimpleNamespace(effects={"outline": {}}))
-    problem = SimpleNamespace(asked=set(), settings=settings)
-    found.comparison = SimpleNamespace(problem=problem, weighed=without)
-    said = []
-    monkeypatch.setattr(second_queue, "to_refit", lambda *_: ranking)
-    monkeypatch.setattr(second_queue, "spread_of", lambda *_: 1.0)
-    monkeypatch.setattr(second_queue, "in_space", lambda _: False)
-    monkeypatch.setattr(second_queue, "tell", said.append)
-    for one in ranking:
-        one.odds = lambda _: 1.0
-    list(second_queue.refits_of(found, 1))
-    common, own = by_one_likelihood(made, without), made["skin"].explained(misfit)
-    shares = {name: 100 * one.explained(misfit) for name, one in common.items()}
-    assert 100 * own > shares["skin"] + 20
-    assert said == [
-        f"refit beside outline: {name} ({effects[name].title}) explains {shares[name]:.0f} %; 0 simulations run"
-        for name in made
-    ]
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "count"), [(17.7, 12.7, 2), (17.7, 11.0, 1), (40.0, 31.0, 2), (40.0, 29.0, 1)]
-)
-def test_members_that_refits_may_not_tell_apart_are_both_refitted(monkeypatch, first, second, count):
-    """Log odds of 6 are what refits must differ by, and a quarter of small odds is less."""
-    good, without = model(0.0, 0.1), model(0.6, 0.1)
-    names = ("split_layer", "interface")
-    made = {name: Refit(198.0, COUNT - 2, 1.0, 1.0, {}, weighed=good, numbers=1) for name in names}
-    known = SimpleNamespace(share=1.0)
-    ranking = [SimpleNamespace(candidate=SimpleNamespace(effect=catalogue()[name]), refitted=known) for name in names]
-    ranking[0].odds, ranking[1].odds = lambda _: first, lambda _: second
-    score_test = SimpleNamespace(misfit=misfits({"without": without}, "without")["without"], freedom=COUNT - 2)
-    found = SimpleNamespace(score_test=score_test, ranking=ranking, tests=1, made=made)
-    problem = SimpleNamespace(asked=set(), settings=SimpleNamespace(model=SimpleNamespace(effects={})))
-    found.comparison = SimpleNamespace(problem=problem, weighed=without)
-    monkeypatch.setattr(second_queue, "to_refit", lambda *_: ranking)
-    monkeypatch.setattr(second_queue, "spread_of", lambda *_: 1.0)
-    monkeypatch.setattr(second_queue, "in_space", lambda _: False)
-    assert len(list(second_queue.refits_of(found, 1))) == count

@@ -1,0 +1,107 @@
+"""Which effects are refitted with pictures, and in which order: what earlier refits say decides the rest."""
+
+from types import SimpleNamespace
+
+import pytest
+from test_likelihood import COUNT, model
+
+from fingerfit.diagnosis import second_queue
+from fingerfit.diagnosis.families import ENOUGH
+from fingerfit.diagnosis.likelihood import misfits
+from fingerfit.diagnosis.refit import Refit
+from fingerfit.diagnosis.second_queue import by_one_likelihood, kin_of
+from fingerfit.model.catalogue import catalogue
+
+
+def queue(monkeypatch, odds, made):
+    """Effects with their odds in the first pass, all worth a refit, and the refits that they would have."""
+    ranking = [
+        SimpleNamespace(candidate=SimpleNamespace(effect=catalogue()[name]), refitted=SimpleNamespace(share=1.0))
+        for name in odds
+    ]
+    for one, value in zip(ranking, odds.values(), strict=True):
+        one.odds = lambda _, value=value: value
+    without = model(0.6, 0.1)
+    score_test = SimpleNamespace(misfit=misfits({"without": without}, "without")["without"], freedom=COUNT - 2)
+    found = SimpleNamespace(score_test=score_test, ranking=ranking, tests=1, made=dict(made))
+    problem = SimpleNamespace(asked=set(), settings=SimpleNamespace(model=SimpleNamespace(effects={})))
+    found.comparison = SimpleNamespace(problem=problem, weighed=without)
+    monkeypatch.setattr(second_queue, "spread_of", lambda *_: 1.0)
+    monkeypatch.setattr(second_queue, "in_space", lambda _: False)
+    monkeypatch.setattr(second_queue, "worth_a_refit", lambda *_: ranking)
+    monkeypatch.setattr(second_queue, "to_refit", lambda *_: ranking)
+    return found
+
+
+def refit(offset, misfit=198.0, error=1.0, absent=False):
+    """The refit of an effect of one number that leaves so much of a pattern."""
+    return Refit(misfit, COUNT - 2, error, error, {}, weighed=model(offset, 0.1), numbers=1, absent=absent)
+
+
+def test_the_log_tells_of_a_refit_what_verdict_and_page_will(monkeypatch):
+    """A refit with a wider covariance forgives itself much: its share is by the likelihood that is nearest so far."""
+    good, forgiving, without = model(0.0, 0.1), model(0.3, 10.0), model(0.6, 0.1)
+    made = {
+        "tilt": Refit(198.0, COUNT - 2, 0.85, 0.84, {}, weighed=good, numbers=1),
+        "skin": Refit(1.0, COUNT - 2, 1.4, 1.4, {}, weighed=forgiving, numbers=1),
+    }
+    misfit = misfits({"without": without}, "without")["without"]
+    found = queue(monkeypatch, dict.fromkeys(made, 1.0), made)
+    found.comparison.problem.settings.model.effects["outline"] = {}
+    said = []
+    monkeypatch.setattr(second_queue, "tell", said.append)
+    list(second_queue.refits_of(found, 1))
+    common, own = by_one_likelihood(made, without), made["skin"].explained(misfit)
+    shares = {name: 100 * one.explained(misfit) for name, one in common.items()}
+    assert 100 * own > shares["skin"] + 20
+    assert said == [
+        f"refit beside outline: {name} ({catalogue()[name].title}) explains {shares[name]:.0f} %; 0 simulations run"
+        for name in made
+    ]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "count"), [(17.7, 12.7, 2), (17.7, 11.0, 1), (40.0, 31.0, 2), (40.0, 29.0, 1)]
+)
+def test_members_that_refits_may_not_tell_apart_are_both_refitted(monkeypatch, first, second, count):
+    """Log odds of 6 are what refits must differ by, and a quarter of small odds is less."""
+    names = ("split_layer", "interface")
+    made = {name: refit(0.0) for name in names}
+    found = queue(monkeypatch, dict(zip(names, (first, second), strict=True)), made)
+    assert len(list(second_queue.refits_of(found, 1))) == count
+
+
+def names(found):
+    return [one.candidate.effect.name for one in found]
+
+
+@pytest.mark.parametrize("absent", [True, False], ids=["absent", "no solution"])
+def test_where_a_refit_is_lost_the_likeliest_of_its_family_takes_its_place(monkeypatch, absent):
+    odds = {"gradient": 110.0, "base_slip": 100.0, "debonding": 90.0, "soft_bed": 80.0, "tilt": 99.0}
+    done = {"gradient": refit(0.1)} | ({"base_slip": refit(0.6, absent=True)} if absent else {})
+    found = queue(monkeypatch, odds, done)
+    tried = {"gradient", "base_slip"}
+    assert names(kin_of(found, tried, done, True)) == ["debonding"]
+    # what else is lost of that family leaves room for the next one, and what has ended for none
+    assert names(kin_of(found, {*tried, "debonding"}, done, True)) == ["soft_bed"]
+    assert not kin_of(found, {*tried, "debonding"}, {**done, "debonding": refit(0.2)}, True)
+
+
+@pytest.mark.parametrize(("share", "expected"), [(ENOUGH + 0.01, ["gradient"]), (ENOUGH - 0.01, [])])
+def test_all_of_the_best_ones_family_are_refitted_that_the_first_pass_finds_nearly_as_likely(
+    monkeypatch, share, expected
+):
+    odds = {"body_gradient": 100.0, "gradient": 100.0 * share, "tilt": 100.0, "debonding": 99.0}
+    done = {"body_gradient": refit(0.2), "tilt": refit(0.4)}
+    found = queue(monkeypatch, odds, done)
+    assert names(kin_of(found, set(done), done, False)) == expected
+    assert not kin_of(found, set(done), done, True)  # no more than chance is left, which no other one can lower
+    # where another family comes nearest, none of this one
+    assert not kin_of(found, set(done), {**done, "tilt": refit(0.1)}, False)
+
+
+def test_what_is_left_is_refitted_after_what_was_chosen(monkeypatch):
+    made = {"body_gradient": refit(0.3, 400.0, 1.5), "gradient": refit(0.1, 300.0, 1.4)}
+    found = queue(monkeypatch, {"body_gradient": 100.0, "gradient": 90.0}, made)
+    monkeypatch.setattr(second_queue, "to_refit", lambda *_: found.ranking[:1])
+    assert [one.candidate.effect.name for one, _, _ in second_queue.refits_of(found, 1)] == list(made)
