@@ -47,7 +47,7 @@ def refits_of(
     tried that were half as likely.
     A probe comes after the members of its family, and not at all where one of them explains the data, every pixel
     included. Nor do then those that only slopes speak for; they come after what explained the data in the first pass.
-    At last those of a family whose refit says too little of it: `kin_of`.
+    At last those that take the places of lost refits: `instead_of`.
     """
     explained, by_series, named = -np.inf, False, set[str]()
     nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
@@ -126,15 +126,14 @@ def refits_of(
         # the first one often makes all others needless, which would hold it up
         beside, each = (threads, 1) if flat else (1, threads)
         if not left:
-            left = [one for one in kin_of(found, tried, done, by_chance) if worth_it(one)]
+            left = [one for one in instead_of(found, tried, done) if worth_it(one)]
 
 
-def kin_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit], by_chance: bool) -> list[Ranked]:
-    """Effects whose family has a refit that says too little of it; nearly as likely in the first pass as that effect.
+def instead_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit]) -> list[Ranked]:
+    """Effects that take the places of those whose refits are lost: the likeliest other one of each family.
 
-    Where it has no solution, or ended where the effect is absent, and no other refit is of that family, the likeliest
-    one takes its place. Where it leaves least of all, but more than chance does, all of them are refitted: the first
-    pass, which rounds off pictures to patches, does not tell them apart. Nearly is three quarters of the log odds.
+    Lost is a refit without a solution, or that ended where its effect is absent. Not where another refit of the family
+    has ended, nor by an effect that was less likely in the first pass, by a quarter of the log odds.
 
     Parameters
     ----------
@@ -143,28 +142,22 @@ def kin_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit], by_
         Effects whose refits were tried.
     done : mapping
         These refits, of those that have a solution.
-    by_chance : bool
-        Whether one of them leaves no more than chance does.
     """
-    ranking, score_test = found.ranking, found.score_test
-    spread = spread_of(score_test.misfit, ranking, score_test.freedom)
-    worth = worth_a_refit(score_test, ranking, found.tests, done)
-    left = [one for one in worth if one.refitted and one.candidate.effect.name not in tried]
-
-    def kin(of: Ranked) -> list[Ranked]:
-        family, least = of.candidate.effect.family, ENOUGH * of.odds(spread)
-        near = [one for one in left if one.candidate.effect.family == family and one.odds(spread) >= least]
-        return sorted(near, key=lambda one: -one.odds(spread))
-
-    refits = by_one_likelihood(done, found.comparison.weighed)
-    ended = {name: refit for name, refit in refits.items() if not refit.absent}
-    best = best_of(ranking, ended)
-    chosen = [] if best is None or by_chance else kin(best[0])
-    said = {one.candidate.effect.family for one in ranking if one.candidate.effect.name in ended}
-    unsaid = [one for one in ranking if one.candidate.effect.name in tried and one.candidate.effect.family not in said]
-    for lost in {one.candidate.effect.family: one for one in reversed(unsaid)}.values():
-        chosen += kin(lost)[:1]
-    return chosen
+    spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
+    ended = {name for name, refit in done.items() if not refit.absent}
+    families = {one.candidate.effect.family for one in found.ranking if one.candidate.effect.name in ended}
+    lost = dict[str, float]()
+    for one in found.ranking:
+        effect = one.candidate.effect
+        if effect.name in tried and effect.family not in families:
+            lost[effect.family] = max(one.odds(spread), lost.get(effect.family, -np.inf))
+    chosen = dict[str, Ranked]()
+    for one in worth_a_refit(found.score_test, found.ranking, found.tests, done):
+        effect, odds = one.candidate.effect, one.odds(spread)
+        if one.refitted and effect.name not in tried and odds >= ENOUGH * lost.get(effect.family, np.inf):
+            best = chosen.setdefault(effect.family, one)
+            chosen[effect.family] = max(best, one, key=lambda each: each.odds(spread))
+    return list(chosen.values())
 
 
 def imitated(known: Tested) -> Ranked | None:

@@ -9,7 +9,7 @@ from fingerfit.diagnosis import second_queue
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.likelihood import misfits
 from fingerfit.diagnosis.refit import Refit
-from fingerfit.diagnosis.second_queue import by_one_likelihood, kin_of
+from fingerfit.diagnosis.second_queue import by_one_likelihood, instead_of
 from fingerfit.model.catalogue import catalogue
 
 
@@ -77,31 +77,24 @@ def names(found):
 
 @pytest.mark.parametrize("absent", [True, False], ids=["absent", "no solution"])
 def test_where_a_refit_is_lost_the_likeliest_of_its_family_takes_its_place(monkeypatch, absent):
-    odds = {"gradient": 110.0, "base_slip": 100.0, "debonding": 90.0, "soft_bed": 80.0, "tilt": 99.0}
+    odds = {"gradient": 110.0, "base_slip": 100.0, "soft_bed": 80.0, "debonding": 90.0, "tilt": 99.0}
     done = {"gradient": refit(0.1)} | ({"base_slip": refit(0.6, absent=True)} if absent else {})
     found = queue(monkeypatch, odds, done)
     tried = {"gradient", "base_slip"}
-    assert names(kin_of(found, tried, done, True)) == ["debonding"]
+    assert names(instead_of(found, tried, done)) == ["debonding"]
     # what else is lost of that family leaves room for the next one, and what has ended for none
-    assert names(kin_of(found, {*tried, "debonding"}, done, True)) == ["soft_bed"]
-    assert not kin_of(found, {*tried, "debonding"}, {**done, "debonding": refit(0.2)}, True)
+    assert names(instead_of(found, {*tried, "debonding"}, done)) == ["soft_bed"]
+    assert not instead_of(found, {*tried, "debonding"}, {**done, "debonding": refit(0.2)})
 
 
-@pytest.mark.parametrize(("share", "expected"), [(ENOUGH + 0.01, ["gradient"]), (ENOUGH - 0.01, [])])
-def test_all_of_the_best_ones_family_are_refitted_that_the_first_pass_finds_nearly_as_likely(
-    monkeypatch, share, expected
-):
-    odds = {"body_gradient": 100.0, "gradient": 100.0 * share, "tilt": 100.0, "debonding": 99.0}
-    done = {"body_gradient": refit(0.2), "tilt": refit(0.4)}
-    found = queue(monkeypatch, odds, done)
-    assert names(kin_of(found, set(done), done, False)) == expected
-    assert not kin_of(found, set(done), done, True)  # no more than chance is left, which no other one can lower
-    # where another family comes nearest, none of this one
-    assert not kin_of(found, set(done), {**done, "tilt": refit(0.1)}, False)
+@pytest.mark.parametrize(("share", "count"), [(ENOUGH + 0.01, 1), (ENOUGH - 0.01, 0)])
+def test_nothing_that_was_much_less_likely_does(monkeypatch, share, count):
+    found = queue(monkeypatch, {"base_slip": 100.0, "debonding": 100.0 * share}, {})
+    assert len(instead_of(found, {"base_slip"}, {})) == count
 
 
-def test_what_is_left_is_refitted_after_what_was_chosen(monkeypatch):
-    made = {"body_gradient": refit(0.3, 400.0, 1.5), "gradient": refit(0.1, 300.0, 1.4)}
-    found = queue(monkeypatch, {"body_gradient": 100.0, "gradient": 90.0}, made)
-    monkeypatch.setattr(second_queue, "to_refit", lambda *_: found.ranking[:1])
-    assert [one.candidate.effect.name for one, _, _ in second_queue.refits_of(found, 1)] == list(made)
+def test_places_of_lost_refits_are_taken_after_the_others(monkeypatch):
+    made = {"base_slip": refit(0.6, 400.0, absent=True), "gradient": refit(0.3, 400.0), "debonding": refit(0.1, 300.0)}
+    found = queue(monkeypatch, {"base_slip": 100.0, "gradient": 90.0, "debonding": 90.0}, made)
+    monkeypatch.setattr(second_queue, "to_refit", lambda *_: found.ranking[:2])
+    assert names(one for one, _, _ in second_queue.refits_of(found, 1)) == list(made)
