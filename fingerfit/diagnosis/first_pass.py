@@ -10,6 +10,7 @@ patches that are farther off than registration reaches.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.evidence import information
-from fingerfit.diagnosis.ranking import Ranked, Refitted
+from fingerfit.diagnosis.ranking import Ranked, Refitted, within_bounds
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.first_order import beside
 from fingerfit.fit.intervals import bound_of
@@ -72,7 +73,7 @@ class FirstPass:
         whole[residual.kept] = residual.vector
         self.rows = residual.kept & _followed(comparison)
         self._left, self._anchor = whole, anchor
-        inside = self.rows[residual.kept]
+        self._inside = inside = self.rows[residual.kept]
         covariance, nuisance = comparison.covariance[np.ix_(inside, inside)], comparison.nuisance()[inside]
         # of a model without numbers of its own: they are fitted here, not projected away
         self._weights = ScoreTest(residual.vector[inside], covariance, np.zeros((self.count, 0)), nuisance)
@@ -82,6 +83,15 @@ class FirstPass:
         """Slopes of the fitted model, by its parameters, shape (values,) each; those that were taken only."""
         slopes = {p.name: self.comparison.slope(p.name) for p in self.comparison.problem.settings.parameters()}
         return {name: -self.whiten(slope) for name, slope in slopes.items() if slope.any()}
+
+    @cached_property
+    def _slopes(self) -> ScoreTest:
+        comparison, inside = self.comparison, self._inside
+        return self._weights.of_another(comparison.residual.vector[inside], comparison.own()[inside], comparison.known)
+
+    def promised(self, one: Ranked) -> Ranked:
+        """An effect with what slopes predict of the values that are fitted here alone."""
+        return replace(one, finding=within_bounds(self._slopes, one.candidate.effect, one.columns[self._inside]))
 
     @property
     def count(self) -> int:

@@ -15,6 +15,7 @@ from fingerfit.diagnosis.evidence import log_odds_of_some
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
 from fingerfit.fit.problem import SEARCH
 from fingerfit.fit.rounds import Asked
+from fingerfit.model.effect import Effect
 
 FIRST_PASS, REFIT = "first pass", "refit"
 """What says how much an effect explains, in words: never one of them where the other one is meant."""
@@ -125,11 +126,14 @@ def rank_candidates(
     for candidate in found:
         columns = comparison.columns(candidate, without)
         if columns is not None:
-            parameters = candidate.effect.parameters
-            low = np.array([p.lower - p.null for p in parameters])
-            high = np.array([p.upper - p.null for p in parameters])
-            ranking.append(Ranked(candidate, score_test.test(columns, low, high), columns))
+            ranking.append(Ranked(candidate, within_bounds(score_test, candidate.effect, columns), columns))
     return ranking
+
+
+def within_bounds(score_test: ScoreTest, effect: Effect, columns: np.ndarray) -> Finding:
+    """The score test of an effect, each of its numbers within its bounds; `columns` as in `ScoreTest.test`."""
+    low, high = (np.array([getattr(p, side) - p.null for p in effect.parameters]) for side in ("lower", "upper"))
+    return score_test.test(columns, low, high)
 
 
 def spread_of(misfit: float, ranking: Sequence[Ranked], values: int) -> float:

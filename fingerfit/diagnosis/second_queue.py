@@ -40,8 +40,9 @@ def refits_of(
 ) -> Iterator[tuple[Ranked, Refit, int]]:
     """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
 
-    Where one explains most of the misfit, not those whose odds in the first pass were far below its own, by more than
-    tells refits apart, and no probe that was less likely: it would only say that there is something of no known form.
+    Where one explains most of the misfit, not those whose odds were far below its own (both in the first pass, or both
+    by slopes), by more than tells refits apart, and no probe that was less likely: it would only say that there is
+    something of no known form.
     But where the best one leaves more than the noise, in the pictures and in the patches, a probe of another family may
     come nearer, and counts as a member does. A series of many numbers may imitate what has few: beside it others are
     tried that were half as likely.
@@ -49,7 +50,8 @@ def refits_of(
     included. Nor do then those that only slopes speak for; they come after what explained the data in the first pass.
     At last those that take the places of lost refits: `instead_of`.
     """
-    explained, by_series, named = -np.inf, False, set[str]()
+    # the best log odds of what explains the data, of the first pass and of slopes, which are not one measure
+    explained, by_series, named = {True: -np.inf, False: -np.inf}, False, set[str]()
     nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
     done = dict(known or {})
     by_chance = False  # whether one of them leaves no more than chance does in patches, and hardly more in pictures
@@ -69,7 +71,8 @@ def refits_of(
         share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
         # members that not even refits may tell apart are all refitted
         alike = 0.0 if effect.probe else 0.5 * RIVAL
-        return not ranked.refitted or ranked.odds(spread) >= min(share * explained, explained - alike)
+        best = explained[bool(ranked.refitted)]
+        return ranked.odds(spread) >= min(share * best, best - alike)
 
     def refitted(ranked: Ranked) -> tuple[tuple[Refit, int, int] | None, set[str]]:
         known, name = set(problem.asked), ranked.candidate.effect.name
@@ -109,7 +112,10 @@ def refits_of(
                 ranked = found.moved(ranked, place)
             if explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH:
                 field = bool(effect.series) and effect.probe
-                explained, by_series = max((explained, by_series), (ranked.odds(spread), field))
+                first, odds = bool(ranked.refitted), ranked.odds(spread)
+                # in space slopes are all there is, and too rough for that
+                if odds > explained[first] and (first or flat):
+                    explained[first], by_series = odds, field if first else by_series
                 nearest_by.add(effect.family)
                 least = min(least, refit.at_least)
             whole = explains(refit) and refit.fitted <= EXPLAINED

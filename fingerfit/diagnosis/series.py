@@ -13,7 +13,7 @@ import numpy as np
 
 from fingerfit.diagnosis.evidence import LIKELY
 from fingerfit.diagnosis.families import SURE
-from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.ranking import Ranked, within_bounds
 from fingerfit.diagnosis.score_tests import ScoreTest
 
 
@@ -64,5 +64,4 @@ def cut(score_test: ScoreTest, one: Ranked) -> Ranked:
         asked=one.candidate.asked[:count],
     )
     columns = one.columns[:, :count]
-    bounds = (np.array([getattr(p, side) - p.null for p in part.parameters]) for side in ("lower", "upper"))
-    return replace(one, candidate=few, columns=columns, finding=score_test.test(columns, *bounds))
+    return replace(one, candidate=few, columns=columns, finding=within_bounds(score_test, part, columns))

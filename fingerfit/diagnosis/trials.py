@@ -59,6 +59,7 @@ def refit_all(
     threads : int
     sloped : bool
         Whether what slopes predict holds, as it does near the truth: then only those are refitted that they speak for.
+        So it does where the model leaves no more of what the first pass sees than chance does.
     everywhere : sequence of Ranked
         At all places, for those that the best one may be mistaken for.
     family : str
@@ -78,12 +79,15 @@ def refit_all(
     base = first.refit(problem, comparison.base.values, near=True)
     first.threads = 1  # each candidate has a process of its own
     before = _solved(problem)
+    # what is unexplained may be brightness alone, which is not looked at here
+    quiet = not sloped and base.misfit <= chance(first.count - len(base.values))
     seen, found, run = list[Ranked](), list[Ranked](), base.simulations
     for one in ranking:
         effect = one.candidate.effect
         blind = effect.acts == NUMERICS or set(effect.observes) == {"intensity"}
-        spoken_for = (not sloped or one.odds(1.0) > 0.0) and family in ("", effect.family)
-        (seen if spoken_for and not blind else found).append(one)
+        there = first.promised(one) if quiet and not blind else one
+        spoken_for = (not (sloped or quiet) or there.odds(1.0) > 0.0) and family in ("", effect.family)
+        (seen if spoken_for and not blind else found).append(there)
 
     def by_odds() -> list[Ranked]:
         spread = spread_of(base.misfit, found, first.count)

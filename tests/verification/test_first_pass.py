@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from seeds import generator
-from small_body import alike_to, compared, fitted, to_first_order, written
+from small_body import SMALL, alike_to, compared, fitted, to_first_order, written
 
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis import first_pass, trials
@@ -24,7 +24,7 @@ from fingerfit.diagnosis.ranking import (
     other_places,
     rank_candidates,
 )
-from fingerfit.diagnosis.refit import Refit
+from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
@@ -33,6 +33,7 @@ from fingerfit.settings.extend import extended
 SHIFT = 4.0
 """Exponent 5.4 where the model has 1.4."""
 NAMES = ("stiffening", "compressibility", "tilt", "misregistration")
+MOVING = ("stiffening", "compressibility", "tilt", "base_slip", "misregistration", "split_layer")
 
 
 @pytest.fixture(scope="module")
@@ -188,6 +189,26 @@ def test_near_the_truth_only_those_are_refitted_that_slopes_speak_for(world):
     spoken_for = {one.candidate.effect.name for one in ranking if one.odds(1.0) > 0}
     assert {one.candidate.effect.name for one in sloped if one.refitted} == spoken_for
     assert 0 < len(spoken_for) < len(NAMES) == len([one for one in refitted if one.refitted])
+
+
+def test_where_brightness_alone_is_off_only_those_are_refitted_that_slopes_speak_for(tmp_path):
+    """Slopes count what the first pass looks at: brightness makes whatever moves the body promise something."""
+    own = {"displacement": [0.75, 1.5, 2.25, 3.0], "effects": {"contrast_drift": {"power": -0.03}}}
+    problem, last, _, everything = fitted(written(tmp_path, **own), tmp_path / "model", SMALL)
+    found = [one for one in candidates(problem, finest(problem, last).values)[0] if one.effect.name in MOVING]
+    comparison, _ = compared(problem, last, everything, found)
+    assert not explains(comparison.score_test)
+    ranking = best_places(rank_candidates(comparison, comparison.score_test, found))
+    ranked, _ = refit_all(comparison, ranking)
+    first = FirstPass(comparison)
+    promised = {one.candidate.effect.name: first.promised(one) for one in ranking}
+    spoken_for = {name for name, one in promised.items() if one.odds(1.0) > 0}
+    assert {one.candidate.effect.name for one in ranked if one.refitted} == spoken_for
+    assert len(spoken_for) < len(ranking) == len(MOVING)
+    left = {one.candidate.effect.name: one.finding.fall for one in ranked if not one.refitted}
+    assert left == {name: promised[name].finding.fall for name in left}
+    whole = {one.candidate.effect.name: one.finding.fall for one in ranking}
+    assert all(whole[name] != fall for name, fall in left.items() if fall)
 
 
 def test_two_processes_find_what_one_does(world):
