@@ -71,6 +71,21 @@ def test_members_that_refits_may_not_tell_apart_are_both_refitted(monkeypatch, f
     assert len(list(second_queue.refits_of(found, 1))) == count
 
 
+@pytest.mark.parametrize(("share", "space", "count"), [(0.76, False, 2), (0.74, False, 1), (0.1, True, 2)])
+def test_effects_that_only_slopes_speak_for_are_compared_by_slopes(monkeypatch, share, space, count):
+    """Not in space, where all effects are such ones. What the first pass refitted is compared by another measure."""
+    made = dict.fromkeys(("contrast_drift", "intensity_drift"), refit(0.0, error=1.1))
+    found = queue(monkeypatch, {"contrast_drift": 100.0, "intensity_drift": 100.0 * share}, made)
+    for one in found.ranking:
+        one.refitted = None
+    monkeypatch.setattr(second_queue, "in_space", lambda _: space)
+    assert len(list(second_queue.refits_of(found, 1))) == count
+    tilt = queue(monkeypatch, {"tilt": 1000.0, **dict.fromkeys(made, 100.0)}, {"tilt": refit(0.1, error=1.1), **made})
+    for one in tilt.ranking[1:]:
+        one.refitted = None
+    assert len(list(second_queue.refits_of(tilt, 1))) == 3
+
+
 def names(found):
     return [one.candidate.effect.name for one in found]
 
