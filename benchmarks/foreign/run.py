@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from score import final
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -125,8 +126,7 @@ def main() -> None:
         row = run(file.parent, work / name, args.goal, args.cores, args.limit)
         with args.out.open("a", encoding="utf-8") as out:
             out.write(json.dumps(row) + "\n")
-        known = (one for one in row["rungs"] if set(one["effects"]) == set(row["last"]))
-        last = next(known, {"model": "-", "sentence": row.get("message", "nothing")})
+        last = final(row) if row["rungs"] else {"model": "-", "sentence": row.get("message", "nothing")}
         said = "" if args.quiet else f"; {last['model']}: {last['sentence']}"
         print(f"{name}: {row['seconds']} s{said}", flush=True)
 

@@ -85,13 +85,13 @@ class FirstPass:
         return {name: -self.whiten(slope) for name, slope in slopes.items() if slope.any()}
 
     @cached_property
-    def _slopes(self) -> ScoreTest:
+    def _score_test(self) -> ScoreTest:
         comparison, inside = self.comparison, self._inside
         return self._weights.of_another(comparison.residual.vector[inside], comparison.own()[inside], comparison.known)
 
     def promised(self, one: Ranked) -> Ranked:
         """An effect with what slopes predict of the values that are fitted here alone."""
-        return replace(one, finding=within_bounds(self._slopes, one.candidate.effect, one.columns[self._inside]))
+        return replace(one, finding=within_bounds(self._score_test, one.candidate.effect, one.columns[self._inside]))
 
     @property
     def count(self) -> int:

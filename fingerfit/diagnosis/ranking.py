@@ -132,8 +132,12 @@ def rank_candidates(
 
 def within_bounds(score_test: ScoreTest, effect: Effect, columns: np.ndarray) -> Finding:
     """The score test of an effect, each of its numbers within its bounds; `columns` as in `ScoreTest.test`."""
-    low, high = (np.array([getattr(p, side) - p.null for p in effect.parameters]) for side in ("lower", "upper"))
-    return score_test.test(columns, low, high)
+    return score_test.test(columns, *bounds_of_size(effect))
+
+
+def bounds_of_size(effect: Effect) -> np.ndarray:
+    """Bounds of an effect's numbers, from their absent values, shape (2, parameters), in their units."""
+    return np.array([(p.lower - p.null, p.upper - p.null) for p in effect.parameters]).T
 
 
 def spread_of(misfit: float, ranking: Sequence[Ranked], values: int) -> float:

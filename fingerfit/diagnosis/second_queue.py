@@ -114,7 +114,7 @@ def refits_of(
                 field = bool(effect.series) and effect.probe
                 first, odds = bool(ranked.refitted), ranked.odds(spread)
                 # in space slopes are all there is, and too rough for that
-                if odds > explained[first] and (first or flat):
+                if flat and odds > explained[first]:
                     explained[first], by_series = odds, field if first else by_series
                 nearest_by.add(effect.family)
                 least = min(least, refit.at_least)
@@ -152,17 +152,17 @@ def instead_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit])
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     ended = {name for name, refit in done.items() if not refit.absent}
     families = {one.candidate.effect.family for one in found.ranking if one.candidate.effect.name in ended}
-    lost = dict[str, float]()
+    lost, chosen = dict[str, float](), dict[str, Ranked]()
     for one in found.ranking:
         effect = one.candidate.effect
         if effect.name in tried and effect.family not in families:
             lost[effect.family] = max(one.odds(spread), lost.get(effect.family, -np.inf))
-    chosen = dict[str, Ranked]()
-    for one in worth_a_refit(found.score_test, found.ranking, found.tests, done):
-        effect, odds = one.candidate.effect, one.odds(spread)
-        if one.refitted and effect.name not in tried and odds >= ENOUGH * lost.get(effect.family, np.inf):
-            best = chosen.setdefault(effect.family, one)
-            chosen[effect.family] = max(best, one, key=lambda each: each.odds(spread))
+    worth = worth_a_refit(found.score_test, found.ranking, found.tests, done)
+    for one in sorted(worth, key=lambda one: -one.odds(spread)):
+        effect = one.candidate.effect
+        least = ENOUGH * lost.get(effect.family, np.inf)
+        if one.refitted and effect.name not in tried and one.odds(spread) >= least:
+            chosen.setdefault(effect.family, one)
     return list(chosen.values())
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.ranking import Ranked
+from fingerfit.diagnosis.ranking import Ranked, bounds_of_size
 from fingerfit.fit.rounds import Asked
 from fingerfit.imaging.outline import CORNER, SIDES, Outline
 
@@ -80,8 +80,7 @@ def begun(comparison: Comparison, everywhere: Sequence[Ranked], most: float = np
             columns.append(np.concatenate([_flat(part) for part in moved]) / parameter.step)
         slopes = np.stack(columns, axis=1)[seen] * weight[seen, None]
         size, *_ = np.linalg.lstsq(slopes, goal[seen] * weight[seen], rcond=None)
-        bounds = np.array([(p.lower - p.null, p.upper - p.null) for p in effect.parameters]).T
-        size = np.clip(size, *bounds)
+        size = np.clip(size, *bounds_of_size(effect))
         left = goal - np.stack(columns, axis=1) @ size
         if _farthest(outlines, left) <= most:
             away = float(((left * weight)[seen] ** 2).sum())

@@ -16,7 +16,16 @@ from fingerfit.core.progress import counted, tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
-from fingerfit.diagnosis.ranking import FIRST_PASS, Ranked, Refitted, elsewhere, other_places, said_by, spread_of
+from fingerfit.diagnosis.ranking import (
+    FIRST_PASS,
+    Ranked,
+    Refitted,
+    bounds_of_size,
+    elsewhere,
+    other_places,
+    said_by,
+    spread_of,
+)
 from fingerfit.diagnosis.refit import chance
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
 from fingerfit.diagnosis.worth import LARGE, SEEN, threshold
@@ -80,7 +89,7 @@ def refit_all(
     first.threads = 1  # each candidate has a process of its own
     before = _solved(problem)
     # what is unexplained may be brightness alone, which is not looked at here
-    quiet = not sloped and base.misfit <= chance(first.count - len(base.values))
+    quiet = not sloped and base.misfit <= chance(base.count - len(base.values))
     seen, found, run = list[Ranked](), list[Ranked](), base.simulations
     for one in ranking:
         effect = one.candidate.effect
@@ -285,9 +294,7 @@ def rank_again(
         if there is None or null is None:
             continue
         again = score_test.test((there - null)[comparison.residual.kept][:, None], np.zeros(1), np.array([1.5]))
-        parameters = one.candidate.effect.parameters
-        bounds = ([p.lower - p.null for p in parameters], [p.upper - p.null for p in parameters])
-        size = np.clip(one.finding.size * again.size[0], *bounds)
+        size = np.clip(one.finding.size * again.size[0], *bounds_of_size(one.candidate.effect))
         found[number] = replace(one, finding=replace(one.finding, fall=again.fall, size=size))
     return sorted(found, key=lambda one: -one.finding.fall), run
 

