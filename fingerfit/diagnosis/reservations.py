@@ -12,10 +12,10 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.effect_form import NO_FORM, Form
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
-from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains, loud
+from fingerfit.diagnosis.refit import Refit, excess, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
-from fingerfit.diagnosis.worth import LARGEST, LIKELY_ENOUGH, odds_of_any, threshold
+from fingerfit.diagnosis.worth import LARGEST, LIKELY_ENOUGH, odds_of_any, seen_of_mesh, threshold
 from fingerfit.fit.far_off import far_off
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, Effect
@@ -326,7 +326,7 @@ def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect
     unknown : bool
         Whether the verdict names no known effect.
     """
-    if not (unknown or verdict.kind == "adequate") or not error > EXPLAINED >= at_least:
+    if not (unknown or verdict.kind == "adequate") or not seen_of_mesh(error, at_least):
         return verdict
     made = f"the pictures differ by {error:.2g} times the noise, by {at_least:.2g} without what the mesh makes of them"
     wrong, cure = cure_of(effect)

@@ -9,11 +9,11 @@ from test_verdict import TESTS, VALUES, World
 from fingerfit.diagnosis import tested
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, nominated
 from fingerfit.diagnosis.ranking import Refitted
-from fingerfit.diagnosis.refit import Refit
+from fingerfit.diagnosis.refit import EXPLAINED, Refit
 from fingerfit.diagnosis.reservations import largest_part, of_family
 from fingerfit.diagnosis.second_queue import PART, imitated
 from fingerfit.diagnosis.verdict import MATTERS, Verdict, decide, nearest
-from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, blamed_on_mesh, most_of, to_refit, too_small
+from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, blamed_on_mesh, mesh_first, most_of, to_refit, too_small
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import FAMILIES
 
@@ -304,6 +304,21 @@ def test_a_mesh_comes_before_effects_where_none_explains_as_much():
     assert not blamed_on_mesh(0.9 * part * left, score_test, tried(0.8 * part))  # something else is missing
     assert blamed_on_mesh(1.01 * LARGEST * left, score_test, tried(0.9))  # more than half
     assert not blamed_on_mesh(0.0, score_test, ranking)
+
+
+@pytest.mark.parametrize(
+    ("by_mesh", "error", "at_least", "hidden", "first"),
+    [
+        (1.0, EXPLAINED + 0.1, 1.0, 6.0, True),
+        (0.0, EXPLAINED + 0.1, 1.0, 6.0, False),  # no finer mesh is to be had
+        (1.0, EXPLAINED, 1.0, 6.0, False),  # the pictures differ by little
+        (1.0, EXPLAINED + 0.2, EXPLAINED + 0.1, 6.0, False),  # something else makes them differ as well
+        (1.0, EXPLAINED + 0.1, 1.0, 60.0, False),  # patches show more than the error of the mesh
+    ],
+)
+def test_a_finer_mesh_comes_first_where_it_alone_is_seen_in_the_pictures(by_mesh, error, at_least, hidden, first):
+    score_test, _ = ranked(1.0, hidden=hidden)
+    assert mesh_first(by_mesh, score_test, error, at_least) == first
 
 
 def test_a_brightness_however_large_keeps_no_other_effect_from_its_refit():
