@@ -39,6 +39,8 @@ from fingerfit.diagnosis.sides import Sides, sides_of
 from fingerfit.diagnosis.tested import test_all
 from fingerfit.diagnosis.verdict import (
     Verdict,
+    beside_probe,
+    both_explain,
     decide,
     ended_well,
     generalising,
@@ -196,11 +198,18 @@ def _diagnose(
         verdict = decide(score_test, ranking, ended, tests, None, held, missed)
         verdict = doubted(verdict, at_least, held if pictured else None, score_test.freedom)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held), tests)
+        one = half or beside_probe(ranking, ended, generalising(score_test, well, held), score_test.misfit)
         # a probe has as many numbers as several effects: no partner is looked for beside it
-        if half is not None and not (probed or half.candidate.effect.probe or half.candidate.effect.name in halves):
-            halves.add(half.candidate.effect.name)
-            partner, more = partner_of(half, found, threads)
-            verdict, run = decide(score_test, ranking, ended, tests, partner, held), run + more
+        if one is not None and not (probed or one.candidate.effect.probe or one.candidate.effect.name in halves):
+            name = one.candidate.effect.name
+            halves.add(name)
+            partner, more = partner_of(one, found, threads)
+            run += more
+            if partner and not half and partner[0].candidate.effect.probe:
+                partner = None  # it says no more than the probe that came nearest
+            if both_explain(score_test, partner, held):
+                ended = {name: well[name]}
+                verdict = decide(score_test, ranking, ended, tests, partner, held)
         if verdict.kind != "unexplained":
             break
     general, beside = generalising(score_test, ended, held), bool(problem.settings.model.effects)

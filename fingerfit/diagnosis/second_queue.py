@@ -16,7 +16,7 @@ from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by, spread_of
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
-from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, generalising
+from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, both_explain, generalising
 from fingerfit.diagnosis.worth import to_refit, worth_a_refit
 
 HALF = 0.5
@@ -214,10 +214,7 @@ def pair_of(
         return alone, None, run
     partner, more = partner_of(ended, found, threads, ended.candidate.effect.family)
     run += more
-    if partner is None or not explains(partner[1]):
-        return alone, None, run
-    both = generalising(found.score_test, {"both": partner[1]}, held_out)
-    return alone, partner if both else None, run
+    return alone, partner if both_explain(found.score_test, partner, held_out) else None, run
 
 
 def partner_of(half: Ranked, known: Tested, threads: int, family: str = "") -> tuple[tuple[Ranked, Refit] | None, int]:

@@ -73,6 +73,39 @@ def half_explained(
     return best if beyond and not explains(refit) and refit.explained(score_test.misfit) < ENOUGH else None
 
 
+def beside_probe(
+    ranking: Sequence[Ranked], nearest: Mapping[str, Refit], refits: Mapping[str, Refit], before: float
+) -> Ranked | None:
+    """The best member of a family whose probe comes nearest, and does not explain the data: with another effect it may.
+
+    What a probe's many numbers gain there may be what they imitate of the other effect. The member must explain enough
+    alone.
+
+    Parameters
+    ----------
+    ranking : sequence of Ranked
+    nearest, refits : mapping
+        Those that no other one is nearer than, and all that count, by name of the effect.
+    before : float
+        Misfit of the model without any of them.
+    """
+    best = best_of(ranking, nearest)
+    if best is None or not best[0].candidate.effect.probe or explains(best[1]):
+        return None
+    family = best[0].candidate.effect.family
+    kin = {one.candidate.effect.name for one in ranking if one.candidate.effect.family == family}
+    kin -= {one.candidate.effect.name for one in ranking if one.candidate.effect.probe}
+    member = best_of(
+        ranking, {name: own for name, own in refits.items() if name in kin and own.explained(before) >= ENOUGH}
+    )
+    return member and member[0]
+
+
+def both_explain(score_test: ScoreTest, partner: tuple[Ranked, Refit] | None, held_out: float | None) -> bool:
+    """Whether the refit of an effect with its partner explains the data, held-out steps included."""
+    return partner is not None and explains(partner[1]) and _generalises(score_test, partner[1], held_out)
+
+
 def decide(
     score_test: ScoreTest,
     ranking: Sequence[Ranked],
@@ -142,7 +175,7 @@ def decide(
         share = refits[name].explained(score_test.misfit) if fell else 1.0
         return f"{100 * min(share, 1.0):.0f} %"
 
-    if partner is not None and explains(partner[1]) and _generalises(score_test, partner[1], held_out):
+    if partner is not None and both_explain(score_test, partner, held_out):
         text = f"missing: {_title(by_name[best])}; with {_title(partner[0])} it explains"
         return Verdict("missing", (best,), f"{text} the misfit beyond the noise, alone {percent(best)} of it", limit)
     if half_explained(score_test, ranking, refits, tests) is not None:

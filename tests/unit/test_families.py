@@ -12,7 +12,7 @@ from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import EXPLAINED, Refit
 from fingerfit.diagnosis.reservations import largest_part, of_family
 from fingerfit.diagnosis.second_queue import PART, imitated
-from fingerfit.diagnosis.verdict import MATTERS, Verdict, decide, nearest
+from fingerfit.diagnosis.verdict import MATTERS, Verdict, beside_probe, decide, nearest
 from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, blamed_on_mesh, mesh_first, most_of, to_refit, too_small
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import FAMILIES
@@ -114,6 +114,25 @@ def test_where_there_is_a_refit_its_number_is_told():
     assert round(100 * kept.explained(score_test.misfit)) == 20
     verdict = of_family(Verdict("unexplained", (), "unexplained", 1.0), score_test, ranking, {"base_slip": kept})
     assert verdict.sentence == "unexplained; 20 % of the misfit beyond the noise may lie in the base (refit)"
+
+
+@pytest.mark.parametrize(
+    ("probe", "member", "nearest", "found"),
+    [
+        (0.9, ENOUGH + 0.05, "base_probe", "base_slip"),
+        (1.0, ENOUGH + 0.05, "base_probe", None),  # the probe explains the data: of no known form
+        (0.9, ENOUGH - 0.05, "base_probe", None),
+        (0.9, ENOUGH + 0.05, "base_slip", None),  # the member is named without a partner
+    ],
+)
+def test_a_member_may_have_a_partner_where_its_probe_does_not_explain_the_data(probe, member, nearest, found):
+    score_test, ranking = ranked(1.0, hidden=60.0)
+    refits = {
+        name: Refit(score_test.misfit - share * score_test.beyond_noise, score_test.freedom, 1.5, 1.5, {})
+        for name, share in (("base_probe", probe), ("base_slip", member), ("tilt", ENOUGH + 0.1))
+    }
+    one = beside_probe(ranking, {nearest: refits[nearest]}, refits, score_test.misfit)
+    assert (one and one.candidate.effect.name) == found
 
 
 def test_what_is_unexplained_has_the_likeliest_family():
