@@ -36,7 +36,7 @@ from fingerfit.diagnosis.reservations import (
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_queue import by_one_likelihood, pair_of, partner_of, refit_best
 from fingerfit.diagnosis.sides import Sides, sides_of
-from fingerfit.diagnosis.tested import test_all
+from fingerfit.diagnosis.tested import in_space, test_all
 from fingerfit.diagnosis.verdict import (
     Verdict,
     beside_probe,
@@ -198,7 +198,9 @@ def _diagnose(
         verdict = decide(score_test, ranking, ended, tests, None, held, missed)
         verdict = doubted(verdict, at_least, held if pictured else None, score_test.freedom)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held), tests)
-        one = half or beside_probe(ranking, ended, generalising(score_test, well, held), score_test.misfit)
+        one = half
+        if one is None and not in_space(problem):  # there it takes hours
+            one = beside_probe(ranking, ended, generalising(score_test, well, held), score_test.misfit)
         # a probe has as many numbers as several effects: no partner is looked for beside it
         if one is not None and not (probed or one.candidate.effect.probe or one.candidate.effect.name in halves):
             name = one.candidate.effect.name

@@ -92,12 +92,10 @@ def beside_probe(
     best = best_of(ranking, nearest)
     if best is None or not best[0].candidate.effect.probe or explains(best[1]):
         return None
-    family = best[0].candidate.effect.family
-    kin = {one.candidate.effect.name for one in ranking if one.candidate.effect.family == family}
-    kin -= {one.candidate.effect.name for one in ranking if one.candidate.effect.probe}
-    member = best_of(
-        ranking, {name: own for name, own in refits.items() if name in kin and own.explained(before) >= ENOUGH}
-    )
+    effects = [one.candidate.effect for one in ranking]
+    kin = {one.name for one in effects if one.family == best[0].candidate.effect.family and not one.probe}
+    enough = {name: own for name, own in refits.items() if name in kin and own.explained(before) >= ENOUGH}
+    member = best_of(ranking, enough)
     return member and member[0]
 
 
