@@ -23,6 +23,7 @@ from fingerfit.diagnosis.reservations import (
     by_settings,
     doubted,
     largest_part,
+    leave_mesh,
     loud_by_mesh,
     not_needed,
     of_family,
@@ -47,7 +48,7 @@ from fingerfit.diagnosis.verdict import (
     half_explained,
     nearest,
 )
-from fingerfit.diagnosis.worth import blamed_on_mesh, mesh_first, most_of, too_small
+from fingerfit.diagnosis.worth import blamed_on_mesh, most_of, too_small
 from fingerfit.fit.lost import Lost
 from fingerfit.fit.minimum import minimum
 from fingerfit.fit.problem import InverseProblem
@@ -179,9 +180,8 @@ def _diagnose(
     coarse = blamed_on_mesh(by_mesh, score_test, ranking)
     seen = 0.0 if unexplained else most_of(ranking)
     probed = any(effect.probe for effect in problem.settings.effects())
-    badly_solved = coarse or mesh_first(by_mesh, score_test, fitted, at_least)
     # of a body of another shape, and of one that is not solved well, refits say nothing
-    no_refits = badly_solved or (outline.off and unexplained) or too_small(score_test, ranking, at_least)
+    no_refits = coarse or (outline.off and unexplained) or too_small(score_test, ranking, at_least)
     # a probe is likelier than its members, but two of these may be what it imitates
     nothing = dict[str, Refit](), None, 0
     pair, partner, more = nothing if no_refits or probed else pair_of(found, held, threads)
@@ -239,6 +239,7 @@ def _diagnose(
         if coarse:
             verdict = too_coarse(verdict, score_test, (by_mesh, finer), seen, mesh, fitted)
         unknown = all(problem.effects[name].probe for name in verdict.effects) and not (coarse or outline.off)
+        unknown |= by_mesh > 0.0 and not unexplained and leave_mesh(verdict.effects, refits)
         verdict = loud_by_mesh(verdict, fitted, at_least, mesh, unknown)
     if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
         verdict, states, more = form_or_state(verdict, found, refits, threads)

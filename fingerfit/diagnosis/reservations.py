@@ -12,10 +12,10 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.effect_form import NO_FORM, Form
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
-from fingerfit.diagnosis.refit import Refit, excess, explains, loud
+from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
-from fingerfit.diagnosis.worth import LARGEST, LIKELY_ENOUGH, odds_of_any, seen_of_mesh, threshold
+from fingerfit.diagnosis.worth import LARGEST, LIKELY_ENOUGH, odds_of_any, threshold
 from fingerfit.fit.far_off import far_off
 from fingerfit.model.applicable import CURE, cure_of
 from fingerfit.model.effect import FAMILIES, NUMERICS, Effect
@@ -313,8 +313,8 @@ def doubted(verdict: Verdict, error: float, held_out: float | None, freedom: int
 def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect, unknown: bool = False) -> Verdict:
     """The verdict, and a finer mesh where what is expected of this one is why the pictures still differ by much.
 
-    `discover` takes one, also where the model is adequate. Then nothing of no known form is named either: the error of
-    the mesh is known to be there.
+    `discover` takes one, also where the model is adequate. Then nothing of no known form is named either, nor what
+    leaves them as they are: the error of the mesh is known to be there.
 
     Parameters
     ----------
@@ -324,15 +324,25 @@ def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect
     effect : Effect
         The one that stands for the mesh.
     unknown : bool
-        Whether the verdict names no known effect.
+        Whether the verdict names no known effect, or none that is more than the mesh (`leave_mesh`).
     """
-    if not (unknown or verdict.kind == "adequate") or not seen_of_mesh(error, at_least):
+    if not (unknown or verdict.kind == "adequate") or not _by_mesh(error, at_least):
         return verdict
     made = f"the pictures differ by {error:.2g} times the noise, by {at_least:.2g} without what the mesh makes of them"
     wrong, cure = cure_of(effect)
     if verdict.kind != "adequate":
         return Verdict("unexplained", (), f"{wrong}: {made}{CURE}{cure}", verdict.threshold, NUMERICS, effect.name)
     return replace(verdict, sentence=f"{verdict.sentence}; {made}{CURE}{cure}", numerics=effect.name)
+
+
+def leave_mesh(named: Sequence[str], refits: Mapping[str, Refit]) -> bool:
+    """Whether effects are named, and with each of them the pictures still differ by much, because of the mesh."""
+    found = [refits[name] for name in named if name in refits]
+    return bool(found) and all(_by_mesh(one.fitted, one.at_least) for one in found)
+
+
+def _by_mesh(error: float, at_least: float) -> bool:
+    return error > EXPLAINED >= at_least
 
 
 def far_off_of(test: Comparison) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from fingerfit.diagnosis.families import SURE, nominated
 from fingerfit.diagnosis.ranking import Ranked, spread_of
-from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains, loud
+from fingerfit.diagnosis.refit import LEVEL, Refit, excess, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.effect import NUMERICS
 
@@ -149,30 +149,6 @@ def too_small(score_test: ScoreTest, ranking: Sequence[Ranked], error: float) ->
 def most_of(ranking: Sequence[Ranked]) -> float:
     """Largest fall of the misfit by an effect that the first pass refitted; 0 where it refitted none."""
     return max((one.finding.fall for one in ranking if one.refitted), default=0.0)
-
-
-def seen_of_mesh(error: float, at_least: float) -> bool:
-    """Whether the mesh is why the pictures differ by much: they would not without what it is expected to make of them.
-
-    Both are errors in units of the noise floor, the second one without that.
-    """
-    return error > EXPLAINED >= at_least
-
-
-def mesh_first(by_mesh: float, score_test: ScoreTest, error: float, at_least: float) -> bool:
-    """Whether a finer mesh comes before any effect, where patches are explained, and pixels but for its error.
-
-    Effects that lower the misfit there have little to explain, and may well imitate the mesh.
-
-    Parameters
-    ----------
-    by_mesh : float
-        Fall of the misfit by a finer mesh; 0 where there is none to take.
-    score_test : ScoreTest
-    error, at_least : float
-        As of `seen_of_mesh`.
-    """
-    return by_mesh > 0.0 and explains(score_test) and seen_of_mesh(error, at_least)
 
 
 def blamed_on_mesh(by_mesh: float, score_test: ScoreTest, ranking: Sequence[Ranked]) -> bool:

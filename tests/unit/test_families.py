@@ -10,10 +10,10 @@ from fingerfit.diagnosis import tested
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, nominated
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import EXPLAINED, Refit
-from fingerfit.diagnosis.reservations import largest_part, of_family
+from fingerfit.diagnosis.reservations import largest_part, leave_mesh, of_family
 from fingerfit.diagnosis.second_queue import PART, imitated
 from fingerfit.diagnosis.verdict import MATTERS, Verdict, beside_probe, decide, nearest
-from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, blamed_on_mesh, mesh_first, most_of, to_refit, too_small
+from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, blamed_on_mesh, most_of, to_refit, too_small
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import FAMILIES
 
@@ -326,18 +326,20 @@ def test_a_mesh_comes_before_effects_where_none_explains_as_much():
 
 
 @pytest.mark.parametrize(
-    ("by_mesh", "error", "at_least", "hidden", "first"),
+    ("errors", "left"),
     [
-        (1.0, EXPLAINED + 0.1, 1.0, 6.0, True),
-        (0.0, EXPLAINED + 0.1, 1.0, 6.0, False),  # no finer mesh is to be had
-        (1.0, EXPLAINED, 1.0, 6.0, False),  # the pictures differ by little
-        (1.0, EXPLAINED + 0.2, EXPLAINED + 0.1, 6.0, False),  # something else makes them differ as well
-        (1.0, EXPLAINED + 0.1, 1.0, 60.0, False),  # patches show more than the error of the mesh
+        ({"tilt": (EXPLAINED + 0.1, 1.0)}, True),
+        ({"tilt": (EXPLAINED, 1.0)}, False),  # with it the pictures differ by little
+        ({"tilt": (EXPLAINED + 0.2, EXPLAINED + 0.1)}, False),  # and not because of the mesh
+        ({"tilt": (EXPLAINED + 0.1, 1.0), "skin": (EXPLAINED - 0.1, 1.0)}, False),  # one of two does more
+        ({}, False),
     ],
 )
-def test_a_finer_mesh_comes_first_where_it_alone_is_seen_in_the_pictures(by_mesh, error, at_least, hidden, first):
-    score_test, _ = ranked(1.0, hidden=hidden)
-    assert mesh_first(by_mesh, score_test, error, at_least) == first
+def test_effects_that_leave_what_the_mesh_makes_are_told_from_those_that_do_not(errors, left):
+    refits = {
+        name: Refit(1.0, 1, error, None, {}, but_mesh=(at_least, None)) for name, (error, at_least) in errors.items()
+    }
+    assert leave_mesh(tuple(errors), refits) == left
 
 
 def test_a_brightness_however_large_keeps_no_other_effect_from_its_refit():
