@@ -174,6 +174,7 @@ def diagnose(args: argparse.Namespace) -> None:
     from fingerfit.diagnosis.diagnose import diagnose
     from fingerfit.fit.rounds import Round, asked_for
     from fingerfit.fit.simulate import measured
+    from fingerfit.report.compared import RESIDUAL, compared, write_residual
     from fingerfit.report.findings import count_simulations, rung_of, write_compare, write_diagnosis
 
     settings = _checked(args.settings).model_copy(update={"time_limit": args.time_limit or None})
@@ -184,7 +185,9 @@ def diagnose(args: argparse.Namespace) -> None:
     write_compare(found.comparison, args.out.parent / "compare.npz")
     study, model = args.out.parents[1], problem.settings.model
     counted = count_simulations(study, model.path, set(asked_for(args.last)), problem.asked)
-    keep_json(args.out.parent / "rung.json", rung_of(found, estimate, counted))
+    write_residual(found.comparison.weighed, args.out.parent / RESIDUAL)
+    models = compared(study, model.path, found.comparison.weighed)
+    keep_json(args.out.parent / "rung.json", rung_of(found, estimate, counted, models))
     write_diagnosis(found, args.out)
     total, reused = counted["run"] + counted["reused"], counted["reused"]
     known = (

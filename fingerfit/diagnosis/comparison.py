@@ -298,7 +298,7 @@ class Comparison:
     def weighed(self) -> Weighed:
         """What the model leaves, for comparisons with other models."""
         residual = self.residual
-        return Weighed(residual.kept, residual.vector, self.covariance, self.own(), self.nuisance(), self.known)
+        return Weighed(residual.kept, residual.vector, self.own(), self.covariance, self.nuisance(), known=self.known)
 
     @property
     def known(self) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ worse a model, the more it is forgiven. So models are compared by the covariance
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,50 +15,66 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 
 
 @dataclass(frozen=True)
-class Weighed:
-    """What a model leaves, and what it weighs.
+class Left:
+    """What a model leaves, as others weigh it.
 
     Parameters
     ----------
     kept : ndarray of bool, shape (all,)
         Which values are known.
     vector : ndarray, shape (kept,)
-    covariance : ndarray, shape (kept, kept)
     own : ndarray, shape (kept, parameters)
         Slopes of the model's own numbers.
-    nuisance : ndarray, shape (kept, nuisances)
     known : (ndarray, ndarray), optional
         As for `ScoreTest`.
     """
 
     kept: np.ndarray
     vector: np.ndarray
-    covariance: np.ndarray
     own: np.ndarray
-    nuisance: np.ndarray
-    known: tuple[np.ndarray, np.ndarray] | None = None
+    known: tuple[np.ndarray, np.ndarray] | None = field(default=None, kw_only=True)
 
 
-def misfits(models: Mapping[str, Weighed], reference: str) -> dict[str, float]:
-    """Misfits of models, of the values that all of them know, weighed by the covariance of one of them.
+@dataclass(frozen=True)
+class Weighed(Left):
+    """What a model leaves, and what it weighs.
 
     Parameters
     ----------
+    covariance : ndarray, shape (kept, kept)
+    nuisance : ndarray, shape (kept, nuisances)
+    """
+
+    covariance: np.ndarray
+    nuisance: np.ndarray
+
+
+def by_likelihood_of(reference: Weighed, models: Mapping[str, Left]) -> dict[str, ScoreTest]:
+    """What models leave of the values that all of them and the reference know, weighed by the covariance of that one.
+
+    Parameters
+    ----------
+    reference : Weighed
+        The one whose covariance is taken.
     models : mapping
         By name.
-    reference : str
-        The one whose covariance is taken.
     """
-    known = np.logical_and.reduce([model.kept for model in models.values()])
-    rows = {name: known[model.kept] for name, model in models.items()}
-    one, its = models[reference], rows[reference]
+    known = np.logical_and.reduce([reference.kept, *(model.kept for model in models.values())])
+    its = known[reference.kept]
+    covariance = reference.covariance[np.ix_(its, its)]
     first = ScoreTest(
-        one.vector[its], one.covariance[np.ix_(its, its)], one.own[its], one.nuisance[its], known=one.known
+        reference.vector[its], covariance, reference.own[its], reference.nuisance[its], known=reference.known
     )
+    rows = {name: known[model.kept] for name, model in models.items()}
     return {
-        name: first.of_another(model.vector[rows[name]], model.own[rows[name]], model.known).misfit
+        name: first.of_another(model.vector[rows[name]], model.own[rows[name]], model.known)
         for name, model in models.items()
     }
+
+
+def misfits(models: Mapping[str, Weighed], reference: str) -> dict[str, float]:
+    """Misfits of models, by name: as `by_likelihood_of` the one with the name `reference`."""
+    return {name: one.misfit for name, one in by_likelihood_of(models[reference], models).items()}
 
 
 def fall(before: Weighed, after: Weighed) -> float:

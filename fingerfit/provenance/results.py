@@ -31,13 +31,15 @@ LOCK = ".lock"
 """Locked by the run that works on the results of a model."""
 SHARED = ("sims", "meshes")
 """Folders beside those of the models."""
-DIAGNOSED = ("compare.npz", "diagnosis.npz", "diagnosis.json", "rung.json")
+BELOW = ("simulations.json", "residual.npz")
+"""What a diagnosis reads of the models below."""
+DIAGNOSED = ("compare.npz", "diagnosis.npz", "diagnosis.json", "rung.json", *BELOW)
 KEPT = (
     "settings.json", "prepared*.npz", "mesh*.inp", "refined*.inp", "rounds/*.json", "estimate.json", "figures/*.png",
-    *DIAGNOSED, "simulations.json",
+    *DIAGNOSED,
 )  # fmt: skip
 """Results of a model that can be told from damaged ones."""
-FITTED = ("rounds/*.json", "estimate.json", "table.txt", "figures/*.png", *DIAGNOSED, "simulations.json")
+FITTED = ("rounds/*.json", "estimate.json", "table.txt", "figures/*.png", *DIAGNOSED)
 """Results that the effects of a study go into, which the search and the diagnosis know."""
 
 
@@ -209,8 +211,8 @@ def in_order(settings: Settings) -> None:
     order += [[model / "settings.json"], [path for name in prepared for path in sorted(model.glob(name))]]
     order += [[path] for path in rounds]
     order.append([model / "estimate.json", model / "table.txt", *model.glob("figures/*")])
-    order += [[folder / "simulations.json"] for folder in below]  # the diagnosis counts them
-    order.append([path for name in (*DIAGNOSED, "simulations.json") for path in sorted(model.glob(name))])
+    order += [[folder / name for name in BELOW] for folder in below]
+    order.append([path for name in DIAGNOSED for path in sorted(model.glob(name))])
     # of a folder Snakemake has the time in a file
     order.append([study / "ladder.json", study / "report.html", model / "export/.snakemake_timestamp"])
     latest = 0

@@ -308,8 +308,24 @@ def count_simulations(study: Path, models: list[str], fit: set[str], diagnosis: 
     return {"run": len(fit) - len(reused), "reused": len(reused)}
 
 
-def rung_of(found: Diagnosis, estimate: dict[str, Any], simulations: dict[str, int]) -> dict[str, Any]:
-    """The model's rung of the ladder; `simulations` says how many its fit ran and how many it reused."""
+def rung_of(
+    found: Diagnosis,
+    estimate: dict[str, Any],
+    simulations: dict[str, int],
+    compared: dict[str, dict[str, float]],
+) -> dict[str, Any]:
+    """The model's rung of the ladder.
+
+    Parameters
+    ----------
+    found : Diagnosis
+    estimate : dict
+        Its ``estimate.json``.
+    simulations : dict
+        How many its fit ran and how many it reused, as from `count_simulations`.
+    compared : dict
+        The models on the way to it by its likelihood, as from `fingerfit.report.compared.compared`.
+    """
     fitted, held_out = errors(found.comparison)
     settings, score_test = found.comparison.problem.settings, found.score_test
     count, entries = len(settings.parameters()), estimate["parameters"]
@@ -330,8 +346,7 @@ def rung_of(found: Diagnosis, estimate: dict[str, Any], simulations: dict[str, i
         "misfit": score_test.misfit,
         "freedom": score_test.freedom,
         "parameters_count": count,
-        "aic": score_test.misfit + 2 * count,
-        "bic": score_test.misfit + count * float(np.log(max(score_test.freedom + count, 1))),
+        "compared": compared,
         "verdict": found.verdict.kind,
         "sentence": found.verdict.sentence,
         "simulations": simulations,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerfit.core.files import digest, read_json
+from fingerfit.report.compared import by_the_last
 from fingerfit.settings.choices import read_checked
 from fingerfit.settings.finer import are_finer
 from fingerfit.settings.parts import MeshSettings
@@ -43,7 +44,8 @@ def ladder(study: Path, settings: Path) -> dict[str, Any]:
     dict
         ``study``, ``rungs`` and under ``others`` the models that are not on this ladder, with the reason: a side
         branch, or a rung that was made with other settings, whose errors are not comparable. A rung of the coarser mesh
-        that this model was begun with is on the ladder, with ``coarser`` true, without AIC and BIC.
+        that this model was begun with is on the ladder, with ``coarser`` true. Misfits, AIC and BIC are those by the
+        likelihood of the last rung.
     """
     own, path = read_json(settings), read_checked(settings).model.path
     now = made_with(own)
@@ -51,7 +53,7 @@ def ladder(study: Path, settings: Path) -> dict[str, Any]:
     same = {name for name, rung in there.items() if rung.get("made_with") == now}
     for name in [name for name in path if name in there and name not in same]:
         if _on_coarser_mesh(study / name / "settings.json", there[name].get("made_with"), own):
-            there[name] |= {"coarser": True, "aic": None, "bic": None}
+            there[name] |= {"coarser": True}
             same.add(name)
     reasons = {
         name: "not on the way to this model" if name in same else "made with other settings"
@@ -59,7 +61,8 @@ def ladder(study: Path, settings: Path) -> dict[str, Any]:
         if name not in same or name not in path
     }
     others = [{"model": name, "why": why} for name, why in reasons.items()]
-    return {"study": study.name, "rungs": [there[name] for name in path if name in same], "others": others}
+    rungs = by_the_last([there[name] for name in path if name in same])
+    return {"study": study.name, "rungs": rungs, "others": others}
 
 
 def _on_coarser_mesh(file: Path, made: str | None, now: Mapping[str, Any]) -> bool:

@@ -8,7 +8,7 @@ AREA = "damaged results"
 FILES = (
     "settings.json", "prepared.npz", "mesh.inp", "rounds/0.json", "rounds/1.json", "rounds/2.json", "estimate.json",
     "table.txt", "figures/force.png", "compare.npz", "diagnosis.json", "diagnosis.npz", "rung.json", "simulations.json",
-    "../ladder.json", "../report.html", "SIM/solution.npz", "SIM/deck.inp", "SIM/solver.json", "MESH",
+    "residual.npz", "../ladder.json", "../report.html", "SIM/solution.npz", "SIM/deck.inp", "SIM/solver.json", "MESH",
 )  # fmt: skip
 
 

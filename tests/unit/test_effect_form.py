@@ -30,7 +30,7 @@ def world(signal, names=("tilt",), left=None, effects=EFFECTS):
         parameters=lambda: parameters, model=SimpleNamespace(effects=dict.fromkeys(names), parameters={"mu": None})
     )
     vector = np.zeros(COUNT) if left is None else left
-    weighed = Weighed(np.ones(COUNT, dtype=bool), vector, NOISE**2 * np.eye(COUNT), own, np.zeros((COUNT, 0)))
+    weighed = Weighed(np.ones(COUNT, dtype=bool), vector, own, NOISE**2 * np.eye(COUNT), np.zeros((COUNT, 0)))
     residual = SimpleNamespace(value=np.zeros(SHAPE), kept=np.ones(COUNT, dtype=bool), vector=vector)
     found = SimpleNamespace(
         problem=SimpleNamespace(

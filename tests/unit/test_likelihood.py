@@ -20,7 +20,7 @@ def model(offset, noise, kept=None, seed=1):
     kept = np.ones(COUNT, dtype=bool) if kept is None else kept
     own, pattern = rng.normal(size=(COUNT, 2)), rng.normal(size=COUNT)
     vector = 0.1 * rng.normal(size=COUNT) + offset * pattern
-    return Weighed(kept, vector[kept], noise**2 * np.eye(kept.sum()), own[kept], np.zeros((kept.sum(), 1)))
+    return Weighed(kept, vector[kept], own[kept], noise**2 * np.eye(kept.sum()), np.zeros((kept.sum(), 1)))
 
 
 def test_a_worse_model_with_a_wider_covariance_is_worse():

@@ -146,7 +146,7 @@ SOLVER = {"name": "builtin", "version": "1"}
 KEPT = (
     "base/settings.json", "base/prepared.npz", "base/mesh.inp", "base/refined.inp", "base/rounds/0.json",
     "base/rounds/12.json", "base/estimate.json", "base/compare.npz", "base/diagnosis.json", "base/diagnosis.npz",
-    "base/rung.json", "base/simulations.json", "ladder.json",
+    "base/rung.json", "base/simulations.json", "base/residual.npz", "ladder.json",
 )  # fmt: skip
 HERE = get_solver("builtin").identity()
 SIM = f"sims/{simulation_name(DECK, SOLVER)}"

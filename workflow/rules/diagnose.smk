@@ -3,6 +3,7 @@ rule diagnose_model:
     input:
         meshes=meshes,
         below=below("simulations.json"),
+        residual_below=below("residual.npz"),
         rounds=rounds_and_solutions,
         last=last_round,
         settings="{study}/{model}/settings.json",
@@ -15,6 +16,7 @@ rule diagnose_model:
         compare="{study}/{model}/compare.npz",
         rung="{study}/{model}/rung.json",
         simulations="{study}/{model}/simulations.json",
+        residual="{study}/{model}/residual.npz",
     log:
         "{study}/{model}/logs/diagnose.log",
     conda:
