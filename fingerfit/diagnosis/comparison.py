@@ -30,6 +30,7 @@ from fingerfit.forward.predict import Predictor, Synthesis
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import MESH_ERROR, Effect
 from fingerfit.model.observation import Observation
+from fingerfit.model.parameters import Parameter
 from fingerfit.solvers.contract import CONVERGED, Outcome
 from fingerfit.study.data import Data
 from fingerfit.study.several import AT
@@ -162,18 +163,26 @@ class Comparison:
         return self.problem.ask({**asked.values, key: value}, key), NEAR
 
     def own(self, slope: Slope | None = None) -> np.ndarray:
-        """Slopes of the model's own constants, shape (kept, parameters); `slope` gives others than were measured at."""
-        columns = []
-        for parameter in self.problem.settings.parameters():
-            name = parameter.name.partition(".")[0]
-            effect = self.problem.effects.get(name)
-            column: Any = 0.0
-            if effect is None or not effect.observes_alone:
-                column = (slope or self.slope)(parameter.name)
-            if effect and effect.observes:
-                column = column + self.observed(effect, self.base.values, parameter.name.partition(".")[2])
-            columns.append(column)
+        """Slopes of the model's own numbers, shape (kept, parameters): as from `column`."""
+        columns = [self.column(parameter, slope) for parameter in self.problem.settings.parameters()]
         return np.stack(columns, axis=1)[self.residual.kept]
+
+    def column(self, parameter: Parameter, slope: Slope | None = None) -> np.ndarray:
+        """Derivative of all values by the search coordinate of a fitted number, shape (all,).
+
+        Of displacements and response (`slope` gives others than were measured at), and of what is seen of them.
+        """
+        name, _, own = parameter.name.partition(".")
+        effect = self.problem.effects.get(name)
+        column: Any = 0.0
+        if effect is None or not effect.observes_alone:
+            column = (slope or self.slope)(parameter.name)
+        if effect and effect.observes:
+            values = {**self.problem.settings.fixed(self.problem.effects), **self.base.values}
+            # what is observed is known per unit of the number
+            unit = values[parameter.name] if parameter.log else parameter.scale
+            column = column + self.observed(effect, values, own) * unit
+        return np.asarray(column)
 
     def slope(self, name: str) -> np.ndarray:
         """Slope by a constant, where the last round took it; none where it has no solution."""

@@ -81,8 +81,9 @@ class FirstPass:
     @cached_property
     def known(self) -> dict[str, np.ndarray]:
         """Slopes of the fitted model, by its parameters, shape (values,) each; those that were taken only."""
-        slopes = {p.name: self.comparison.slope(p.name) for p in self.comparison.problem.settings.parameters()}
-        return {name: -self.whiten(slope) for name, slope in slopes.items() if slope.any()}
+        comparison = self.comparison
+        taken = [p for p in comparison.problem.settings.parameters() if comparison.slope(p.name).any()]
+        return {p.name: -self.whiten(comparison.column(p)) for p in taken}
 
     @cached_property
     def _score_test(self) -> ScoreTest:

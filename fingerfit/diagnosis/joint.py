@@ -14,6 +14,7 @@ from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked, Round
 from fingerfit.model.effect import Effect
+from fingerfit.model.parameters import Parameter
 from fingerfit.study.data import Data
 
 
@@ -77,6 +78,10 @@ class JointComparison(Comparison):
     def own(self, slope: Slope | None = None) -> np.ndarray:
         """Slopes of the model's own constants, shape (kept, parameters)."""
         return np.concatenate([test.own() for test in self._tests])
+
+    def column(self, parameter: Parameter, slope: Slope | None = None) -> np.ndarray:
+        """Derivative of all values by the search coordinate of a fitted number, shape (all,)."""
+        return np.concatenate([test.column(parameter) for test in self._tests])
 
     def slope(self, name: str) -> np.ndarray:
         """Slope by a constant."""
