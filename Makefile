@@ -55,7 +55,7 @@ cluster: .venv/cluster  ## install what runs studies on SLURM (docs/cluster.md)
 fingertip: fast fingertip-data  ## identify both tissues of the virtual fingertip: 4 minutes
 	$(BIN)/snakemake --cores $(CORES) --configfile $(FINGERTIP)/config.yaml
 
-benchmark: setup  ## make benchmarks/*.md again: about an hour, needs ccx
+benchmark: setup  ## make phantom.md, noise.md and least_squares.md again: about an hour, needs ccx
 	$(BIN)/python benchmarks/phantom.py
 	$(BIN)/python benchmarks/noise.py
 	$(BIN)/python benchmarks/least_squares.py

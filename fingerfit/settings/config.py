@@ -102,7 +102,9 @@ class FitSettings(Keys):
     batch: int = Field(default=2, ge=1, description="Guesses tried at once; the result does not depend on it.")
     max_evaluations: int = Field(default=400, ge=1, description="Largest number of guesses of the search.")
     replicates: int = Field(
-        default=60, ge=20, description="Repetitions of the measurement with new noise, for the standard errors."
+        default=60,
+        ge=20,
+        description="Simulated repetitions of the measurement, each with new random noise, for the standard errors.",
     )
     seed: int = Field(default=1, ge=0, description="Seed of the noise of these repetitions.")
     tolerance: float = Field(
