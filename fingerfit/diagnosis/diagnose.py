@@ -238,9 +238,9 @@ def _diagnose(
     if mesh:
         if coarse:
             verdict = too_coarse(verdict, score_test, (by_mesh, finer), seen, mesh, fitted)
-        unknown = all(problem.effects[name].probe for name in verdict.effects) and not (coarse or outline.off)
-        unknown |= by_mesh > 0.0 and not unexplained and leave_mesh(verdict.effects, refits)
-        verdict = loud_by_mesh(verdict, fitted, at_least, mesh, unknown)
+        no_form = all(problem.effects[name].probe for name in verdict.effects) and not (coarse or outline.off)
+        by_mesh_too = by_mesh > 0.0 and not unexplained and leave_mesh(verdict.effects, refits)
+        verdict = loud_by_mesh(verdict, fitted, at_least, mesh, no_form or by_mesh_too)
     if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
         verdict, states, more = form_or_state(verdict, found, refits, threads)
         begins = {one.candidate.effect.name: one for one, _ in states}

@@ -133,7 +133,7 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
             if not coarser:
                 raise FingerfitError(f"{config}: the workflow failed; its messages are above")
             # at glued corners a finer mesh may have no equilibrium
-            say("the finer mesh has no fit, for the reason above: the coarser one is taken back")
+            say("the fit on the finer mesh failed, for the reason above: the coarser mesh is taken back")
             write_text(config, coarser)
             coarser, meshes, done = "", MESHES, "the last mesh is taken back"
             continue

@@ -14,7 +14,7 @@ import numpy as np
 from fingerfit.core.errors import StateError
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.first_pass import MOVE, FirstPass, Way
+from fingerfit.diagnosis.first_pass import FirstPass, Way
 from fingerfit.fit.intervals import NORMAL
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.slopes import bounds_of, coordinates, evenly, moved
@@ -24,6 +24,8 @@ APART, LONGEST = 0.6, 0.5
 """Wanted distance of points in that root, and the longest in search coordinates: two thirds of a modulus. Choices."""
 SHORTEST = 1e-3
 """Shortest step to a wall: 0.1 % of a modulus. A choice, as the following."""
+BACK, ON = (0.1, 0.5), (0.5, 2.0)
+"""Factors between which a step changes: beyond a wall, and else. Choices."""
 POINTS = 15
 """At most as many to each side."""
 FALL, MOVES = 0.02, 6
@@ -68,7 +70,11 @@ class Profile:
             for side, (end, why, guess) in sides.items()
             if end is None
         ]
-        known = [f"{'from' if side == 'below' else 'up to'} {end:.4g}" for side, (end, *_) in sides.items() if end]
+        known = [
+            f"{'from' if side == 'below' else 'up to'} {end:.4g}"
+            for side, (end, *_) in sides.items()
+            if end is not None
+        ]
         return f"{self.name} is not identified {'; '.join(lacks)}{f'; 95 % interval {known[0]}' if known else ''}"
 
 
@@ -110,9 +116,9 @@ def profile(comparison: Comparison, name: str, threads: int = 1) -> Profile:
             tell(f"{name} {at[name]:.4g}: the misfit rises by {misfit - least:.3g}")
             wanted = APART / max(rise - root, 1e-300)
             if rise > NORMAL + 2 * APART and step > SHORTEST:
-                step *= min(max(wanted, 0.1), 0.5)  # beyond a wall: once more, nearer
+                step *= min(max(wanted, BACK[0]), BACK[1])  # beyond a wall: once more, nearer
                 continue
-            here, root, step = (at, slopes_there), rise, step * min(max(wanted, 0.5), 2.0)
+            here, root, step = (at, slopes_there), rise, step * min(max(wanted, ON[0]), ON[1])
             if rise >= NORMAL or abs(edge - z) < 1e-9:
                 why = RISEN if rise >= NORMAL else BOUND
                 break
@@ -138,8 +144,6 @@ def _held(
     StateError
         When the start has no solution.
     """
-    from scipy.optimize import least_squares
-
     way = Way(first, problem, start, {}, secant=True)
     here = np.zeros(len(way.parameters))
     free = np.array([p.name != name for p in way.parameters], dtype=bool)
@@ -147,19 +151,10 @@ def _held(
     if not np.isfinite(left).all():
         raise StateError("the start of a refit has no solution")
 
-    def whole(x: np.ndarray) -> np.ndarray:
-        delta: np.ndarray = np.zeros(len(free))
-        delta[free] = x
-        return delta
-
     if not free.any():
         return way.values(here), float(left @ left), way.slopes(here)
-    found = least_squares(
-        lambda x: way.residual(whole(x)), here[free], lambda x: way.slopes(whole(x))[:, free],
-        [ends[free] for ends in way.bounds],
-        x_scale=MOVE, ftol=FALL / max(left @ left, 1.0), xtol=1e-4, gtol=None, max_nfev=MOVES,
-    )  # fmt: skip
-    return way.values(whole(found.x)), float(2.0 * found.cost), way.slopes(whole(found.x))
+    end, found = way.minimum(free, FALL / max(left @ left, 1.0), MOVES)
+    return way.values(end), float(2.0 * found.cost), way.slopes(end)
 
 
 def _follow(slopes: np.ndarray, index: int) -> np.ndarray:

@@ -310,11 +310,11 @@ def doubted(verdict: Verdict, error: float, held_out: float | None, freedom: int
     return Verdict("unexplained", (), text, verdict.threshold)
 
 
-def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect, unknown: bool = False) -> Verdict:
+def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect, set_aside: bool = False) -> Verdict:
     """The verdict, and a finer mesh where what is expected of this one is why the pictures still differ by much.
 
-    `discover` takes one, also where the model is adequate. Then nothing of no known form is named either, nor what
-    leaves them as they are: the error of the mesh is known to be there.
+    `discover` takes one, also where the model is adequate: the error of the mesh is known to be there, what is named
+    only perhaps.
 
     Parameters
     ----------
@@ -323,10 +323,11 @@ def loud_by_mesh(verdict: Verdict, error: float, at_least: float, effect: Effect
         Of the fitted measurements in units of the noise floor, and the same without what the mesh is expected to make.
     effect : Effect
         The one that stands for the mesh.
-    unknown : bool
-        Whether the verdict names no known effect, or none that is more than the mesh (`leave_mesh`).
+    set_aside : bool
+        Whether what the verdict names gives way to the mesh: nothing of a known form, or only effects whose refits
+        leave the pictures as the mesh makes them (`leave_mesh`).
     """
-    if not (unknown or verdict.kind == "adequate") or not _by_mesh(error, at_least):
+    if not (set_aside or verdict.kind == "adequate") or not _by_mesh(error, at_least):
         return verdict
     made = f"the pictures differ by {error:.2g} times the noise, by {at_least:.2g} without what the mesh makes of them"
     wrong, cure = cure_of(effect)

@@ -118,9 +118,9 @@ def residual_of(
     for n, fit in enumerate(fits):
         value[n] = fit.values
     scale = np.concatenate([data.spacing, [1.0]])
-    value = np.concatenate(
-        [value * scale, points_by_patch(data, data.points_displacement - prediction.points, patches)]
-    )
+    of_points = points_by_patch(data, data.points_displacement - prediction.points, patches)
+    # without noise they cannot be weighed
+    value = np.concatenate([value * scale, of_points if data.points_noise > 0 else np.full_like(of_points, np.nan)])
     measured, spread = data.response
     response = np.where(spread > 0, measured - prediction.response, np.nan)
     vector = flat(value, response)

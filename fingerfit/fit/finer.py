@@ -75,8 +75,8 @@ def _continued(problem: InverseProblem, coarse: Outcome, fine: Outcome, data: Da
     if not usable:
         return None
     nodes = in_first_picture(problem.meshes[SEARCH], coarse).points
-    read = Probe(in_first_picture(problem.meshes[REFINED], fine), nodes).read
-    moved = np.array([_filled(read(one), nodes) for one in fine.displacement[:usable]])
+    read = Probe(in_first_picture(problem.meshes[REFINED], fine), nodes).read_near
+    moved = np.array([read(one) for one in fine.displacement[:usable]])
     size = np.abs(data.controlled)
     share = size[usable:] / size[usable - 1] if size[usable - 1] else np.zeros(len(size) - usable)
 
@@ -164,15 +164,3 @@ def _plates(mesh: Mesh, displacement: np.ndarray) -> list[tuple[float, float]]:
             nodes = mesh.node_sets[name]
             found.append((side, float((side * (mesh.points[nodes, -1] + displacement[nodes, -1])).max())))
     return found
-
-
-def _filled(change: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Values at points; those that lie outside of the finer mesh, by a curved border, have that of the nearest one."""
-    from scipy.spatial import cKDTree
-
-    known = np.isfinite(change).all(axis=1)
-    if not known.all():
-        nearest = cKDTree(points[known]).query(points[~known])[1]
-        change = change.copy()
-        change[~known] = change[known][nearest]
-    return change

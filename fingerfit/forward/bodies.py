@@ -159,4 +159,6 @@ def _factor(raised: Callable[[float], str], height: float) -> float:
             before, last, factor = factor, now, factor - now * (factor - before) / ((now - last) or np.inf)
             if abs(factor - before) < _CLOSE:
                 break
+        else:
+            return 1.0
     return round(factor, _DIGITS)

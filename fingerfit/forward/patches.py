@@ -16,6 +16,12 @@ from fingerfit.model.observation import Observation
 from fingerfit.solvers.contract import Outcome
 from fingerfit.study.data import Data
 
+_HAIR = 1e-6
+"""Share of a patch by which a point on the border of the grid may lie outside, by rounding."""
+DEEP = 0.98
+"""Share of the surroundings of a pixel that are of the body, from which it is well inside: where its border is soft,
+brightness is no displacement. A choice."""
+
 
 @dataclass(frozen=True)
 class Patches:
@@ -43,7 +49,7 @@ class Patches:
         """Patches of the body that pictures show; where points alone were measured, of the region that these are in."""
         if len(data.picture_step):
             return cls.over(mesh, across, data.spacing)
-        return cls.with_all(data.points, across_points) if len(data.points) else cls.over(mesh, across)
+        return cls.around(data.points, across_points) if len(data.points) else cls.over(mesh, across)
 
     @classmethod
     def over(cls, mesh: Mesh, across: int = 10, spacing: np.ndarray | None = None) -> Patches:
@@ -70,15 +76,11 @@ class Patches:
         index = np.stack([i.ravel() for i in np.indices(tuple(count))], axis=1)
         return cls(low + (index + 0.5) * size, low, size, tuple(int(c) for c in count))
 
-    @classmethod
-    def with_all(cls, points: np.ndarray, across: int) -> Patches:
-        """As `around`, with those points in them that lie on the upper border of the box: all are wider by a hair."""
-        edge = 1e-6 * np.ptp(points, axis=0)
-        return cls.around(np.concatenate([points - edge, points + edge]), across)
-
     def of(self, points: np.ndarray) -> np.ndarray:
-        """Patch of reference points, shape (points,); -1 outside."""
-        index = np.floor((points - self.low) / self.size).astype(int)
+        """Patch of reference points, shape (points,); -1 outside. Those on the border of the grid are inside."""
+        places = (points - self.low) / self.size
+        places = np.where(np.abs(places) < _HAIR, 0.0, places)
+        index = np.floor(np.where(np.abs(places - self.count) < _HAIR, np.array(self.count) - 1, places)).astype(int)
         inside = ((index >= 0) & (index < np.array(self.count))).all(axis=1)
         flat = np.ravel_multi_index(tuple(np.clip(index, 0, np.array(self.count) - 1).T), self.count)
         return np.where(inside, flat, -1)
@@ -95,7 +97,8 @@ def points_by_patch(data: Data, values: np.ndarray, patches: Patches) -> np.ndar
     found = np.full((len(steps), len(patches.centre), values.shape[1] + 1), np.nan)
     for n, step in enumerate(steps):
         own = (data.points_step == step) & (owner >= 0)
-        found[n, :, :-1] = means(values[own], owner[own], len(patches.centre))
+        if own.any():  # as of markers that lie beside the grid
+            found[n, :, :-1] = means(values[own], owner[own], len(patches.centre))
     return found
 
 
@@ -104,7 +107,7 @@ def owners_of(data: Data, frame: Picture, way: BackwardMap, patches: Patches) ->
     owner = np.full(data.before.size, -1)
     owner[way.pixel] = patches.of(frame.to_points(way.index))
     found = owner.reshape(data.before.shape)
-    deep = smooth((found >= 0).astype(float), max(data.smooth, 1.0)) > 0.98
+    deep = smooth((found >= 0).astype(float), max(data.smooth, 1.0)) > DEEP
     return np.where(deep, found, -1)
 
 
@@ -167,7 +170,7 @@ class Reader:
             at = np.empty_like(data.points_displacement)
             for step in np.unique(data.points_step):
                 own = data.points_step == step
-                u = at_points.read(outcome.displacement[step])[own]
+                u = at_points.read_near(outcome.displacement[step])[own]
                 at[own] = u if seen is None else seen.moved(int(step) + 1, self._points[own], u)
             found += list(points_by_patch(data, at, self._patches))
         return flat(np.array(found), response_of(outcome, data))

@@ -96,7 +96,7 @@ class Predictor:
         probe = Probe(in_first_picture(self.mesh, outcome), places) if elsewhere else self._probe
         for step in sorted(set(data.points_step.tolist())):
             chosen = data.points_step == step
-            moved, begin = probe.read(outcome.displacement[step])[chosen], places[chosen]
+            moved, begin = probe.read_near(outcome.displacement[step])[chosen], places[chosen]
             points[chosen] = moved if seen is None else seen.moved(int(step) + 1, begin, moved)
         measured = response_of(outcome, data)
         if seen is not None:

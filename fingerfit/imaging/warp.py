@@ -326,6 +326,7 @@ class Probe:
 
     def __init__(self, mesh: Mesh, points: np.ndarray) -> None:
         widest = max(block.nodes.shape[1] for block in mesh.blocks)
+        self._points = points
         self._nodes = np.zeros((len(points), widest), dtype=int)
         self._weights = np.full((len(points), widest), np.nan)
         self.element, start = np.full(len(points), -1), 0
@@ -351,3 +352,13 @@ class Probe:
     def read(self, displacement: np.ndarray) -> np.ndarray:
         """Displacements, shape (points, dim), from those of the nodes; NaN for points outside the mesh."""
         return np.einsum("pn,pni->pi", self._weights, displacement[self._nodes])
+
+    def read_near(self, displacement: np.ndarray) -> np.ndarray:
+        """The same; a point outside, by a curved border of another mesh, has that of the nearest point inside."""
+        found, inside = self.read(displacement), self.element >= 0
+        if inside.any() and not inside.all():
+            from scipy.spatial import cKDTree
+
+            nearest = cKDTree(self._points[inside]).query(self._points[~inside])[1]
+            found[~inside] = found[inside][nearest]
+        return found

@@ -498,7 +498,7 @@ def test_discover_takes_a_mesh_back_that_has_no_fit(config, tmp_path, monkeypatc
     said = [line for line in capfd.readouterr().out.splitlines() if "error 2" not in line]
     assert said == [
         "config.yaml: finer mesh, mesh: CPE8, across 6, per_layer 4",
-        "the finer mesh has no fit, for the reason above: the coarser one is taken back",
+        "the fit on the finer mesh failed, for the reason above: the coarser mesh is taken back",
         "ladder: results/study/ladder.json; page: results/study/report.html",
     ]
     assert config.read_text() == before

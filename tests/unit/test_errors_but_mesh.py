@@ -5,7 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fingerfit.core.errors import StateError
 from fingerfit.diagnosis import mesh_errors
+from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.fit.problem import REFINED
 
@@ -82,3 +84,12 @@ def test_held_out_pictures_have_errors_of_their_own(monkeypatch):
 def test_where_no_finer_mesh_tells_errors_are_as_they_are(monkeypatch):
     monkeypatch.setattr(mesh_errors, "_in_pictures", lambda comparison: None)
     assert errors_but_mesh(compared([2.0, 4.0])) == (pytest.approx(10.0**0.5), None)
+
+
+def test_pictures_without_noise_are_no_unit_for_errors():
+    comparison = Comparison.__new__(Comparison)
+    comparison.problem = SimpleNamespace(settings=SimpleNamespace(study="studies/mine"))
+    comparison.residual = SimpleNamespace(floor=np.array([0.02, 0.0]))
+    comparison.__dict__["_by_control"] = np.zeros(2), np.zeros(2)
+    with pytest.raises(StateError, match=r"studies/mine: its pictures have no noise: give pictures\.noise"):
+        _ = comparison.floor

@@ -7,10 +7,12 @@ import pytest
 
 from fingerfit.fit import finer
 from fingerfit.fit.finer import as_on_finer_mesh
+from fingerfit.fit.minimum import ORDER, left_over
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.predict import since_first_picture
 from fingerfit.imaging.pictures import Picture
+from fingerfit.imaging.warp import Probe
 from fingerfit.mesh.blocks import layered_block
 from fingerfit.solvers.contract import CONVERGED, DIVERGED, Outcome
 
@@ -145,7 +147,20 @@ def test_nothing_is_known_without_any_usable_step(known, folded_from):
     assert known(solution(SEARCH, COARSE), solution(REFINED, FINE, 0))[0] is None
 
 
-def test_nodes_outside_of_the_finer_mesh_have_the_change_of_the_nearest():
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.1, 0.0]])
-    change = np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]])
-    assert finer._filled(change, points) == pytest.approx(np.array([[1.0, 2.0], [3.0, 4.0], [3.0, 4.0]]))
+def test_places_outside_of_the_finer_mesh_move_as_the_nearest_inside():
+    mesh = layered_block(2.0, [("a", 1.0)], 2, 1, "CPE4")
+    places = np.array([[0.5, 0.5], [2.1, 0.5], [2.0, 0.5]])
+    probe, moved = Probe(mesh, places), 0.1 * mesh.points + 1.0
+    assert np.isnan(probe.read(moved)[1]).all()
+    assert probe.read_near(moved) == pytest.approx(0.1 * places[[0, 2, 2]] + 1.0)
+    # with all of them inside nothing is looked for, and with none nothing is known
+    assert probe.read_near(moved)[[0, 2]] == pytest.approx(probe.read(moved)[[0, 2]])
+    assert np.isnan(Probe(mesh, places[1:2]).read_near(moved)).all()
+
+
+@pytest.mark.parametrize(("element", "across", "ratio"), [("CPE4", 12, 2), ("CPE8", 6, 2), ("CPE8", 12, 4)])
+def test_a_mesh_is_finer_by_more_elements_and_by_their_order(element, across, ratio):
+    """Quadratic elements of the same size are not the same mesh: what they change is not continued tenfold."""
+    meshes = [layered_block(12.0, [("a", 12.0)], n, n, one) for one, n in (("CPE4", 6), (element, across))]
+    problem = SimpleNamespace(every=(None,), meshes=dict(zip((SEARCH, REFINED), meshes, strict=True)))
+    assert left_over(problem, REFINED) == pytest.approx(1 / (ratio**ORDER - 1))

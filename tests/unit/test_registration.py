@@ -262,7 +262,12 @@ def test_patches_cover_the_body():
 def test_points_on_the_border_of_their_box_lie_in_its_patches():
     grid = np.stack(np.meshgrid(np.arange(4.0), np.arange(4.0)), axis=-1).reshape(-1, 2)
     for points in (grid, grid[:4]):  # and where all lie on a line
-        assert (Patches.with_all(points, 3).of(points) >= 0).all()
+        assert (Patches.around(points, 3).of(points) >= 0).all()
+    # of the body, too, where markers were put on its surface
+    patches = Patches.over(MESH, 10)
+    markers = np.array([[0.0, 12.0], [6.1, 12.0], [12.0, 12.0], [12.0, 5.0], [0.0, 0.0], [12.0 + 1e-9, 0.0]])
+    assert patches.of(markers).tolist() == [9, 59, 99, 94, 0, 90]
+    assert patches.of(np.array([[12.01, 5.0], [-0.01, 5.0]])).tolist() == [-1, -1]
 
 
 def test_a_solution_is_read_as_such_a_vector(world):
@@ -379,3 +384,19 @@ def test_the_expected_noise_in_space_is_that_of_draws(rng):
         # 0.96 to 1.09 over four seeds, 0.84 to 0.98 of independent patches; of 300 draws it is known to 4 %
         assert np.sqrt(mean) / np.mean(draws, axis=1)[:, part].std() == pytest.approx(1.02, abs=0.2)
         assert mean > (said[:, part] ** 2).sum() / count**2
+
+
+@pytest.mark.parametrize(("noise", "count"), [(0.02, 3), (0.0, 0)])
+def test_points_on_the_surface_are_weighed_where_their_noise_is_known(world, noise, count):
+    """All of them lie on the upper border of the body, beside pictures; without noise nothing can be weighed."""
+    data, _, maps = world
+    markers = np.array([[1.0, 12.0], [6.1, 12.0], [12.0, 12.0]])
+    moved = np.full((3, 2), 0.1)
+    marked = replace(
+        data, points=markers, points_displacement=moved, points_step=np.zeros(3, dtype=int), points_noise=noise
+    )
+    pictures = np.array([smooth(warp(data.coefficients, 0.5, way), SMOOTH) for way in maps])
+    found = residual_of(marked, Prediction(pictures, data.force, moved - 0.02), maps, Patches.over(MESH, 5))
+    of_points = found.value[len(maps) :, :, :2]
+    assert np.isfinite(of_points[..., 0]).sum() == count
+    assert of_points[np.isfinite(of_points)] == pytest.approx(0.02)
