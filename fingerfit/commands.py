@@ -170,32 +170,28 @@ def plot(args: argparse.Namespace) -> None:
 def diagnose(args: argparse.Namespace) -> None:
     """Say where a fitted model fails and which effect is missing."""
     from fingerfit.core.files import keep_json, read_record
+    from fingerfit.core.journal import Journal
     from fingerfit.core.progress import Progress
     from fingerfit.diagnosis.diagnose import diagnose
     from fingerfit.fit.rounds import Round, asked_for
     from fingerfit.fit.simulate import measured
-    from fingerfit.report.compared import RESIDUAL, compared, write_residual
+    from fingerfit.report.compared import compared
     from fingerfit.report.findings import count_simulations, rung_of, write_compare, write_diagnosis
 
     settings = _checked(args.settings).model_copy(update={"time_limit": args.time_limit or None})
     problem, last = _fit(args, settings), Round.load(args.last)
     everything, estimate = measured(problem), read_record(args.estimate, "parameters")
-    with Progress(ticks=False).working(f"diagnose {problem.settings.model.full_name}"):
+    study, model = args.out.parents[1], problem.settings.model
+    with Progress(ticks=False).working(f"diagnose {model.full_name}", Journal(study)):
         found = diagnose(problem, last, everything, args.threads)
     write_compare(found.comparison, args.out.parent / "compare.npz")
-    study, model = args.out.parents[1], problem.settings.model
     counted = count_simulations(study, model.path, set(asked_for(args.last)), problem.asked)
-    write_residual(found.comparison.weighed, args.out.parent / RESIDUAL)
     models = compared(study, model.path, found.comparison.weighed)
     keep_json(args.out.parent / "rung.json", rung_of(found, estimate, counted, models))
     write_diagnosis(found, args.out)
-    total, reused = counted["run"] + counted["reused"], counted["reused"]
-    known = (
-        f"{total} simulations, {reused} of them known from the models below"
-        if model.effects
-        else f"{total} simulations"
-    )
-    print(f"{model.full_name}: {known}; {found.verdict.sentence}", flush=True)
+    known = f", {counted['reused']} of them known from the models below" if model.effects else ""
+    total = counted["run"] + counted["reused"]
+    print(f"{model.full_name}: {total} simulations{known}; {found.verdict.sentence}", flush=True)
 
 
 def export(args: argparse.Namespace) -> None:
@@ -229,12 +225,16 @@ def profile(args: argparse.Namespace) -> None:
 
 def discover(args: argparse.Namespace) -> None:
     """Fit, diagnose and add effects until the model is adequate."""
-    from fingerfit.core.progress import say
+    from fingerfit.core.journal import Journal
+    from fingerfit.core.progress import say_in
     from fingerfit.diagnosis.ladder import discover
+    from fingerfit.provenance.results import study_folder
     from fingerfit.settings.config import load_settings
 
-    load_settings(args.config)  # what is wrong with it is said here in one line, not by the workflow
-    discover(args.config, args.cores, say)
+    settings = load_settings(args.config)  # what is wrong with it is said here in one line, not by the workflow
+    journal = Journal(study_folder(settings))
+    discover(args.config, args.cores, say_in(journal))
+    journal.now("nothing more: it has ended")
 
 
 def effects(args: argparse.Namespace) -> None:

@@ -6,9 +6,11 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from fingerfit.core.journal import Journal
 
 _LOG = logging.getLogger("fingerfit.progress")
 
@@ -16,6 +18,11 @@ _LOG = logging.getLogger("fingerfit.progress")
 def tell(text: str) -> None:
     """Say what was done, to whoever listens: see `Progress.working`."""
     _LOG.info(text)
+
+
+def begin(text: str) -> None:
+    """Say what is being done from now on: on the bar and on the page of the study."""
+    _LOG.info(text, extra={"begins": True})
 
 
 def counted(number: int, what: str) -> str:
@@ -39,6 +46,16 @@ def say(*lines: str, error: bool = False) -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
+
+
+def say_in(journal: Journal) -> Callable[[str], None]:
+    """What says a line, and notes it on the page of a study."""
+
+    def both(line: str) -> None:
+        say(line)
+        journal.add(line)
+
+    return both
 
 
 class Progress:
@@ -82,17 +99,26 @@ class Progress:
             self._bar = None
 
     @contextmanager
-    def working(self, text: str) -> Iterator[None]:
-        """Say what `tell` is told, with a bar, until the work is done."""
+    def working(self, text: str, journal: Journal | None = None) -> Iterator[None]:
+        """Say what `tell` is told, with a bar, until the work is done; a journal is told that, and what has begun."""
+        process = os.getpid()
 
         def said(record: logging.LogRecord) -> None:
-            self.line(f"{in_words(time.monotonic() - self.began):>8}  {text}: {record.getMessage()}")
+            line, begins = f"{text}: {record.getMessage()}", getattr(record, "begins", False)
+            if not begins:
+                self.line(f"{in_words(time.monotonic() - self.began):>8}  {line}")
+            elif os.getpid() == process:  # a forked process has no bar
+                self.show(line)
+            if journal is not None:
+                (journal.now if begins else journal.add)(line)
 
         handler = logging.Handler()
         handler.emit = said  # type: ignore[method-assign]
         _LOG.addHandler(handler)
         _LOG.setLevel(logging.INFO)
         self.show(text)
+        if journal is not None:
+            journal.now(text)
         try:
             yield
         finally:

@@ -45,7 +45,6 @@ materials relax, each such part solves the known deck once more."""
 CHANCE = 3.0
 """Standard deviations of a load that chance makes: 997 of 1000 loads are within. A choice (decision 19)."""
 
-
 Everything = Data | Sequence[Data]
 """What was measured, in one test or in several."""
 Slope = Callable[[str], np.ndarray]
@@ -66,6 +65,11 @@ class Comparison:
         The simulation that is compared; the last one on the finest mesh when left out.
     find_blur : bool
         Whether the camera's blur is looked for where none is stated: refits take that of the model without the effect.
+
+    Raises
+    ------
+    StateError
+        Where the simulation that is compared has no solution for all steps.
     """
 
     def __init__(
@@ -107,7 +111,7 @@ class Comparison:
         return Reader(self.data, mesh, self.patches, self.places, seen)
 
     def read(self, asked: Asked) -> np.ndarray | None:
-        """Displacements and response of a simulation; None without a solution."""
+        """Displacements (mm) and response (N or mm) of a simulation, shape (all,); None without a solution."""
         if asked.sim not in self._read:
             self._read[asked.sim] = self.read_answer(asked, self.problem.outcome(asked))
         return self._read[asked.sim]
@@ -185,7 +189,7 @@ class Comparison:
         return np.asarray(column)
 
     def slope(self, name: str) -> np.ndarray:
-        """Slope by a constant, where the last round took it; none where it has no solution."""
+        """Slope of these by a constant, shape (all,), where the last round took it; 0 where it has no solution."""
         by_role = {asked.role: asked for asked in self.last.batch}
         ahead, behind = (self.read(by_role[sign + name]) if sign + name in by_role else None for sign in "+-")
         best = best_values(self.last)
@@ -223,8 +227,18 @@ class Comparison:
         """Root mean square difference that a perfect model would leave, shape (pictures,).
 
         Noise of the pictures, and what the noise of the prescribed quantity moves.
+
+        Raises
+        ------
+        StateError
+            Where there is none, so that nothing can be told in its units.
         """
-        return np.hypot(self.residual.floor, self._by_control[0])
+        floor = np.hypot(self.residual.floor, self._by_control[0])
+        if not floor.all():
+            raise StateError(
+                f"{self.problem.settings.study}: its pictures have no noise: give pictures.noise in study.yaml"
+            )
+        return floor
 
     @cached_property
     def error(self) -> np.ndarray:
@@ -273,7 +287,7 @@ class Comparison:
 
     @cached_property
     def mesh_signal(self) -> np.ndarray:
-        """Expected error of the mesh: what the finer one changes, continued with its order of convergence."""
+        """Expected error of the mesh, shape (all,): what a finer one changes, continued by its order of convergence."""
         coarse = fine = None
         if self.mesh == REFINED:
             coarse, fine = self.read(self.anchor), self.read(self.base)

@@ -20,6 +20,7 @@ from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.intervals import NORMAL
 from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.minimum import ORDER
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.fit.slopes import STEP, bounds_of, difference, evenly, moved, neighbours
@@ -30,12 +31,19 @@ from fingerfit.study.study import Study, with_gain
 HALF = "half"
 """The search mesh with an indenter over one half of the upper side."""
 FURTHER = 1.2
+"""How many times as far a test is continued: what a device that was not at its end can do. A choice."""
 LONGER = 5.0
+"""How many times as long each step takes, where the same test is slower. A choice."""
+FORCES, PICTURES = 0.2, 0.5
+"""Noise of forces and displacements, and of pictures, that are measured better, as a share of the noise at hand:
+another load cell, a choice, and the mean of four pictures."""
+FINER = 2.0**-ORDER
+"""What a mesh of half the element size leaves of the error of the mesh."""
 GOOD = 0.01
 """Noise of a response that was not measured so far, as a share of its largest value: that of a load cell in use."""
 NARROW, TWICE = 0.25, 2.0
-"""A constant is identified where its 95 % interval covers at most this share of the distance of its bounds and, in the
-logarithm, goes no farther than this factor either way. Choices."""
+"""A constant is identified where its 95 % interval covers at most this share of the distance of its bounds and, where
+it is searched in the logarithm, goes no farther than this factor either way. Choices."""
 
 
 @dataclass(frozen=True)
@@ -71,15 +79,16 @@ MEASURED = Design("as measured")
 def designs(study: Study, refined: bool = True) -> list[Design]:
     """What could be measured next; `refined`: whether the error of the mesh is known."""
     found = [
-        Design("forces and displacements measured five times better", forces=0.2),
+        Design("forces and displacements measured five times better", forces=FORCES),
         Design(f"the same test to {FURTHER:g} times the {study.control}", with_gain(study, FURTHER)),
     ]
     if any(step.picture or step.points for step in study.steps):
         kind = "pictures" if any(step.picture for step in study.steps) else "points"
-        found.append(Design(f"{kind} with half the noise (four repetitions averaged)", pictures=0.5))
+        found.append(Design(f"{kind} with half the noise (four repetitions averaged)", pictures=PICTURES))
     if refined:
-        found.append(Design("a mesh of half the element size (this needs no measurement)", error=0.2**0.5))
+        found.append(Design("a mesh of half the element size (this needs no measurement)", error=FINER))
     if study.body.width is not None:
+        # a choice: half the area carries about half the force
         found.append(Design("an indenter of half the width, to half the " + study.control, with_gain(study, 0.5), HALF))
     times = [step.time for step in study.steps]
     if all(time is not None for time in times):
@@ -125,7 +134,17 @@ def separation(
 
 @dataclass(frozen=True)
 class Further:
-    """A further measurement, and the 95 % interval that a constant would have with it, in its unit, within bounds."""
+    """A further measurement, and what it would tell of a constant.
+
+    Parameters
+    ----------
+    title : str
+        Of its design, for a person.
+    interval : (float, float)
+        The 95 % interval that the constant would have, in its unit, within its bounds.
+    identified : bool
+        Whether that is narrow enough.
+    """
 
     title: str
     interval: tuple[float, float]
@@ -164,7 +183,8 @@ def identification(comparison: Comparison, threads: int = 1) -> tuple[dict[str, 
     def further(title: str, information: np.ndarray, n: int) -> Further:
         move = half(information)[n] * (np.arange(len(width)) == n)
         ends = [moved(parameters, values, side * move)[parameters[n].name] for side in (-1.0, 1.0)]
-        return Further(title, (ends[0], ends[1]), bool(move[n] <= min(NARROW / 2 * width[n], np.log(TWICE))))
+        farthest = min(NARROW / 2 * width[n], np.log(TWICE) if parameters[n].log else np.inf)
+        return Further(title, (ends[0], ends[1]), bool(move[n] <= farthest))
 
     def unsure() -> list[int]:
         names = [p.name.partition(AT)[0] for p in parameters]
@@ -244,7 +264,8 @@ def _with_response(comparison: Comparison) -> Comparison:
     whole, residual = copy.copy(comparison), comparison.residual
     kept = residual.kept.copy()
     kept[residual.value.size :][: len(comparison.data.step)] = True
-    there, noise = residual.kept[kept], GOOD * np.abs(comparison.prediction.response).max()
+    along, _ = comparison.data.split(comparison.prediction.response)
+    there, noise = residual.kept[kept], GOOD * np.abs(along).max()
     covariance = noise**2 * np.eye(len(there))
     covariance[np.ix_(there, there)] = residual.covariance
     whole.residual = replace(residual, kept=kept, covariance=covariance)

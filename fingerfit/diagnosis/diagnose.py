@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerfit.core.errors import InputError
+from fingerfit.core.progress import begin
 from fingerfit.diagnosis.candidates import left_out, untestable
 from fingerfit.diagnosis.comparison import Comparison, Everything
 from fingerfit.diagnosis.designs import Further, identification, separation
@@ -94,6 +95,8 @@ class Diagnosis:
         Effects of an adequate model that it may not need: as from `spare`.
     not_excluded : list of Ranked
         Effects that an adequate model may lack: as from `not_excluded`.
+    outlined : Refit, optional
+        Of the model with the sides that the picture before compression shows, where they lie elsewhere.
     """
 
     comparison: Comparison
@@ -111,6 +114,7 @@ class Diagnosis:
     unsolved: dict[str, str]
     spare: list[Effect]
     not_excluded: list[Ranked]
+    outlined: Refit | None = None
 
 
 def diagnose(
@@ -225,6 +229,7 @@ def _diagnose(
     form = form_of(found.comparison, blamed, refits) if verdict.kind != "adequate" else NO_FORM
     verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, form)
     measurements = list[tuple[str, float]]()
+    begin("what further measurements would tell")
     further, more = identification(found.comparison, threads)
     run += more
     if verdict.kind == "indistinguishable":
@@ -241,8 +246,9 @@ def _diagnose(
         no_form = all(problem.effects[name].probe for name in verdict.effects) and not (coarse or outline.off)
         by_mesh_too = by_mesh > 0.0 and not unexplained and leave_mesh(verdict.effects, refits)
         verdict = loud_by_mesh(verdict, fitted, at_least, mesh, no_form or by_mesh_too)
+    outlined: Refit | None = None
     if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
-        verdict, states, more = form_or_state(verdict, found, refits, threads)
+        verdict, states, outlined, more = form_or_state(verdict, found, refits, threads)
         begins = {one.candidate.effect.name: one for one, _ in states}
         ranking = [begins.get(one.candidate.effect.name, one) for one in ranking]
         refits |= {one.candidate.effect.name: refit for one, refit in states}
@@ -255,7 +261,7 @@ def _diagnose(
     verdict = untried(verdict, problem.settings.solver, list(found.lacking), len(untold[-1]), list(found.unsolved))
     return Diagnosis(
         found.comparison, score_test, ranking, refits, verdict, run, measurements, further, stiffness, *untold,
-        found.unsolved, needless, maybe,
+        found.unsolved, needless, maybe, outlined,
     )  # fmt: skip
 
 
@@ -272,5 +278,7 @@ def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> 
         raise InputError("add", "effect", name, f"one that was refitted: {', '.join(found.refits) or 'here none was'}")
     wider = widened(problem, minimum(problem, last).values, one, found.refits[name].share)
     refits = {other: refit.values for other, refit in found.refits.items()}
+    if found.outlined:
+        refits[OUTLINE] = found.outlined.values
     known = problem.settings.model.rivals | rivals(problem.settings, name, found.verdict.effects, refits)
     return wider.with_settings(with_model(wider.settings, rivals=known))

@@ -7,7 +7,7 @@ from math import comb
 
 import numpy as np
 
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import RANK, ScoreTest
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.model.effect import Effect
 from fingerfit.model.parameters import Parameter
@@ -17,6 +17,8 @@ LIKELY = 0.5
 """Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
 UNSEEN = 1e-6
 """Information on a number, in units of its likely size, that is as good as none."""
+ROUNDING = 1e-9
+"""Singular value of the information, as a share of the largest one, up to which a direction counts as none."""
 
 
 def log_odds(fall: float, far: float, information: np.ndarray, spread: float) -> float:
@@ -81,7 +83,7 @@ def without_least(
     kept = np.ones(len(far), dtype=bool)
     while True:
         among, gone = information[np.ix_(kept, kept)], information[np.ix_(kept, ~kept)] @ far[~kept]
-        follows = np.linalg.lstsq(among, gone, rcond=1e-9)[0]
+        follows = np.linalg.lstsq(among, gone, rcond=ROUNDING)[0]
         rise = float(far[~kept] @ information[np.ix_(~kept, ~kept)] @ far[~kept] - gone @ follows)
         moved = np.where(optional[kept], far[kept] + follows, far[kept])
         yield kept.copy(), max(rise, 0.0), moved
@@ -140,7 +142,7 @@ def information(
     likely = np.where(size > 0, size, whole / np.sqrt(12.0)) / np.array([parameters[n].scale for n in own])
     others = np.delete(slopes, own, axis=1)
     basis, sizes, _ = np.linalg.svd(others, full_matrices=False)
-    basis = basis[:, sizes > 1e-6 * sizes.max(initial=0.0)]
+    basis = basis[:, sizes > RANK * sizes.max(initial=0.0)]
     left = (slopes[:, own] - basis @ (basis.T @ slopes[:, own])) * likely
     away = np.array([values[parameters[n].name] - absent.get(names[n], np.nan) for n in own])
     far = np.divide(away, size, out=np.zeros(len(own)), where=size > 0)

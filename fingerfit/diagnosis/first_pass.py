@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,17 +26,22 @@ from fingerfit.fit.intervals import bound_of
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked, simulations
-from fingerfit.fit.slopes import STEP, coordinates, difference, moved
+from fingerfit.fit.slopes import STEP, bounds_of, coordinates, difference, moved
 from fingerfit.imaging.registration import FARTHEST
 from fingerfit.model.effect import Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.settings.extend import extended
 from fingerfit.solvers.contract import Outcome
 
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
+
 MOVE = 0.7
 """Longest first move, in a logarithm or as a share of a scale: a modulus doubles."""
 FALL = 2e-3
 """Share of the misfit by which a move must lower it for another one to follow."""
+STILL = 1e-4
+"""A move shorter than this share of the way so far is the last one: 0.01 %. A choice."""
 MOVES = 12
 """A refit that has not ended after as many moves has not converged."""
 NEAR = 0.1 * STEP
@@ -128,25 +134,14 @@ class FirstPass:
         StateError
             When the start has no solution, or the solver ends one of its simulations without an answer.
         """
-        from scipy.optimize import least_squares
-
         path = Way(self, problem, start, self.known if near else {}, secant=near)
         begin = np.zeros(len(path.parameters))
         if not np.isfinite(path.residual(begin)).all():
             raise StateError("the start of a refit has no solution")
         free = np.linalg.norm(path.slopes(begin), axis=0) > BLIND
         free |= not free.any()
-
-        def whole(moved: np.ndarray) -> np.ndarray:
-            delta = begin.copy()
-            delta[free] = moved
-            return delta
-
-        found = least_squares(
-            lambda moved: path.residual(whole(moved)), begin[free], lambda moved: path.slopes(whole(moved))[:, free],
-            (path.bounds[0][free], path.bounds[1][free]), x_scale=MOVE, ftol=FALL, xtol=1e-4, gtol=None, max_nfev=moves,
-        )  # fmt: skip
-        values = path.values(whole(found.x))
+        end, found = path.minimum(free, FALL, moves)
+        values = path.values(end)
         bound = tuple(p.name for p in path.parameters if bound_of(p, values[p.name]) is not None)
         slopes = np.zeros((path.count, len(free)))
         slopes[:, free] = found.jac
@@ -173,6 +168,17 @@ def widened(problem: InverseProblem, values: Mapping[str, float], one: Ranked, s
     Where there is none, or with a share of the size, at that of the predicted size, with the constants of the model
     without it, `values`. The numbers have few digits: `fingerfit add` writes them, and the model that is made so asks
     for the same simulations.
+
+    Parameters
+    ----------
+    problem : InverseProblem
+        Of the model without it.
+    values : mapping
+        Constants of that model and numbers of its effects, in their units.
+    one : Ranked
+        The candidate.
+    share : float
+        Of the predicted size at which it starts.
     """
     effect = one.candidate.effect
     size = {p.name: _few(p.null + share * (one.size[p.name] - p.null)) for p in effect.parameters}
@@ -224,11 +230,41 @@ class Way:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the distances; a start on a bound lies a little inside."""
         at = coordinates(self.parameters, self.start)
-        lower, upper = (
-            coordinates(self.parameters, {p.name: getattr(p, side) for p in self.parameters}) - at
-            for side in ("lower", "upper")
-        )
+        lower, upper = (end - at for end in bounds_of(self.parameters))
         return np.minimum(lower, -1e-6), np.maximum(upper, 1e-6)
+
+    def minimum(self, free: np.ndarray, fall: float, moves: int) -> tuple[np.ndarray, OptimizeResult]:
+        """Least squares from the start.
+
+        Parameters
+        ----------
+        free : ndarray of bool, shape (parameters,)
+            Numbers that are moved, at least one.
+        fall : float
+            Share of the misfit by which a move must lower it for another one to follow.
+        moves : int
+            At most as many.
+
+        Returns
+        -------
+        ndarray, shape (parameters,)
+            The distance where it ended.
+        OptimizeResult
+            Of the free numbers.
+        """
+        from scipy.optimize import least_squares
+
+        def whole(x: np.ndarray) -> np.ndarray:
+            delta: np.ndarray = np.zeros(len(free))
+            delta[free] = x
+            return delta
+
+        found = least_squares(
+            lambda x: self.residual(whole(x)), np.zeros(free.sum()), lambda x: self.slopes(whole(x))[:, free],
+            [ends[free] for ends in self.bounds],
+            x_scale=MOVE, ftol=fall, xtol=STILL, gtol=None, max_nfev=moves,
+        )  # fmt: skip
+        return whole(found.x), found
 
     def values(self, delta: np.ndarray) -> dict[str, float]:
         """The guess at a distance, shape (parameters,)."""

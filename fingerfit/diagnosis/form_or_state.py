@@ -17,6 +17,7 @@ from fingerfit.diagnosis.second_pass import refit_of, with_outline
 from fingerfit.diagnosis.sides import Sides, begun
 from fingerfit.diagnosis.tested import Tested
 from fingerfit.diagnosis.verdict import Verdict, nearer
+from fingerfit.fit.jobs import solved, solved_since
 from fingerfit.model.effect import OUTLINE, STATE
 
 SURELY = 3.0
@@ -29,7 +30,7 @@ ROUGHLY = 2.0
 
 def form_or_state(
     verdict: Verdict, found: Tested, refits: Mapping[str, Refit], threads: int
-) -> tuple[Verdict, list[tuple[Ranked, Refit]], int]:
+) -> tuple[Verdict, list[tuple[Ranked, Refit]], Refit | None, int]:
     """The verdict on a model whose sides lie elsewhere in the picture before compression.
 
     Another form, which has no number, is tried first: where it explains the data, only those states are refitted that
@@ -49,6 +50,8 @@ def form_or_state(
     Verdict
     list of (Ranked, Refit)
         States that were refitted.
+    Refit or None
+        Of the model with the sides that the picture shows.
     int
         Simulations that were not known before.
     """
@@ -67,7 +70,7 @@ def form_or_state(
         unknown, more = _refitted(found, probes, threads)
         states, run = [*states, *unknown], run + more
         verdict = strained(verdict, found.outline, next(iter(unknown), None))
-    return verdict, states, run
+    return verdict, states, form, run
 
 
 def refuted(form: Refit, stated: ScoreTest) -> bool:
@@ -199,17 +202,17 @@ def _chance(one: ScoreTest | Refit, other: Refit) -> float:
 
 def _refitted(found: Tested, chosen: Sequence[Ranked], threads: int) -> tuple[list[tuple[Ranked, Refit]], int]:
     """Effects on the state in the picture before compression, refitted from where they bring the sides nearest."""
-    problem, states, run = found.comparison.problem, list[tuple[Ranked, Refit]](), 0
+    problem, states, first = found.comparison.problem, list[tuple[Ranked, Refit]](), solved(found.comparison.problem)
     for one in chosen:
-        known = set(problem.asked)
+        known, before = set(problem.asked), solved(problem)
         try:
-            refit, more = refit_of(found.comparison, one, threads)
+            refit = refit_of(found.comparison, one, threads)
         except StateError:
             found.ended(one, problem.lost.why(sorted(problem.asked - known)))
             continue
-        effect, run = one.candidate.effect, run + more
+        effect = one.candidate.effect
         away = f"a side is {refit.sides.off:.2g} mm off" if refit.sides.off else "sides are where the picture has them"
-        by, ran = said_by(REFIT, problem.settings.model.effects), counted(more, "simulation")
+        by, ran = said_by(REFIT, problem.settings.model.effects), counted(solved_since(problem, before), "simulation")
         tell(f"{by}: {effect.name} ({effect.title}): {away}; {ran} run")
         states.append((one, refit))
-    return states, run
+    return states, solved_since(problem, first)

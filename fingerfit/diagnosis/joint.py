@@ -10,6 +10,7 @@ import numpy as np
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Comparison, Everything, Slope, anchor_of
+from fingerfit.fit.joint import only_of_each
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked, Round
@@ -68,7 +69,7 @@ class JointComparison(Comparison):
         return [test.data for test in self._tests]
 
     def read(self, asked: Asked) -> np.ndarray | None:
-        """Displacements and response of the simulations of a guess; None where a test has no solution."""
+        """Displacements and response of the simulations of a guess, shape (all,); None where a test has no solution."""
         return joined([test.read(one) for test, one in zip(self._tests, asked.every, strict=True)])
 
     def read_beside(self, asked: Sequence[Asked], threads: int = 1, here: Asked | None = None) -> list[Asked]:
@@ -76,19 +77,22 @@ class JointComparison(Comparison):
         return list(asked)
 
     def own(self, slope: Slope | None = None) -> np.ndarray:
-        """Slopes of the model's own constants, shape (kept, parameters)."""
+        """Slopes of the model's own constants, shape (kept, parameters); other ones are asked of each test."""
+        _no_other(slope)
         return np.concatenate([test.own() for test in self._tests])
 
     def column(self, parameter: Parameter, slope: Slope | None = None) -> np.ndarray:
         """Derivative of all values by the search coordinate of a fitted number, shape (all,)."""
+        _no_other(slope)
         return np.concatenate([test.column(parameter) for test in self._tests])
 
     def slope(self, name: str) -> np.ndarray:
-        """Slope by a constant."""
+        """Slope of displacements and response by a constant, shape (all,)."""
         return np.concatenate([test.slope(name) for test in self._tests])
 
     def nuisance(self, slope: Slope | None = None) -> np.ndarray:
         """Signals of unknown size with standard deviation 1: those of each test for itself."""
+        _no_other(slope)
         return diagonal([test.nuisance() for test in self._tests])
 
     def common(self) -> np.ndarray:
@@ -105,7 +109,7 @@ class JointComparison(Comparison):
         return diagonal([test.covariance for test in self._tests])
 
     def columns(self, candidate: Candidate, without: Asked | None = None) -> np.ndarray | None:
-        """Slopes of a candidate; zero in tests that do not show it, None where a simulation has no solution."""
+        """Slopes of a candidate, shape (kept, its parameters); 0 in tests that do not show it, None as of one test."""
         found = []
         for n, test in enumerate(self._tests):
             own = replace(candidate, asked=tuple(asked.every[n] for asked in candidate.asked))
@@ -122,6 +126,11 @@ def comparison_of(problem: InverseProblem, last: Round, everything: Everything, 
     if isinstance(everything, Data):
         return Comparison(problem, last, everything, find_blur=find_blur)
     return JointComparison(problem, last, everything, find_blur)
+
+
+def _no_other(slope: Slope | None) -> None:
+    if slope is not None:
+        raise only_of_each("slopes by another function")
 
 
 def joined(parts: list[np.ndarray | None]) -> np.ndarray | None:

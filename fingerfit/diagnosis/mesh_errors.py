@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fingerfit.core.progress import tell
+from fingerfit.core.progress import begin, tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.errors import errors, fitted_pictures, of_tests
 from fingerfit.diagnosis.joint import joined
@@ -93,6 +93,7 @@ def by_finer_mesh(comparison: Comparison, score_test: ScoreTest, threads: int = 
         Simulations that were not known.
     """
     changes, run, what = list[np.ndarray | None](), 0, ""
+    begin("what a finer mesh changes")
     for test in comparison.every:
         change, what, more = _changed(test, threads)
         changes.append(change)

@@ -12,7 +12,7 @@ from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.evidence import log_odds_of_some
-from fingerfit.diagnosis.score_tests import Finding, ScoreTest, likeness
+from fingerfit.diagnosis.score_tests import VISIBLE, Finding, ScoreTest, likeness
 from fingerfit.fit.problem import SEARCH
 from fingerfit.fit.rounds import Asked
 from fingerfit.model.effect import Effect
@@ -23,6 +23,9 @@ STARTS = 4
 STARTS_ELSEWHERE = 2
 """Places between which a fit can move, from which an effect is refitted in the first pass, at most: in the layer (or at
 the border, or side) that slopes prefer, and in each other one. Choices."""
+ALIKE = 0.5
+"""Likeness below which two places of an effect look otherwise, and above which two effects are told to be alike. A
+choice."""
 
 
 def said_by(what: str, effects: Collection[str]) -> str:
@@ -75,9 +78,19 @@ class Refitted:
 
 @dataclass(frozen=True)
 class Ranked:
-    """A tested candidate: what it would explain, its columns, and its refit of the first pass where there is one.
+    """A tested candidate.
 
-    `also` are its refits in other layers, or at other borders or sides, that the first pass cannot tell from it.
+    Parameters
+    ----------
+    candidate : Candidate
+    finding : Finding
+        What it would explain.
+    columns : ndarray, shape (kept, numbers)
+        Slopes of all values by its numbers, per unit of each.
+    refitted : Refitted, optional
+        Its refit of the first pass.
+    also : tuple of Ranked
+        Its refits in other layers, or at other borders or sides, that the first pass cannot tell from it.
     """
 
     candidate: Candidate
@@ -199,8 +212,8 @@ def _differing(one: Ranked, other: Ranked) -> list[str]:
 
 
 def _apart(score_test: ScoreTest, a: Ranked, b: Ranked) -> bool:
-    """Whether two places of an effect look otherwise, by half, or want it of another sign."""
-    return bool((a.finding.size * b.finding.size < 0).all()) or alike(score_test, a, b) < 0.5
+    """Whether two places of an effect look otherwise, or want it of another sign."""
+    return bool((a.finding.size * b.finding.size < 0).all()) or alike(score_test, a, b) < ALIKE
 
 
 def alike(score_test: ScoreTest, a: Ranked, b: Ranked) -> float:
@@ -211,11 +224,11 @@ def alike(score_test: ScoreTest, a: Ranked, b: Ranked) -> float:
 def confusions(score_test: ScoreTest, ranking: Sequence[Ranked], count: int = 6) -> list[dict[str, float | str]]:
     """Pairs of the first few effects that are alike on these data."""
     found: list[dict[str, float | str]] = []
-    first = [one for one in ranking[:count] if one.finding.visible > 1e-4]
+    first = [one for one in ranking[:count] if one.finding.visible > VISIBLE]
     for n, a in enumerate(first):
         for b in first[n + 1 :]:
             value = alike(score_test, a, b)
-            if value > 0.5:
+            if value > ALIKE:
                 found.append({"a": a.candidate.effect.name, "b": b.candidate.effect.name, "likeness": value})
     return sorted(found, key=lambda entry: -float(entry["likeness"]))
 

@@ -27,8 +27,9 @@ class Refit:
     ----------
     misfit : float
     freedom : int
-    fitted, held_out : float or None
-        Error in units of the noise floor.
+    fitted : float
+    held_out : float or None
+        Errors on the fitted and on the held-out steps, in units of the noise floor; None without any of these.
     values : mapping
         Constants and numbers of the effect.
     common_misfit : float

@@ -299,8 +299,10 @@ def doubted(verdict: Verdict, error: float, held_out: float | None, freedom: int
     Parameters
     ----------
     verdict : Verdict
-    error, held_out : float
-        Of the fitted measurements, and of held-out pictures if there are any, in units of the noise floor.
+    error : float
+        Of the fitted measurements, in units of the noise floor.
+    held_out : float or None
+        The same of held-out pictures; None without any.
     freedom : int
     """
     where = "" if held_out is None or error >= held_out else " on held-out steps"

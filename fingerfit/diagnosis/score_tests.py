@@ -14,6 +14,15 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 
+RANK = 1e-6
+"""Singular value of slopes, as a share of the largest one, up to which a direction counts as none: rounding."""
+SAME = 1e-8
+"""The same of the signatures of effects."""
+MODE = 1e-3
+"""What a mode of length 1 must have left beside the constants to be looked at by itself. A choice."""
+VISIBLE = 1e-4
+"""Share of its signal that the constants cannot imitate, below which an effect is not seen at all. A choice."""
+
 
 def beyond_noise(misfit: float, freedom: int) -> float:
     """Misfit beyond what noise leaves on average, of which effects explain shares; 1 where there is less."""
@@ -110,7 +119,7 @@ class ScoreTest:
         values = len(residual)
         self.own[values:], self.left[values:] = rows, before
         basis, sizes, turn = np.linalg.svd(self.own, full_matrices=False)
-        seen = sizes > 1e-6 * sizes.max(initial=0.0)
+        seen = sizes > RANK * sizes.max(initial=0.0)
         self._own = basis[:, seen]
         self._inverse = (turn[seen].T / sizes[seen]) @ self._own.T
         self.rest = self._without_own(self.left)
@@ -121,7 +130,7 @@ class ScoreTest:
             columns = self.whiten(common)
             columns = self._without_own(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
             modes, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-            modes = modes[:, sizes > 1e-3]
+            modes = modes[:, sizes > MODE]
             self.common_misfit, self.common_freedom = float(((modes.T @ self.rest) ** 2).sum()), modes.shape[1]
 
     @property
@@ -161,14 +170,14 @@ class ScoreTest:
         signature = self._without_own(whitened)
         total, left = float((whitened**2).sum()), float((signature**2).sum())
         visible = left / total if total > 0 else 0.0
-        if visible < 1e-4:
+        if visible < VISIBLE:
             return Finding(0.0, np.zeros(columns.shape[1]), visible, left)
-        size = np.linalg.lstsq(signature, self.rest, rcond=1e-8)[0]
+        size = np.linalg.lstsq(signature, self.rest, rcond=SAME)[0]
         inside = np.clip(size, low, high)
         if not np.allclose(inside, size) and len(size) > 1:
             free = inside == size
             rest = self.rest - signature[:, ~free] @ inside[~free]
-            inside[free] = np.clip(np.linalg.lstsq(signature[:, free], rest, rcond=1e-8)[0], low[free], high[free])
+            inside[free] = np.clip(np.linalg.lstsq(signature[:, free], rest, rcond=SAME)[0], low[free], high[free])
         after = self.rest - signature @ inside
         return Finding(max(0.0, self.misfit - float(after @ after)), inside, visible, left)
 
@@ -178,6 +187,6 @@ def likeness(a: np.ndarray, b: np.ndarray) -> float:
     bases = []
     for columns in (a, b):
         basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-        bases.append(basis[:, sizes > 1e-8 * sizes.max(initial=1e-300)])
+        bases.append(basis[:, sizes > SAME * sizes.max(initial=1e-300)])
     cosines = np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)
     return float(cosines.max(initial=0.0) ** 2)

@@ -1,4 +1,7 @@
-"""The second pass: models with one effect more, fitted, and compared with everything that was measured."""
+"""The second pass: models with one effect more, fitted, and compared with everything that was measured.
+
+Who asks for a refit counts its simulations, by solutions: those of one that comes to nothing have been run as well.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit, per_number
 from fingerfit.diagnosis.sides import sides_of
-from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.jobs import solve_missing, solved, solved_since
 from fingerfit.fit.minimum import minimum
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Round
@@ -27,8 +30,8 @@ from fingerfit.model.effect import OUTLINE
 from fingerfit.settings.extend import extended
 
 
-def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]:
-    """The refit of an effect, and how many simulations were not known.
+def refit_of(before: Comparison, one: Ranked, threads: int) -> Refit:
+    """The refit of an effect.
 
     Parameters
     ----------
@@ -42,7 +45,7 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]
     StateError
         When there is no solution.
     """
-    ended, run = ended_of(before, one, threads)
+    ended = ended_of(before, one, threads)
     after, settings = ended.comparison, ended.comparison.problem.settings
     fitted, held_out = errors(after)
     score_test, values = after.score_test, minimum(after.problem, after.last).values
@@ -53,7 +56,7 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]
     effect = after.problem.effects[one.candidate.effect.name]
     nulls = {name: null for key, null in effect.null().items() for name in settings.names_of(key)}
     told, far, optional = information(settings.parameters(), values, score_test.own, effect)
-    refit = Refit(
+    return Refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
         score_test.common_misfit, score_test.common_freedom,
         ended.share, start, len(after.problem.asked), ended.fall(before), constants, after.weighed,
@@ -63,18 +66,15 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]
         sides=sides_of(after), but_mesh=errors_but_mesh(after),
         absent=bool(nulls) and all(values.get(name, null) == null for name, null in nulls.items()),
     )  # fmt: skip
-    return refit, run
 
 
-def refit_anywhere(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int, int]:
+def refit_anywhere(before: Comparison, one: Ranked, threads: int) -> tuple[Refit, int]:
     """As `refit_of`; and where it explains much less than the first pass did, of the effect's other places as well.
 
     Returns
     -------
     Refit
         That with the largest fall.
-    int
-        Simulations that were not known.
     int
         Whose refit it is: 0 for the effect where it was, n for the n-th of ``also``.
 
@@ -83,24 +83,31 @@ def refit_anywhere(before: Comparison, one: Ranked, threads: int) -> tuple[Refit
     StateError
         When there is no solution at any of these places.
     """
-    tried, run = dict[int, Refit](), 0
+    tried = dict[int, Refit]()
     for number, there in enumerate((one, *one.also)):
         try:
-            tried[number], more = refit_of(before, there, threads)
+            tried[number] = refit_of(before, there, threads)
         except StateError:
             continue
-        run += more
         if tried[number].fall >= ENOUGH * one.finding.fall:
             break
     if not tried:
         raise StateError(f"{one.candidate.effect.name}: no solution at any of its places")
     best = max(tried, key=lambda number: tried[number].fall)
-    return tried[best], run, best
+    return tried[best], best
 
 
 @dataclass(frozen=True)
 class Ended:
-    """A model with one effect more, fitted and compared with everything, and from which share of its size."""
+    """A model with one effect more, fitted and compared with everything.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Of the model with the effect.
+    share : float
+        Of the predicted size, from which its fit began.
+    """
 
     comparison: Comparison
     share: float
@@ -110,7 +117,7 @@ class Ended:
         return fall(before.weighed, self.comparison.weighed)
 
 
-def ended_of(before: Comparison, one: Ranked, threads: int) -> tuple[Ended, int]:
+def ended_of(before: Comparison, one: Ranked, threads: int) -> Ended:
     """A refit from the predicted size, and from a tenth of it where that ends worse than the model without the effect.
 
     A prediction from slopes can be far too large, and a search that starts there finds another local minimum, or bodies
@@ -122,25 +129,24 @@ def ended_of(before: Comparison, one: Ranked, threads: int) -> tuple[Ended, int]
         When there is no solution on either way.
     """
     try:
-        ended, run = _fit(before, one, threads, 1.0)
+        ended = _fit(before, one, threads, 1.0)
     except StateError:
         return _fit(before, one, threads, 0.1)
     if ended.fall(before) <= 0.0:
-        other, more = _fit(before, one, threads, 0.1)
-        ended, run = max(ended, other, key=lambda each: each.fall(before)), run + more
-    return ended, run
+        return max(ended, _fit(before, one, threads, 0.1), key=lambda each: each.fall(before))
+    return ended
 
 
-def _fit(before: Comparison, one: Ranked, threads: int, share: float) -> tuple[Ended, int]:
+def _fit(before: Comparison, one: Ranked, threads: int, share: float) -> Ended:
     wider = widened(before.problem, minimum(before.problem, before.last).values, one, share)
     try:
-        end, run = _run(wider, threads)
+        end = _run(wider, threads)
     finally:
         before.problem.asked.update(wider.asked)
-    return Ended(comparison_of(wider, end, before.everything, find_blur=False), share), run
+    return Ended(comparison_of(wider, end, before.everything, find_blur=False), share)
 
 
-def _run(wider: InverseProblem, threads: int) -> tuple[Round, int]:
+def _run(wider: InverseProblem, threads: int) -> Round:
     """A fit, and its estimate on the mesh of the search.
 
     Raises
@@ -149,11 +155,11 @@ def _run(wider: InverseProblem, threads: int) -> tuple[Round, int]:
         When there is no solution, or the solver ended a simulation without an answer: the fit may have missed its
         minimum for that.
     """
-    end, run = run_fit(wider, threads)
-    run += solve_missing(wider, [anchor_of(wider, end)], threads)
+    end, _ = run_fit(wider, threads)
+    solve_missing(wider, [anchor_of(wider, end)], threads)
     if why := wider.lost.why(sorted(wider.asked)):
         raise StateError(f"a simulation of a refit cannot be had: {why}")
-    return end, run
+    return end
 
 
 def followed(problem: InverseProblem, last: Round, folder: Path) -> tuple[InverseProblem, Everything]:
@@ -168,16 +174,24 @@ def followed(problem: InverseProblem, last: Round, folder: Path) -> tuple[Invers
 def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[Refit | None, int]:
     """How well a body with the sides that the picture before compression shows explains what was measured.
 
-    It has other meshes, and patches elsewhere, so that it cannot be compared value by value. None without a solution.
+    It has other meshes, and patches elsewhere, so that it cannot be compared value by value.
+
+    Returns
+    -------
+    Refit or None
+        None without a solution.
+    int
+        Simulations that were not known before.
     """
+    known = solved(problem)
     with tempfile.TemporaryDirectory(prefix="fingerfit-") as folder:
         wider, everything = followed(problem, last, Path(folder))
         try:
-            end, run = _run(wider, threads)
+            end = _run(wider, threads)
             after = comparison_of(wider, end, everything)
             score_test, values = after.score_test, minimum(wider, end).values
             found = Refit(score_test.misfit, score_test.freedom, *errors(after), values)
         except StateError:
-            found, run = None, 0
+            found = None
     problem.asked.update(wider.asked)
-    return found, run
+    return found, solved_since(problem, known)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
-from fingerfit.core.progress import counted, tell
+from fingerfit.core.progress import begin, counted, tell
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.likelihood import Weighed, misfits
 from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by, spread_of
@@ -18,6 +18,7 @@ from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
 from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, both_explain, generalising
 from fingerfit.diagnosis.worth import to_refit, worth_a_refit
+from fingerfit.fit.jobs import solved, solved_since
 
 HALF = 0.5
 """Share of a series' log odds from which what has fewer numbers is refitted beside it. A choice (decision 19)."""
@@ -28,17 +29,15 @@ explains half of what both do, and less where its fit lies between them. A choic
 
 def refit_best(found: Tested, refits: dict[str, Refit], threads: int) -> int:
     """Refit the best effects that are not in `refits` yet, and put them there; how many simulations were not known."""
-    run = 0
-    for ranked, refit, more in refits_of(found, threads, refits):
+    problem = found.comparison.problem
+    before = solved(problem)
+    for ranked, refit in refits_of(found, threads, refits):
         refits[ranked.candidate.effect.name] = refit
-        run += more
-    return run
+    return solved_since(problem, before)
 
 
-def refits_of(
-    found: Tested, threads: int, known: Mapping[str, Refit] | None = None
-) -> Iterator[tuple[Ranked, Refit, int]]:
-    """The effects that are worth it, each with its refit and how many simulations were not known, one by one.
+def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = None) -> Iterator[tuple[Ranked, Refit]]:
+    """The effects that are worth it, each with its refit, one by one.
 
     Where one explains most of the misfit, not those whose odds were far below its own (both in the first pass, or both
     by slopes), by more than tells refits apart, and no probe that was less likely: it would only say that there is
@@ -59,7 +58,7 @@ def refits_of(
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
     problem = found.comparison.problem
     flat = not in_space(problem)
-    beside, each = 1, threads
+    beside, each, by = 1, threads, said_by(REFIT, problem.settings.model.effects)
 
     def worth_it(ranked: Ranked) -> bool:
         effect = ranked.candidate.effect
@@ -74,15 +73,17 @@ def refits_of(
         best = explained[bool(ranked.refitted)]
         return ranked.odds(spread) >= min(share * best, best - alike)
 
-    def refitted(ranked: Ranked) -> tuple[tuple[Refit, int, int] | None, set[str]]:
+    def refitted(ranked: Ranked) -> tuple[tuple[Refit, int] | None, set[str], int]:
         known, name = set(problem.asked), ranked.candidate.effect.name
+        begin(f"{by}: {name} ({ranked.candidate.effect.title})")
         if name in found.made:
-            return (found.made[name], 0, 0), set()
+            return (found.made[name], 0), set(), 0
+        before = solved(problem)
         try:
             made = refit_anywhere(found.comparison, ranked, each)
         except StateError:
             made = None  # bodies without a solution explain nothing
-        return made, problem.asked - known
+        return made, problem.asked - known, solved_since(problem, before)
 
     left = to_refit(found.score_test, found.ranking, found.tests, known)
     seen = any(one.refitted and one.refitted.share >= ENOUGH for one in left)
@@ -98,7 +99,7 @@ def refits_of(
     while left:
         now, left = left[:beside], left[beside:]
         # what an earlier one of them has made needless is thrown away, so that one process finds the same
-        for ranked, (made, asked) in zip(now, side_by_side(refitted, now, beside), strict=True):
+        for ranked, (made, asked, run) in zip(now, side_by_side(refitted, now, beside), strict=True):
             if not worth_it(ranked):
                 continue
             tried.add(ranked.candidate.effect.name)
@@ -106,7 +107,7 @@ def refits_of(
             if made is None:
                 found.ended(ranked, problem.lost.why(sorted(asked)))
                 continue
-            (refit, run, place), effect = made, ranked.candidate.effect
+            (refit, place), effect = made, ranked.candidate.effect
             found.made[effect.name] = refit
             if place:
                 ranked = found.moved(ranked, place)
@@ -125,10 +126,9 @@ def refits_of(
             if whole and not effect.probe:
                 named.add(effect.family)
             left = [one for one in left if worth_it(one)]
-            by, share = said_by(REFIT, problem.settings.model.effects), min(1.0, max(0.0, share))
-            ran = counted(run, "simulation")
+            share, ran = min(1.0, max(0.0, share)), counted(run, "simulation")
             tell(f"{by}: {effect.name} ({effect.title}) explains {100 * share:.0f} %; {ran} run")
-            yield ranked, refit, run
+            yield ranked, refit
         # the first one often makes all others needless, which would hold it up
         beside, each = (threads, 1) if flat else (1, threads)
         if not left:
@@ -224,20 +224,21 @@ def partner_of(half: Ranked, known: Tested, threads: int, family: str = "") -> t
     space, where these take hours, by the slopes of the model without it.
     """
     problem, everything = known.comparison.problem, known.comparison.everything
-    ended, run = ended_of(known.comparison, half, threads)
+    begin(f"a second effect beside {half.candidate.effect.name} ({half.candidate.effect.title})")
+    before = solved(problem)
+    ended = ended_of(known.comparison, half, threads)
     slopes, tried = known if in_space(problem) else None, dict[str, Refit]()
     after = ended.comparison
     found = test_all(after.problem, after.last, everything, threads, slopes, family)
-    run += found.run
     if family:  # else the probe of that family is refitted: only what may explain the rest is worth it before
         found = replace(found, ranking=[one for one in found.ranking if one.refitted and one.refitted.share >= ENOUGH])
-    for ranked, refit, more in refits_of(found, threads):
-        tried[ranked.candidate.effect.name], run = refit, run + more
+    for ranked, refit in refits_of(found, threads):
+        tried[ranked.candidate.effect.name] = refit
         if explains(refit):
             break
     problem.asked.update(after.problem.asked)
     tried = by_one_likelihood(tried, found.comparison.weighed)
-    return best_of(found.ranking, tried), run
+    return best_of(found.ranking, tried), solved_since(problem, before)
 
 
 def by_one_likelihood(refits: Mapping[str, Refit], without: Weighed) -> dict[str, Refit]:

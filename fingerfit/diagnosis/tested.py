@@ -25,7 +25,31 @@ from fingerfit.model.effect import OUTLINE, STATE
 
 @dataclass(frozen=True)
 class Tested:
-    """All candidates tested against what a model leaves: at all places, and the best place of each."""
+    """All candidates tested against what a model leaves.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Of the model.
+    score_test : ScoreTest
+        Of what it leaves.
+    everywhere : list of Ranked
+        Each candidate at all of its places.
+    ranking : list of Ranked
+        The best place of each effect, the best effect first.
+    tests : int
+        How many candidates were tested.
+    run : int
+        Simulations that were not known before.
+    lacking : dict
+        What the solver, or the deck, lacks for effects, by their titles: they were not tried.
+    outline : Sides
+        Where the picture before compression has the sides of the body.
+    made : dict
+        Refits that were made, by name of the effect.
+    unsolved : dict
+        Why effects do not count whose simulations the solver ended without an answer, by title.
+    """
 
     comparison: Comparison
     score_test: ScoreTest
@@ -36,9 +60,7 @@ class Tested:
     lacking: dict[str, InputError]
     outline: Sides
     made: dict[str, Refit] = field(default_factory=dict)
-    """Refits that were made, by name of the effect."""
     unsolved: dict[str, str] = field(default_factory=dict)
-    """Why effects do not count whose simulations the solver ended without an answer, by title."""
 
     def moved(self, one: Ranked, place: int) -> Ranked:
         """An effect in another of its places, the n-th of ``also``; it takes its place in the ranking, too."""

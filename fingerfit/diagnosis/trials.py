@@ -12,7 +12,7 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
-from fingerfit.core.progress import counted, tell
+from fingerfit.core.progress import begin, counted, tell
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
@@ -29,7 +29,7 @@ from fingerfit.diagnosis.ranking import (
 from fingerfit.diagnosis.refit import chance
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
 from fingerfit.diagnosis.worth import LARGE, SEEN, threshold
-from fingerfit.fit.jobs import solve_missing
+from fingerfit.fit.jobs import solve_missing, solved, solved_since
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.fit.slopes import moved
@@ -41,6 +41,8 @@ FIRST_MOVES, FEWEST = 4, 6
 and Talwalkar 2016)."""
 SECOND = 6
 """Effects that are looked at again before any is refitted, in space."""
+MOST = 1.5
+"""Largest size of an effect that is looked at again, as a multiple of the one that slopes predict. A choice."""
 ROUNDING = 1e-9
 """Of a step: a predicted size below it is what rounding leaves of a number that changes nothing, of either sign."""
 NEARER = (1.0, 0.25, -0.25)
@@ -87,7 +89,7 @@ def refit_all(
     first = FirstPass(comparison, threads)
     base = first.refit(problem, comparison.base.values, near=True)
     first.threads = 1  # each candidate has a process of its own
-    before = _solved(problem)
+    before = solved(problem)
     # what is unexplained may be brightness alone, which is not looked at here
     quiet = not sloped and base.misfit <= chance(base.count - len(base.values))
     seen, found, run = list[Ranked](), list[Ranked](), base.simulations
@@ -127,12 +129,7 @@ def refit_all(
         problem.asked.update(tried.asked)
         if tried.ranked and tried.misfit <= _misfit(found[n]):
             found[n] = replace(tried.ranked, columns=begun.columns, also=found[n].also)
-    # two processes may ask for the same one at the same time: solutions are counted, not who asked for them
-    return by_odds(), run + len((_solved(problem) - before) & problem.asked)
-
-
-def _solved(problem: InverseProblem) -> set[str]:
-    return {path.parent.name for path in problem.sims.glob("*/solution.npz")}
+    return by_odds(), run + solved_since(problem, before)
 
 
 @dataclass(frozen=True)
@@ -224,6 +221,8 @@ class _Trial:
 
     def _refit(self, one: Ranked, share: float, start: InverseProblem | None = None) -> _Tried:
         problem, effect, before = self.first.comparison.problem, one.candidate.effect, one.refitted
+        by = said_by(FIRST_PASS, problem.settings.model.effects)
+        begin(f"{by}: {effect.name} ({effect.title})")
         wider = start or widened(problem, self.base.values, _just_present(replace(one, refitted=None), share))
         try:
             if before is None:
@@ -243,7 +242,6 @@ class _Trial:
         # from several places: which of them is told
         began = ", ".join(f"{key.partition('.')[2]} {value:.3g}" for key, value in one.candidate.place.items())
         who = f"{effect.name} ({began})" if began else effect.name
-        by = said_by(FIRST_PASS, problem.settings.model.effects)
         tell(f"{by}: {who} {shown}; {counted(there.simulations, 'simulation')}")
         size = np.array([there.values[effect.key(p.name)] - p.null for p in effect.parameters])
         finding, there = replace(one.finding, fall=fall, size=size), replace(there, share=fall / left)
@@ -293,7 +291,7 @@ def rank_again(
         one, there = ranking[number], comparison.read(asked)
         if there is None or null is None:
             continue
-        again = score_test.test((there - null)[comparison.residual.kept][:, None], np.zeros(1), np.array([1.5]))
+        again = score_test.test((there - null)[comparison.residual.kept][:, None], np.zeros(1), np.array([MOST]))
         size = np.clip(one.finding.size * again.size[0], *bounds_of_size(one.candidate.effect))
         found[number] = replace(one, finding=replace(one.finding, fall=again.fall, size=size))
     return sorted(found, key=lambda one: -one.finding.fall), run

@@ -154,7 +154,7 @@ def decide(
         if chosen - set(missed) or not adequate:
             text = "unexplained: no known effect explains the misfit beyond the noise"
             return Verdict("unexplained", (), text, limit)
-        text = "the model explains the measurements to within their noise"
+        text = WITHIN
         if missed:
             text += (
                 f"; no minimum was found with {', '.join(_title(by_name[name]) for name in by_name if name in missed)}"
@@ -170,7 +170,7 @@ def decide(
         return Verdict(kind, (), text, limit)
 
     def percent(name: str) -> str:
-        share = refits[name].explained(score_test.misfit) if fell else 1.0
+        share = refits[name].explained(score_test.misfit) if fell else refits[name].earned / score_test.beyond_noise
         return f"{100 * min(share, 1.0):.0f} %"
 
     if partner is not None and both_explain(score_test, partner, held_out):

@@ -26,6 +26,10 @@ from fingerfit.study.data import Data
 from fingerfit.study.several import AT, of_test
 from fingerfit.study.study import AXES, Study, elsewhere
 
+APART = 0.01
+"""By which share of the way to its lower bound a constant is moved more than the one before, so that no two are alike.
+A choice."""
+
 
 def check_against_study(settings: Settings, study: Study, where: Path | str = CONFIG) -> None:
     """Problems of settings with a study.
@@ -264,7 +268,7 @@ def changes_the_deck(settings: Settings, study: Study, mesh: Mesh, effect: Effec
     """
     known = effects_of(Path(settings.study))
     own = [p for p in settings.parameters() if p.name.partition(AT)[0] in settings.model.parameters]
-    apart = {p.name: p.lower + (p.start - p.lower) * (1.0 - 0.01 * n) for n, p in enumerate(own)}
+    apart = {p.name: p.lower + (p.start - p.lower) * (1.0 - APART * n) for n, p in enumerate(own)}
     start = of_test({**settings.starts(), **apart}, study.test)
     sizes = [effect.null(), *(with_effect(effect, {}, p.name) for p in effect.parameters)]
     without, *decks = (make_deck(settings, study, mesh, "mesh", {**start, **size}, known) for size in sizes)

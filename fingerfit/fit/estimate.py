@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from fingerfit.core.errors import StateError
 from fingerfit.fit.far_off import far_off, response_by_mesh, where_to_look
+from fingerfit.fit.finer import on_finer_mesh, usable_steps
 from fingerfit.fit.identified import seen_directions
 from fingerfit.fit.intervals import Uncertainty, as_json, bound_of, repeat, summarise, widths
 from fingerfit.fit.minimum import Minimum, by_data, mesh_error, minimum, on_search_mesh, partly_on_finer_mesh
@@ -44,7 +46,9 @@ def estimate_of(
     Raises
     ------
     StateError
-        When no guess had a solution.
+        When no guess had a solution; else as `minimum`.
+    InputError
+        As `minimum`.
     """
     if last.best is None:
         why = "; ".join(sorted({e["message"] for e in last.history if e["message"]}))
@@ -87,7 +91,7 @@ def estimate_of(
             *_early(problem, last, best),
             *_rival_remarks(problem, values),
             *_bound_remarks(problem, values),
-            *_mesh_remarks(problem, mesh, partly),
+            *_mesh_remarks(problem, last, mesh, partly),
             *_thickness_remarks(problem),
             *(f"{_of(test)}measurements: {line}" for test in problem.every for line in test.data.remarks.splitlines()),
             *_far_off(problem, best, response_by_mesh(problem, last, best.base)),
@@ -120,18 +124,20 @@ def _repeated(problem: InverseProblem, best: Minimum, threads: int) -> tuple[np.
     Numbers of effects on the observation that the score may not see are those of the least squares, as in the estimate.
     """
     how, makers = problem.settings.fit, list[Replicates]()
-    for n, (test, model, asked) in enumerate(zip(problem.every, best.model.every, best.base.every, strict=True)):
-        maps, seed = test.synthesis(asked).maps, [how.seed, n] if n else how.seed
-        noisy = test.as_counted(model.base).data
-        makers.append(Replicates(model, noisy, maps, how.score, how.bins, seed, threads, how.replicates, test.observed))
+    width = widths(problem.settings.parameters(), best.model.moving)
+    # exponents and effects may compensate moduli
+    mixed = bool(problem.settings.model.effects) or not all(p.log for p in problem.settings.parameters())
 
     def draw() -> Objective:
         return Objective.total([maker.draw() for maker in makers])
 
-    width = widths(problem.settings.parameters(), best.model.moving)
-    # exponents and effects may compensate moduli
-    mixed = bool(problem.settings.model.effects) or not all(p.log for p in problem.settings.parameters())
-    shifts, hessian = repeat(draw, width, how.replicates, problem.sure, minima=mixed and len(width) <= MANY)
+    with ExitStack() as ends:
+        for n, (test, model, asked) in enumerate(zip(problem.every, best.model.every, best.base.every, strict=True)):
+            maps, seed = test.synthesis(asked).maps, [how.seed, n] if n else how.seed
+            noisy, observed = test.as_counted(model.base).data, test.observed
+            maker = Replicates(model, noisy, maps, how.score, how.bins, seed, threads, how.replicates, observed)
+            makers.append(ends.enter_context(closing(maker)))
+        shifts, hessian = repeat(draw, width, how.replicates, problem.sure, minima=mixed and len(width) <= MANY)
     for maker in makers:
         if maker.squares:
             number = maker.squares.number
@@ -229,7 +235,7 @@ def _bound_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list
     return found
 
 
-def _mesh_remarks(problem: InverseProblem, mesh: str, partly: Minimum | None) -> list[str]:
+def _mesh_remarks(problem: InverseProblem, last: Round, mesh: str, partly: Minimum | None) -> list[str]:
     if mesh == REFINED:
         return []
     if REFINED not in problem.mesh_files:
@@ -237,7 +243,23 @@ def _mesh_remarks(problem: InverseProblem, mesh: str, partly: Minimum | None) ->
         return [f"no finer mesh was given ({key}): standard errors and intervals do not contain the error of the mesh"]
     lacks = "the finer mesh has no solution at the best guess, or one in which the body goes through itself"
     error = "follows from the steps before that" if partly else "is not known"
-    return [f"{lacks}: the estimate is that of the search mesh, whose mesh error {error}"]
+    return [f"{lacks}{_from_where(problem, last)}: the estimate is that of the search mesh, whose mesh error {error}"]
+
+
+def _from_where(problem: InverseProblem, last: Round) -> str:
+    """From which step on, and which force or displacement, the finer mesh has no usable solution, by test."""
+    asked = on_finer_mesh(problem, last)
+    if asked is None:
+        return ""
+    found = list[str]()
+    for test, one in zip(problem.every, asked.every, strict=True):
+        data, usable = test.data, usable_steps(test, one)
+        if usable < len(data.step):
+            whose = f" in test {test.test}" if test.test else ""
+            unit = "N" if data.control == "force" else "mm"
+            size = f"{data.control} {data.controlled[usable]:.3g} {unit}"
+            found.append(f"{whose} from step {data.step[usable]} on ({size})")
+    return ",".join(found)
 
 
 def _thickness_remarks(problem: InverseProblem) -> list[str]:

@@ -54,6 +54,14 @@ def as_on_finer_mesh(problem: InverseProblem, asked: Asked, data: Data) -> Outco
     return _continued(problem, coarse, fine, data, _usable(problem, asked, coarse, fine, data))
 
 
+def usable_steps(problem: InverseProblem, asked: Asked) -> int:
+    """Number of steps of one test before the first one without a usable solution on the finer mesh."""
+    coarse, fine = problem.outcome(problem.ask(asked.values)), _reached(problem, asked)
+    if coarse.status != CONVERGED or fine is None:
+        return 0
+    return _usable(problem, asked, coarse, fine, problem.data)
+
+
 def has_snapped(problem: InverseProblem, asked: Asked) -> bool:
     """Whether a guess on the finer mesh, which has a solution, goes through a plate in a picture as the body does not.
 

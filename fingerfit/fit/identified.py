@@ -17,6 +17,9 @@ SURE = 4.0
 however much better another direction is known."""
 PART = 0.1
 """Of a direction of unit length, what a constant must have of it to be named with it."""
+EVEN = 0.3
+"""Difference of the parts of a direction of logarithms, as a share of the largest one, up to which it is told as a
+common scale. A choice."""
 
 
 def positive(hessian: np.ndarray) -> np.ndarray:
@@ -108,7 +111,7 @@ def identifiability(hessian: np.ndarray, parameters: Sequence[Parameter], sure: 
         parts = vector[np.abs(vector) > PART]
         parts = parts * np.sign(parts[:1])  # a direction has no sign of its own
         logs, names = all(p.log for p in involved), ", ".join(p.name for p in involved)
-        if len(involved) > 1 and logs and np.ptp(parts) < 0.3 * np.abs(parts).max():
+        if len(involved) > 1 and logs and np.ptp(parts) < EVEN * np.abs(parts).max():
             text = f"only ratios of {names} are identifiable: these data do not see their common scale"
         elif len(involved) == 1:
             text = f"{names} is not identifiable from these data"

@@ -28,6 +28,8 @@ ENOUGH = 0.1
 half of it. A choice, made after a made-up score; four fits that were tried end where they did."""
 _CURVED = 6
 """Repetitions that give the mean curvature, which needs far more scores than a gradient; a choice."""
+REACH, STEPS = 0.15, 20
+"""Longest step of `minimise`, in search coordinates, and how many at most. Choices."""
 SHORTEST = 1e-5
 """Shortest step of `minimise`, in search coordinates: 0.001 % of a modulus, whose standard errors are 0.5 %
 and more in the phantom."""
@@ -90,7 +92,7 @@ def curvature(objective: Objective, width: np.ndarray) -> np.ndarray:
 def minimise(
     objective: Objective,
     width: np.ndarray,
-    reach: float = 0.15,
+    reach: float = REACH,
     low: np.ndarray | None = None,
     high: np.ndarray | None = None,
     sure: float = np.inf,
@@ -118,7 +120,7 @@ def minimise(
     low = np.full(size, -np.inf) if low is None else low
     high = np.full(size, np.inf) if high is None else high
     at, value = np.zeros(size), objective(np.zeros(size))
-    for _ in range(20):
+    for _ in range(STEPS):
         # a constant at its bound that would go further stays; the others find their minimum without it
         free = ~(((at <= low) & (gradient > 0)) | ((at >= high) & (gradient < 0)))
         step = np.zeros(size)

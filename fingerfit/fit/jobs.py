@@ -60,6 +60,19 @@ def solve_missing(
     return len(missing)
 
 
+def solved(problem: InverseProblem) -> set[str]:
+    """Names of all simulations with a solution, whoever asked for them."""
+    return {path.parent.name for path in problem.sims.glob("*/solution.npz")}
+
+
+def solved_since(problem: InverseProblem, before: set[str]) -> int:
+    """How many solutions a fit has asked for that were not there `before`, whatever came of its models.
+
+    Two processes may ask for the same one at the same time: solutions are counted, not who asked for them.
+    """
+    return len((solved(problem) - before) & problem.asked)
+
+
 def _solve(sims: Path, solver: str, limit: int | None, lost: Lost | None, asked: Asked) -> float:
     """Solve one; returns the seconds that it took."""
     folder, began = sims / asked.sim, time.monotonic()

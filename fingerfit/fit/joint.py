@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fingerfit.core.errors import InputError
+from fingerfit.core.errors import FingerfitError, InputError
 from fingerfit.core.files import digest
+from fingerfit.fit.discrepancy import Discrepancy
 from fingerfit.fit.kept import Kept
 from fingerfit.fit.linear import LinearModel
 from fingerfit.fit.objective import Objective
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
+from fingerfit.forward.predict import Synthesis
 from fingerfit.forward.score import JointPrediction
+from fingerfit.mesh.mesh import Mesh
+from fingerfit.solvers.contract import Outcome
 from fingerfit.study.data import Data
 
 if TYPE_CHECKING:
@@ -101,6 +105,22 @@ class JointProblem(InverseProblem):
         asked = tuple(test.ask(values, role, *how, **named) for test in self.tests)
         return Asked(dict(values), digest(*(one.sim for one in asked)), asked[0].mesh, "", role, asked)
 
+    def with_mesh(self, name: str, mesh: Mesh) -> InverseProblem:
+        """Not of several tests, as the following three."""
+        raise only_of_each("a mesh more")
+
+    def outcome(self, asked: Asked) -> Outcome:
+        """Not of several tests."""
+        raise only_of_each("a solution")
+
+    def _synthesis(self, asked: Asked) -> Synthesis | None:
+        raise only_of_each("a synthesis")
+
+    @cached_property
+    def discrepancy(self) -> Discrepancy | None:
+        """Not of several tests."""
+        raise only_of_each("an error of the model")
+
     def refusal(self, asked: Asked) -> InputError | None:
         """Why the solver does not take the deck of a test; None where it takes all."""
         return next(filter(None, (test.refusal(one) for test, one in self._pairs(asked))), None)
@@ -149,3 +169,8 @@ class JointProblem(InverseProblem):
 
     def _pairs(self, asked: Asked) -> list[tuple[InverseProblem, Asked]]:
         return list(zip(self.tests, asked.every, strict=True))
+
+
+def only_of_each(what: str) -> FingerfitError:
+    """The error of a question that has an answer for each test alone."""
+    return FingerfitError(f"{what} of several tests: ask each of them")

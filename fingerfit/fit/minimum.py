@@ -15,8 +15,10 @@ from fingerfit.fit.objective import Objective
 from fingerfit.fit.observed import Observed, between
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.slopes import STEP, coordinates, difference, moved, step_of
+from fingerfit.fit.slopes import STEP, bounds_of, coordinates, difference, moved, step_of
 from fingerfit.forward.score import JointPrediction, Prediction
+from fingerfit.mesh.elements import ELEMENTS
+from fingerfit.mesh.mesh import Mesh
 from fingerfit.settings.choices import CONFIG
 from fingerfit.solvers.contract import CONVERGED
 
@@ -62,7 +64,15 @@ class Minimum:
 
 
 def minimum(problem: InverseProblem, last: Round) -> Minimum:
-    """Minimum of the score on the finest mesh that has a solution."""
+    """Minimum of the score on the finest mesh that has a solution.
+
+    Raises
+    ------
+    StateError
+        When no guess had a solution, or none is known on either side of the best one in a constant.
+    InputError
+        For a constant whose bounds are so near to each other that they leave no room for a slope.
+    """
     # after steps that went wrong the next ones are short
     trust = last.best.get("trust", TRUST) if last.best and last.stage == SENSITIVITY else TRUST
     return _minimum(problem, last, finest(problem, last), trust)
@@ -136,8 +146,14 @@ def left_over(problem: InverseProblem, mesh: str) -> float:
     if len(problem.every) > 1:
         return max(left_over(test, mesh) for test in problem.every)
     coarse, fine = problem.meshes[SEARCH], problem.meshes[REFINED]
-    ratio = (fine.element_count / coarse.element_count) ** (1 / coarse.dim)
+    ratio = (_linear_elements(fine) / _linear_elements(coarse)) ** (1 / coarse.dim)
     return 1.0 / max(ratio**ORDER - 1.0, _LEAST) + (0.0 if mesh == REFINED else 1.0)
+
+
+def _linear_elements(mesh: Mesh) -> int:
+    """How many elements a mesh has, a quadratic one counted as the linear ones between all of its nodes along edges."""
+    kinds = [(ELEMENTS[block.element], len(block.nodes)) for block in mesh.blocks]
+    return sum(count * (2**kind.dim if kind.nodes > kind.corners else 1) for kind, count in kinds)
 
 
 def _minimum(problem: InverseProblem, last: Round, base: Asked, trust: float = TRUST) -> Minimum:
@@ -166,8 +182,7 @@ def by_data(problem: InverseProblem, found: Minimum) -> np.ndarray:
 def _move(problem: InverseProblem, model: LinearModel, trust: float, known: bool = True) -> np.ndarray:
     parameters = problem.settings.parameters()
     at = coordinates(parameters, model.values)
-    low = coordinates(parameters, {p.name: p.lower for p in parameters}) - at
-    high = coordinates(parameters, {p.name: p.upper for p in parameters}) - at
+    low, high = (end - at for end in bounds_of(parameters))
     reach = trust * _shares(problem, model)
     low, high = np.maximum(low, -reach), np.minimum(high, reach)
     find, delta = _least_squares if problem.exact else _by_score, np.zeros(len(low))

@@ -45,6 +45,14 @@ choice."""
 PROMISED = 6.0
 """Log likelihood that slopes may promise beyond the end of a fit: odds of 400 to 1, as where two models are told apart
 (`fingerfit.diagnosis.verdict`)."""
+POOR, GOOD, WIDER = 0.25, 0.75, 2.0
+"""Share of a promised fall that came true below which, and above which, moves are trusted less or more far, and by
+which factor more: those of More (1978)."""
+BACK = 0.4
+"""Share of a move that raised the score which is gone from where it began, and by which moves are then trusted less: a
+choice within the 0.1 to 0.5 of More (1978)."""
+RAISED = 0.01
+"""Share of a promised fall up to which a move that came to it counts as one that raised the score. A choice."""
 SOLUTIONS = 4
 """At most as many on the finest mesh, the costliest there are (docs/decisions/0003-two-meshes.md)."""
 
@@ -90,11 +98,17 @@ def _by_control(problem: InverseProblem, best: Mapping[str, float]) -> list[Aske
 
 
 def refine_round(problem: InverseProblem, last: Round) -> Round:
-    """The round after slopes or a finest solution are known: solve at the minimum of the linear model."""
+    """The round after slopes or a finest solution are known: solve at the minimum of the linear model.
+
+    Raises
+    ------
+    StateError, InputError
+        As `minimum`.
+    """
     found = minimum(problem, last)
     again = AGAIN if last.history else AGAIN_ADDED
     if last.slopes < again:
-        back, trust = _half_way_back(problem, last, found)
+        back, trust = _nearer(problem, last, found)
         if back is not None:
             return _slopes_again(problem, last, back, {"before": (last.best or {})["before"], "trust": trust})
         # no search came before the first slopes of a model with effects: they are taken where it was predicted to be
@@ -152,8 +166,8 @@ def _slopes_again(
     return around_best(problem, base, values, last.reason or "", last.slopes + 1, rough)
 
 
-def _half_way_back(problem: InverseProblem, last: Round, found: Minimum) -> tuple[dict[str, float] | None, float]:
-    """Half of a move that raised the score, or None where it did not; and how far the next one is trusted.
+def _nearer(problem: InverseProblem, last: Round, found: Minimum) -> tuple[dict[str, float] | None, float]:
+    """The guess at `BACK` of a move that raised the score, or None where it did not; how far the next one is trusted.
 
     By the share of the promised fall that came true (Levenberg and Marquardt's method with a trust region: More 1978).
     """
@@ -162,11 +176,11 @@ def _half_way_back(problem: InverseProblem, last: Round, found: Minimum) -> tupl
     if last.stage != SENSITIVITY or before is None or not before["fall"] > 0:
         return None, trust
     true = (before["score"] - _score(problem, found)) / before["fall"]
-    trust = 0.4 * trust if true < 0.25 else min(2 * trust, TRUST) if true > 0.75 else trust
+    trust = BACK * trust if true < POOR else min(WIDER * trust, TRUST) if true > GOOD else trust
     parameters = problem.settings.parameters()
-    way = 0.4 * (coordinates(parameters, found.base.values) - coordinates(parameters, before["values"]))
+    way = BACK * (coordinates(parameters, found.base.values) - coordinates(parameters, before["values"]))
     # so near to where the move began that there is nothing to go back to
-    if true > 0.01 or np.abs(way).max() < NEARER:
+    if true > RAISED or np.abs(way).max() < NEARER:
         return None, trust
     return moved(parameters, before["values"], way), trust
 

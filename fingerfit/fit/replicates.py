@@ -149,6 +149,10 @@ class Replicates:
         self.moves.append(moves)
         return objective
 
+    def close(self) -> None:
+        """End the threads: nothing is drawn afterwards."""
+        self._pool.shutdown(cancel_futures=True)
+
     def _noise(self) -> _Noise:
         """All noise of a repetition; drawn by one thread, so that digits do not depend on their number."""
         data, base = self.data, self.model.base

@@ -147,7 +147,7 @@ class Reader:
         self._probes = Probe(mesh, self._points), Probe(mesh, self._places)
 
     def read(self, outcome: Outcome) -> np.ndarray:
-        """Displacements (mm), brightness 0, and the response of a solution since the first picture."""
+        """Displacements (mm), brightness 0, response (N or mm) of a solution since the first picture, shape (all,)."""
         return self._read(outcome, None)
 
     def shown(self, outcome: Outcome) -> np.ndarray:

@@ -172,7 +172,8 @@ class Found:
             }
             for entry, one in zip(entries, self.diagnosis.ranking, strict=True)
         ]
-        return pd.DataFrame(rows).set_index("effect")
+        columns = ["effect", "family", "explained", "log_odds", "refitted", "explained_by_refit"]
+        return pd.DataFrame(rows, columns=columns).set_index("effect")
 
 
 def load_study(folder: Path | str) -> Study:

@@ -14,6 +14,7 @@ from fingerfit.core.files import digest, kept_json, read_record, write_text
 from fingerfit.core.folders import PACKAGE
 from fingerfit.fit.check import check_against_study, check_effects
 from fingerfit.model.catalogue import with_numbers
+from fingerfit.model.effect import OUTLINE
 from fingerfit.prepare.prepare import make_mesh
 from fingerfit.provenance.inputs import page_files, study_files, template_files
 from fingerfit.provenance.results import model_folder, refuse, study_folder
@@ -168,6 +169,8 @@ def _rivals(settings: Settings) -> dict[str, dict[str, float]]:
         path = model_folder(parent) / "diagnosis.json"
         record = read_record(path, "ranking", "effects") if path.exists() else {"ranking": [], "effects": []}
         refits = {entry["effect"]: entry["refit"]["parameters"] for entry in record["ranking"] if entry.get("refit")}
+        if record.get("outlined"):
+            refits[OUTLINE] = record["outlined"]["parameters"]
         found |= rivals(parent, last, record["effects"], refits)
     return found
 

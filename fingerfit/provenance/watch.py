@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fingerfit.core.errors import FingerfitError
+from fingerfit.core.journal import Journal
 from fingerfit.core.progress import Progress, in_words
 from fingerfit.fit.rounds import Round, simulations
 from fingerfit.fit.took import Took
@@ -42,6 +43,7 @@ class Watch(logging.Handler):
         self._seconds: list[float] = []
         self._asked = self._solved = 0
         self._stages: dict[Path, tuple[str, int, float, float]] = {}
+        self._journals: dict[Path, Journal] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
         """Note the start of a job, tell what its end says, and leave the screen to errors."""
@@ -66,6 +68,9 @@ class Watch(logging.Handler):
             self._tell_sent(output, "sent to the cluster")
         elif not _ROUND.search(output):
             self._progress.show(rule)
+        else:
+            path = Path(output)
+            self._journal(path).now(f"{path.parents[1].name}: search, round {path.stem}")
 
     def _end(self, output: str, log: str, began: float, clock: float) -> None:
         if output.endswith("solution.npz"):
@@ -104,7 +109,13 @@ class Watch(logging.Handler):
             *([f"stop: {current.stop}"] if current.stop else []),
         ]
         who = f"{path.parents[2].name}/{path.parents[1].name} " if self._several else ""
-        self._progress.line(f"{who}round {current.number:3d}  {current.stage:<12} {', '.join(parts)}")
+        line = f"round {current.number:3d}  {current.stage:<12} {', '.join(parts)}"
+        self._progress.line(who + line)
+        self._journal(path).add(f"{path.parents[1].name}: {line}")
+
+    def _journal(self, path: Path) -> Journal:
+        """The page of the study that a round belongs to."""
+        return self._journals.setdefault(path.parents[2], Journal(path.parents[2]))
 
     def _left(self, where: Path, current: Round) -> list[str]:
         """Tolerances that were reached against those that are wanted, and the time that this leaves for the stage.

@@ -28,6 +28,8 @@ def write_residual(left: Left, path: Path) -> None:
 def compared(study: Path, models: Sequence[str], last: Weighed) -> dict[str, dict[str, float]]:
     """Misfit and degrees of freedom of models by the likelihood of the last one, by name.
 
+    What the last one leaves is written beside its rung, for the models above it.
+
     Parameters
     ----------
     study : Path
@@ -37,6 +39,7 @@ def compared(study: Path, models: Sequence[str], last: Weighed) -> dict[str, dic
         other values, are left out.
     last : Weighed
     """
+    write_residual(last, study / models[-1] / RESIDUAL)
     left: dict[str, Left] = {models[-1]: last}
     for name in models[:-1]:
         file = study / name / RESIDUAL

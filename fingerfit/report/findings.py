@@ -262,6 +262,7 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
         ],
         "left_out": found.left_out,
         "unsolved": [{"title": title, "why": why} for title, why in found.unsolved.items()],
+        "outlined": {"parameters": dict(found.outlined.values)} if found.outlined else None,
         "spare": [effect.name for effect in found.spare],
         "add": f"fingerfit add {verdict.effects[0]}" if verdict.effects else "",
         "simulations": found.run,

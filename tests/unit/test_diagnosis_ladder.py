@@ -12,6 +12,7 @@ from fingerfit.core.errors import FingerfitError, InputError
 from fingerfit.core.files import keep_json, write_text
 from fingerfit.diagnosis import ladder
 from fingerfit.diagnosis.ladder import add, drop
+from fingerfit.model.effect import OUTLINE
 from fingerfit.provenance import call, stages
 from fingerfit.settings.config import load_settings
 
@@ -245,13 +246,16 @@ def test_a_field_that_is_added_by_hand_has_the_modes_that_were_said(config, tmp_
 # --- models that the data cannot tell from a richer one
 
 
-def diagnosed(folder, model, named, **refits):
-    """A diagnosis on the way, with the values of `mu_top` of the effects that were refitted."""
+def diagnosed(folder, model, named, outlined=None, **refits):
+    """A diagnosis on the way, with the values of `mu_top` of the effects that were refitted, and with other sides."""
     ranking = [
         {"effect": name, "refit": {"parameters": {"mu_top": value, "mu_bottom": 0.06, "compressibility.loss": 0.02}}}
         for name, value in refits.items()
     ]
-    keep_json(folder / f"results/study/{model}/diagnosis.json", {"ranking": ranking, "effects": named})
+    data = {"ranking": ranking, "effects": named}
+    if outlined:
+        data["outlined"] = {"parameters": {"mu_top": outlined, "mu_bottom": 0.06}}
+    keep_json(folder / f"results/study/{model}/diagnosis.json", data)
 
 
 def test_models_that_could_not_be_told_from_it_stay_with_a_model(config, tmp_path):
@@ -279,6 +283,17 @@ def test_models_that_could_not_be_told_from_it_stay_with_a_model(config, tmp_pat
     assert stages.warm(load_settings(config)).model.rivals["base+compressibility+ageing"]["mu_top"] == pytest.approx(
         0.5
     )
+
+
+def test_another_outline_is_a_rival_of_a_state_that_moves_the_sides(config, tmp_path):
+    """It has no number, so that it is no candidate; the model with it was fitted all the same."""
+    write_text(config, with_effects(effects="  effects:\n    compressibility: {loss: 0.01}\n"))
+    parameters = {"mu_top": {"value": 0.031}, "mu_bottom": {"value": 0.062}}
+    keep_json(tmp_path / "results/study/base/estimate.json", {"parameters": parameters})
+    for named, known in ((["compressibility", OUTLINE], {"mu_top": pytest.approx(1.2), "mu_bottom": 1.0}), ([], None)):
+        diagnosed(tmp_path, "base", named, outlined=0.036, compressibility=0.03)
+        rivals = stages.warm(load_settings(config)).model.rivals
+        assert rivals == ({"base+outline": known} if known else {})
 
 
 # --- what is told

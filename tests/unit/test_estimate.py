@@ -1,6 +1,7 @@
 """The table and the remarks of an estimate, also at bounds and where a number is 0."""
 
 import copy
+import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,9 @@ import yaml
 from blocks import FIT, MODEL, STEPS, STUDY
 
 from fingerfit.core.errors import Problems
+from fingerfit.fit import estimate
 from fingerfit.fit.estimate import _far_off, estimate_of, table_of
+from fingerfit.fit.replicates import Replicates
 from fingerfit.fit.simulate import begin, run_fit
 from fingerfit.model.catalogue import catalogue
 from fingerfit.report.findings import at_bounds
@@ -56,6 +59,19 @@ def fitted(folder, monkeypatch, changes=None, steps=STEPS, **own):
     return estimate_of(problem, run_fit(problem, 1)[0])
 
 
+def test_no_thread_is_left(tmp_path, monkeypatch):
+    made, before = [], set(threading.enumerate())
+
+    def kept(*args):
+        made.append(Replicates(*args))
+        return made[-1]
+
+    monkeypatch.setattr(estimate, "Replicates", kept)
+    fitted(tmp_path, monkeypatch)
+    assert made
+    assert set(threading.enumerate()) == before
+
+
 MU = MODEL["parameters"]["mu"]
 
 
@@ -100,6 +116,23 @@ def test_an_error_of_the_mesh_that_is_not_known_is_told(tmp_path, monkeypatch):
             table_of(found)
         )
         assert told == (not finer) == (found["parameters"]["mu"]["mesh_error"] == 0)
+
+
+def test_it_is_told_from_which_step_on_the_finer_mesh_has_no_solution(monkeypatch):
+    def test_of(name, control):
+        data = SimpleNamespace(step=np.array([1, 3, 4]), control=control, controlled=np.array([0.5, 1.25, 2.0]))
+        return SimpleNamespace(test=name, data=data)
+
+    usable = {"": 2, "wide": 1, "soft": 3}
+    monkeypatch.setattr(estimate, "usable_steps", lambda test, asked: usable[test.test])
+    for tests, told in (
+        ([test_of("", "displacement")], " from step 4 on (displacement 2 mm)"),
+        ([test_of("wide", "force"), test_of("soft", "force")], " in test wide from step 3 on (force 1.25 N)"),
+    ):
+        monkeypatch.setattr(estimate, "on_finer_mesh", lambda problem, last: SimpleNamespace(every=problem.every))
+        assert estimate._from_where(SimpleNamespace(every=tests), None) == told
+    monkeypatch.setattr(estimate, "on_finer_mesh", lambda problem, last: None)
+    assert estimate._from_where(SimpleNamespace(every=tests), None) == ""
 
 
 @pytest.mark.parametrize(("which", "share"), [("lower", 1.5), ("upper", 0.7)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerfit.fit import finer
-from fingerfit.fit.finer import as_on_finer_mesh
+from fingerfit.fit.finer import as_on_finer_mesh, usable_steps
 from fingerfit.fit.minimum import ORDER, left_over
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH
 from fingerfit.fit.rounds import Asked
@@ -52,6 +52,7 @@ def known(tmp_path):
             ask=lambda values: Asked(values, SEARCH, SEARCH, ""), is_solved=lambda asked: True,
         )  # fmt: skip
         asked = Asked({}, REFINED, REFINED, "", FINAL)
+        of.usable = usable_steps(problem, asked)
         return as_on_finer_mesh(problem, asked, data), fine.status == CONVERGED and finer.has_snapped(problem, asked)
 
     return of
@@ -101,6 +102,7 @@ def same(found, expected):
 @pytest.mark.parametrize("steps", [1, 2, 3, 4])
 def test_a_change_is_continued_with_the_prescribed_quantity(known, folded_from, steps):
     same(known(solution(SEARCH, COARSE), solution(REFINED, FINE, steps))[0], solution(SEARCH, FINE))
+    assert known.usable == steps
 
 
 def test_a_body_that_goes_through_itself_is_on_another_way(known, folded_from):
@@ -108,6 +110,7 @@ def test_a_body_that_goes_through_itself_is_on_another_way(known, folded_from):
     broken = solution(REFINED, FINE)
     broken.displacement[2:] += 1e3
     same(known(solution(SEARCH, COARSE), broken)[0], solution(SEARCH, FINE))
+    assert known.usable == 2
 
 
 def pushed(mesh, factor, far, step=2):
@@ -145,6 +148,7 @@ def test_displacements_count_from_the_first_picture(known, folded_from, steps):
 
 def test_nothing_is_known_without_any_usable_step(known, folded_from):
     assert known(solution(SEARCH, COARSE), solution(REFINED, FINE, 0))[0] is None
+    assert known.usable == 0
 
 
 def test_places_outside_of_the_finer_mesh_move_as_the_nearest_inside():

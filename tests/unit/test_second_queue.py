@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 from test_likelihood import COUNT, model
 
+from fingerfit.core.errors import StateError
 from fingerfit.diagnosis import second_queue
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.likelihood import misfits
@@ -86,6 +87,23 @@ def test_effects_that_only_slopes_speak_for_are_compared_by_slopes(monkeypatch, 
     assert len(list(second_queue.refits_of(tilt, 1))) == 3
 
 
+def test_simulations_of_a_refit_that_comes_to_nothing_count(monkeypatch, tmp_path):
+    found = queue(monkeypatch, {"tilt": 100.0}, {})
+    problem = found.comparison.problem
+    problem.sims, problem.lost, found.ended = tmp_path, SimpleNamespace(why=lambda _: ""), lambda *_: None
+
+    def lost(*_):
+        for name in ("asked", "of_somebody_else"):
+            (tmp_path / name).mkdir()
+            (tmp_path / name / "solution.npz").touch()
+        problem.asked.add("asked")
+        raise StateError("no solution")
+
+    monkeypatch.setattr(second_queue, "refit_anywhere", lost)
+    refits = {}
+    assert (second_queue.refit_best(found, refits, 1), refits) == (1, {})
+
+
 def names(found):
     return [one.candidate.effect.name for one in found]
 
@@ -112,4 +130,4 @@ def test_places_of_lost_refits_are_taken_after_the_others(monkeypatch):
     made = {"base_slip": refit(0.6, 400.0, absent=True), "gradient": refit(0.3, 400.0), "debonding": refit(0.1, 300.0)}
     found = queue(monkeypatch, {"base_slip": 100.0, "gradient": 90.0, "debonding": 90.0}, made)
     monkeypatch.setattr(second_queue, "to_refit", lambda *_: found.ranking[:2])
-    assert names(one for one, _, _ in second_queue.refits_of(found, 1)) == list(made)
+    assert names(one for one, _ in second_queue.refits_of(found, 1)) == list(made)

@@ -247,7 +247,7 @@ def test_a_mesh_that_makes_the_pictures_differ_is_to_be_finer(error, at_least, t
     missing = replace(verdict, kind="missing")
     assert loud_by_mesh(missing, error, at_least, EFFECTS["coarse_mesh"]) is missing
     # what is of no known form may be the mesh's: the answer is a finer one first
-    found = loud_by_mesh(missing, error, at_least, EFFECTS["coarse_mesh"], unknown=True)
+    found = loud_by_mesh(missing, error, at_least, EFFECTS["coarse_mesh"], set_aside=True)
     assert (found is missing) is not told
     if told:
         assert (found.kind, found.effects, found.family, found.numerics) == (

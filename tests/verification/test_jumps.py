@@ -29,7 +29,7 @@ def test_each_picture_has_its_own_number_and_those_held_out_keep_theirs(name, nu
     _, before = errors(comparison)
     (one,) = [cut(comparison.score_test, one) for one in rank_candidates(comparison, comparison.score_test, found)]
     assert len(one.size) == len(numbers)
-    refit, _ = refit_of(comparison, one, 1)
+    refit = refit_of(comparison, one, 1)
     own = {key.partition(".")[2]: value for key, value in refit.values.items() if key.startswith(name)}
     held = [key for key in numbers if key[-1] not in FITTED]
     assert {key: own[key] for key in held} == pytest.approx({key: refit.start[key] for key in held}, abs=1e-12)

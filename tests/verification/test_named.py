@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from seeds import part_of
-from small_body import compared, fitted, written
+from small_body import DESCRIPTION, compared, config_of, fitted, written
 
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.evidence import LIKELY
@@ -12,6 +12,8 @@ from fingerfit.diagnosis.ranking import best_places, rank_candidates
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.minimum import finest
+from fingerfit.fit.simulate import begin, run_fit
+from fingerfit.settings.config import load_settings
 
 RIVALS = {"inclusion", "tilt", "compressibility", "base_slip", "wandering_pictures"}
 PROBES = {
@@ -100,3 +102,22 @@ def test_it_is_named(case, tmp_path):
         chance = 4.0 * LIKELY * scale * np.linalg.inv(certain)[0, 0] ** 0.5
         found = refit.values[effect.key(number)]
         assert found == pytest.approx(value, abs=0.3 * abs(value) + chance)
+
+
+@pytest.mark.slow
+def test_a_poisson_ratio_that_was_stated_too_low_is_told(tmp_path):
+    """It is compressibility of the other sign: the material loses less volume than the model's ratio allows."""
+    true, stated = DESCRIPTION["material"]["poisson"], 0.42
+    config = config_of(written(tmp_path, effects={}))
+    config["model"]["material"] = {**config["model"]["material"], "poisson": stated}
+    problem, everything = begin(load_settings(config), tmp_path / "model")
+    last, _ = run_fit(problem, 1)
+    found = [one for one in candidates(problem, finest(problem, last).values)[0] if one.effect.name in RIVALS]
+    comparison, _ = compared(problem, last, everything, found)
+    ranking = [cut(comparison.score_test, one) for one in rank_candidates(comparison, comparison.score_test, found)]
+    ranking, _ = refit_all(comparison, best_places(ranking))
+    best = ranking[0]
+    assert best.candidate.effect.name == "compressibility"
+    loss = best.refitted.values["compressibility.loss"]
+    assert 0.5 - (0.5 - stated) * np.exp(loss / (0.5 - stated)) == pytest.approx(true, abs=0.01)
+    assert best.refitted.share > 0.9

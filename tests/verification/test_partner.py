@@ -28,7 +28,7 @@ def test_the_partner_of_a_slip_is_found_by_known_slopes(tmp_path):
     slip = next(
         one for one in rank_candidates(before, before.score_test, tested) if one.candidate.effect.name == "base_slip"
     )
-    ended, _ = ended_of(before, replace(slip, refitted=None), 1)
+    ended = ended_of(before, replace(slip, refitted=None), 1)
 
     wider, last = ended.comparison.problem, ended.comparison.last
     left = [one for one in tested if makes_sense(one.effect, wider)]
