@@ -28,18 +28,18 @@ body { font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 64rem
 h1 { font-size: 1.4rem }
 .now { font-size: 1.15rem; border-left: 4px solid #06c; padding-left: .8rem }
 ol { list-style: none; padding: 0; overflow-wrap: anywhere }
-li { font: 14px/1.6 ui-monospace, monospace }
+li { font: 14px/1.6 ui-monospace, monospace; padding-left: 2em; text-indent: -2em }
 small { color: #555 }
 </style>
 </head>
 <body>
 <h1>Study $study: what is being done</h1>
-<p class="now">$now</p>
+<p class="now">Now: $now</p>
 $report
 <ol>
 $done
 </ol>
-<p><small>The last line comes first. The browser reads this page again every $again seconds.
+<p><small>The newest line comes first. The browser reads this page again every $again seconds.
 If nothing changes for long, see whether the command still runs.</small></p>
 </body>
 </html>
@@ -82,7 +82,7 @@ class Journal:
         page = _HTML.substitute(
             again=AGAIN,
             study=html.escape(self._folder.name),
-            now=html.escape(self._now) or "see the last line",
+            now=html.escape(self._now) or "see the first line below",
             report=_REPORT if (self._folder / "report.html").exists() else "",
             done=done,
         )

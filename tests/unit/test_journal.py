@@ -22,7 +22,7 @@ def test_it_says_what_is_tried_and_what_was_found(folder, capsys):
     with Progress(ticks=False).working("diagnose base", Journal(folder)):
         assert "diagnose base (since " in page(folder)
         begin("refit: tilt (tilt of the indenter)")
-        assert '<p class="now">diagnose base: refit: tilt (tilt of the indenter) (since ' in page(folder)
+        assert '<p class="now">Now: diagnose base: refit: tilt (tilt of the indenter) (since ' in page(folder)
         tell("refit: tilt explains 95 %")
         tell("refit: friction explains 3 %")
         found = page(folder)
