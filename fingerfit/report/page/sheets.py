@@ -17,8 +17,12 @@ from PIL import Image
 
 DPI = 130
 WIDTH = 4.4
-LEFT, RIGHT, BOTTOM, TOP = 0.7, 0.98, 0.52, 0.16
+LEFT, RIGHT, BOTTOM, TOP = 0.7, 1.05, 0.52, 0.16
 """Margins of a panel, inches; the scale of colours is in the right one."""
+NUMBERS = 8.5
+"""Size of the numbers at axes and scales, points."""
+_BESIDE, _DIGIT = 12.0, 0.62
+"""Points for the ticks of a scale and the gaps beside its numbers; width of a digit, as a share of its size."""
 
 
 def uri(figure: Figure) -> str:
@@ -91,17 +95,21 @@ class Frame:
         axes.set_ylabel(self.labels[1], fontsize=9, labelpad=5)
         axes.locator_params(nbins=6)
         for part in (axes, scale):
-            part.tick_params(labelsize=8.5)
+            part.tick_params(labelsize=NUMBERS)
         return figure, axes, scale
 
 
 def colour_scale(figure: Figure, shown: Any, scale: Any, label: str, extend: str = "neither") -> None:
-    """The scale of colours of what is shown, its label no longer than itself."""
+    """The scale of colours of what is shown, its label no longer than itself and with room beside the numbers."""
     bar = figure.colorbar(shown, cax=scale, extend=extend)
     long = 72 * scale.get_position().height * figure.get_figheight()
-    letters = max(map(len, label.splitlines()))  # about 0.55 of their height wide
-    bar.set_label(label, fontsize=min(9.0, long / (0.55 * letters)))
+    lines = label.splitlines()
+    size = min(9.0, long / (0.55 * max(map(len, lines))))  # letters are about 0.55 of their height wide
+    bar.set_label(label, fontsize=size)
     bar.ax.locator_params(nbins=5)
+    room = 72 * (1.0 - scale.get_position().x1) * figure.get_figwidth() - _BESIDE - 1.2 * size * len(lines)
+    digits = max(map(len, bar.ax.yaxis.get_major_formatter().format_ticks(bar.ax.get_yticks().tolist())))
+    bar.ax.tick_params(labelsize=min(NUMBERS, room / (_DIGIT * digits)))
 
 
 @dataclass(frozen=True)
