@@ -34,11 +34,15 @@ class Watch(logging.Handler):
         Called where Snakemake finds nothing to do.
     several : bool
         Whether lines have to say whose they are.
+    works : callable
+        Whether jobs run; of a dry run Snakemake tells of them, too, and no page of a study is to change.
     """
 
-    def __init__(self, progress: Progress, finished: Callable[[], object], several: bool) -> None:
+    def __init__(
+        self, progress: Progress, finished: Callable[[], object], several: bool, works: Callable[[], bool]
+    ) -> None:
         super().__init__(logging.INFO)
-        self._progress, self._finished, self._several = progress, finished, several
+        self._progress, self._finished, self._several, self._works = progress, finished, several, works
         self._jobs: dict[int, tuple[str, str, float, float]] = {}
         self._seconds: list[float] = []
         self._asked = self._solved = 0
@@ -68,7 +72,7 @@ class Watch(logging.Handler):
             self._tell_sent(output, "sent to the cluster")
         elif not _ROUND.search(output):
             self._progress.show(rule)
-        else:
+        elif self._works():
             path = Path(output)
             self._journal(path).now(f"{path.parents[1].name}: search, round {path.stem}")
 

@@ -44,7 +44,7 @@ def test_a_round_is_one_line_with_what_is_reached_and_what_is_left(tmp_path, mon
     now = [100.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     said = Said()
-    watch = Watch(said, said.stop, several=False)
+    watch = Watch(said, said.stop, several=False, works=lambda: True)
 
     def solve(name, ago=0.0):
         path = tmp_path / f"results/s/sims/{name}/solution.npz"
@@ -79,7 +79,7 @@ def test_the_time_of_simulations_inside_a_round_is_told(tmp_path, monkeypatch):
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     said = Said()
-    watch = Watch(said, said.stop, several=False)
+    watch = Watch(said, said.stop, several=False, works=lambda: True)
     log, sims = tmp_path / "0.log", tmp_path / "results/s/sims"
     took = Took()
     for seconds in (0.125, 0.25):
@@ -117,7 +117,7 @@ def test_no_time_is_told_where_hardly_any_of_the_way_is_made(tmp_path, monkeypat
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     said = Said()
-    watch = Watch(said, said.stop, several=False)
+    watch = Watch(said, said.stop, several=False, works=lambda: True)
     for number, tolx in enumerate((0.32, 0.3199, 0.0201)):
         watch.handle(record("job_info", jobid=number, output=[one_round(tmp_path, number, tolx)], rule_name="a"))
         now[0] += 10.0
@@ -125,11 +125,23 @@ def test_no_time_is_told_where_hardly_any_of_the_way_is_made(tmp_path, monkeypat
     assert [line.partition("tolf 0.0001 (0.001)")[2] for line in said.lines] == ["", "", ", 10 s left in this stage"]
 
 
+@pytest.mark.parametrize("works", [True, False])
+def test_the_page_of_a_study_has_its_rounds_and_a_dry_run_writes_none(tmp_path, works):
+    watch = Watch(Said(), lambda: None, several=False, works=lambda: works)
+    output, page = one_round(tmp_path, 3, 0.32), tmp_path / "results/s/progress.html"
+    watch.handle(record("job_info", jobid=1, output=[output], rule_name="a"))
+    assert page.exists() == works
+    if works:
+        assert "Now: base: search, round 3 (since " in page.read_text(encoding="utf-8")
+        watch.handle(record("job_finished", job_id=1))
+        assert "base: round   3  independent" in page.read_text(encoding="utf-8")
+
+
 def test_a_finished_run_is_shown_and_errors_have_the_screen():
     shown, stopped = [], []
     said = Said()
     said.stop = lambda: stopped.append(True)
-    watch = Watch(said, lambda: shown.append(True), several=True)
+    watch = Watch(said, lambda: shown.append(True), several=True, works=lambda: True)
     watch.handle(record("", text="Nothing to be done (all requested files are present and up to date)."))
     assert (shown, stopped) == ([True], [])
     watch.handle(record("job_error", logging.ERROR))
@@ -141,7 +153,7 @@ def test_only_errors_of_others_are_shown_while_it_is_quiet():
     handler = logging.Handler()
     handler.emit = lambda one: seen.append(one.getMessage())
     logger.addHandler(handler)
-    watch = Watch(Said(), lambda: None, several=False)
+    watch = Watch(Said(), lambda: None, several=False, works=lambda: True)
     heard_by(logger, watch, lambda: quiet[0])
     assert logger.handlers == [watch, handler]
     logger.info("Select jobs to execute...")
