@@ -56,7 +56,7 @@ if workflow.is_main_process and workflow.modifier.is_main_snakefile():
     if QUIET:
         for handler in list(logger.handlers):
             handler.addFilter(FAILURES.shown)
-    watch = Watch(PROGRESS, lambda: runs_now() and finished(), len(RUNS) > 1, runs_now)
+    watch = Watch(PROGRESS, lambda: runs_now() and finished(), len(RUNS) > 1, lambda: runs_now())
     heard_by(logger, watch, lambda: QUIET and runs_now())
     logger.addHandler(FAILURES)
 
