@@ -148,14 +148,15 @@ def elsewhere(
         return refit.misfit - refit.freedom + refit.sides.misfit + refit.worth
 
     def counts(refit: Refit) -> bool:
-        if not explains(refit) or refit.sides.off > near or refit.sides.misfit >= sides.misfit:
+        if not explains(refit) or refit.sides.misfit >= sides.misfit:
             return False
         if stated is None:
             return True
         surely = verdict.threshold + _chance(stated, refit)
         return left(refit) + surely < stated.misfit - stated.freedom + sides.misfit
 
-    able = [(one, refit) for one, refit in states if counts(refit)]
+    possible = [(one, refit) for one, refit in states if counts(refit)]
+    able = [each for each in possible if each[1].sides.off <= near]
     shaped = form.misfit - form.freedom + sides.numbers * per_number(form.freedom)
     if own is not None and explains(own):
         rivals = [shaped, *(left(refit) for _, refit in able)]
@@ -174,7 +175,8 @@ def elsewhere(
         effect, title = one.candidate.effect, one.candidate.effect.title
     # patches say the one and pixels another: these data cannot tell them apart
     named = [*(each.candidate.effect for each, its in able if nearer(its, refit)), effect]
-    for each, its in able:
+    # one that leaves a side farther off than that, but is as likely with what it leaves of the sides, is not excluded
+    for each, its in possible:
         alike = left(its) - left(refit) < verdict.threshold + _chance(its, refit)
         if alike and each.candidate.effect not in named:
             named.append(each.candidate.effect)

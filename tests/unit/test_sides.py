@@ -202,6 +202,17 @@ def test_states_that_explain_as_much_are_named_together(misfit, named):
     assert found.effects == named
 
 
+@pytest.mark.parametrize(("away", "named"), [(4.0, ("preload", "prestretch")), (300.0, ("preload",))])
+def test_a_state_that_is_as_likely_with_the_sides_it_leaves_is_not_excluded(away, named):
+    """It leaves half of how far they are off: how surely, says the misfit of the sides."""
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    other = refit(1000.0, off=LOWER / 2, away=away)
+    states = [(ranked("prestretch", "prestretch"), other), (ranked("preload", "preload"), refit(1000.0))]
+    assert elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states).effects == named
+    # alone it leaves too much to count
+    assert elsewhere(given, Sides(LOWER, 500.0, 12), refit(1100.0), states[:1]).effects == ("outline",)
+
+
 @pytest.mark.parametrize(
     ("errors", "named"),
     [((0.97, 0.96), ("preload", "outline")), ((0.97, 0.99), ("outline",)), ((1.0, 1.0), ("outline",))],
