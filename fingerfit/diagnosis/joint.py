@@ -76,13 +76,11 @@ class JointComparison(Comparison):
         """Nothing of several tests is read to first order."""
         return list(asked)
 
-    def own(self, slope: Slope | None = None) -> np.ndarray:
-        """Slopes of the model's own constants, shape (kept, parameters); other ones are asked of each test."""
-        _no_other(slope)
-        return np.concatenate([test.own() for test in self._tests])
-
     def column(self, parameter: Parameter, slope: Slope | None = None) -> np.ndarray:
-        """Derivative of all values by the search coordinate of a fitted number, shape (all,)."""
+        """Derivative of all values by the search coordinate of a fitted number, shape (all,).
+
+        By another `slope` it is asked of each test.
+        """
         _no_other(slope)
         return np.concatenate([test.column(parameter) for test in self._tests])
 

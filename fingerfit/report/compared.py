@@ -14,6 +14,7 @@ import numpy as np
 
 from fingerfit.core.files import read_npz, write_npz
 from fingerfit.diagnosis.likelihood import Left, Weighed, by_likelihood_of
+from fingerfit.diagnosis.refit import per_number
 
 RESIDUAL = "residual.npz"
 """What a model leaves, beside its rung: with it models above weigh it again."""
@@ -51,7 +52,7 @@ def compared(study: Path, models: Sequence[str], last: Weighed) -> dict[str, dic
 
 def criteria(misfit: float, freedom: int, count: int) -> dict[str, float]:
     """AIC and BIC of a model with so many fitted numbers (Akaike 1974; Schwarz 1978)."""
-    return {"aic": misfit + 2 * count, "bic": misfit + count * float(np.log(max(freedom + count, 1)))}
+    return {"aic": misfit + 2 * count, "bic": misfit + count * per_number(freedom + count)}
 
 
 def by_the_last(rungs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
