@@ -17,9 +17,10 @@ from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.observing import change_seen
 from fingerfit.diagnosis.residual import Residual, common_modes, residual_of
 from fingerfit.diagnosis.rough import rough_covariance
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import Known, ScoreTest
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
 from fingerfit.fit.first_order import beside
+from fingerfit.fit.intervals import at_a_bound
 from fingerfit.fit.minimum import best_values, finest, left_over
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.refine import ANCHOR
@@ -235,9 +236,8 @@ class Comparison:
         """
         floor = np.hypot(self.residual.floor, self._by_control[0])
         if not floor.all():
-            raise StateError(
-                f"{self.problem.settings.study}: its pictures have no noise: give pictures.noise in study.yaml"
-            )
+            study = self.problem.settings.study
+            raise StateError(f"{study}: its pictures have no noise: give pictures.noise in study.yaml")
         return floor
 
     @cached_property
@@ -324,10 +324,10 @@ class Comparison:
         return Weighed(residual.kept, residual.vector, self.own(), self.covariance, self.nuisance(), known=self.known)
 
     @property
-    def known(self) -> tuple[np.ndarray, np.ndarray]:
-        """Priors as more values, as `ScoreTest` takes them; those of all tests belong to no single one."""
-        priors = self.problem.priors
-        return priors.left(self.base.values), priors.rows
+    def known(self) -> Known:
+        """Priors (those of all tests belong to no single one), and the bounds at which numbers have ended."""
+        priors, values = self.problem.priors, self.base.values
+        return Known(priors.left(values), priors.rows, at_a_bound(self.problem.settings.parameters(), values))
 
     def common(self) -> np.ndarray:
         """What all values of a step have in common, shape (kept, modes)."""

@@ -16,7 +16,7 @@ from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.evidence import spare
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.form_or_state import form_or_state, shown
-from fingerfit.diagnosis.mesh_errors import by_finer_mesh, errors_but_mesh
+from fingerfit.diagnosis.mesh_errors import by_finer_mesh
 from fingerfit.diagnosis.ranges import not_excluded
 from fingerfit.diagnosis.ranking import Ranked, stiffness_map
 from fingerfit.diagnosis.refit import Refit, explains, loud
@@ -165,8 +165,7 @@ def _diagnose(
     found = test_all(problem, last, everything, threads, sides=sides)
     run, refits = found.run, dict[str, Refit]()
     fitted, held_out = errors(found.comparison)
-    but_mesh = errors_but_mesh(found.comparison)
-    at_least, held = but_mesh
+    at_least, held = found.but_mesh
     score_test, ranking = found.score_test, found.ranking
     if loud(at_least, score_test.freedom):  # that something is missing is known: nothing is named by chance
         found = replace(found, tests=1)
@@ -223,7 +222,7 @@ def _diagnose(
     estimate = minimum(problem, last).values
     constants = problem.settings.model.parameters
     own = {p.name: estimate[p.name] for p in problem.settings.parameters() if p.name.partition(AT)[0] in constants}
-    base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own, but_mesh=but_mesh)
+    base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own, but_mesh=found.but_mesh)
     tolerance = problem.settings.fit.tolerance
     blamed = [one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects]
     form = form_of(found.comparison, blamed, refits) if verdict.kind != "adequate" else NO_FORM

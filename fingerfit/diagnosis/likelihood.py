@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import Known, ScoreTest
 
 
 @dataclass(frozen=True)
@@ -25,14 +25,13 @@ class Left:
     vector : ndarray, shape (kept,)
     own : ndarray, shape (kept, parameters)
         Slopes of the model's own numbers.
-    known : (ndarray, ndarray), optional
-        As for `ScoreTest`.
+    known : Known, optional
     """
 
     kept: np.ndarray
     vector: np.ndarray
     own: np.ndarray
-    known: tuple[np.ndarray, np.ndarray] | None = field(default=None, kw_only=True)
+    known: Known | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -146,13 +146,13 @@ def left_out(comparison: Comparison) -> tuple[np.ndarray, int]:
     """
     nuisance, own, vector = comparison.nuisance(), comparison.own(), comparison.residual.vector
     covariance, parts = comparison.covariance + nuisance @ nuisance.T, parts_of_data(comparison)
-    before, known = comparison.known
+    known = comparison.known
     found = []
     for part in np.unique(parts):
         kept = parts != part
         root = np.linalg.cholesky(covariance[np.ix_(kept, kept)])
-        columns = np.concatenate([np.linalg.solve(root, own[kept]), known])
-        rest = np.append(np.linalg.solve(root, vector[kept]), before)
+        columns = np.concatenate([np.linalg.solve(root, own[kept]), known.slopes])
+        rest = np.append(np.linalg.solve(root, vector[kept]), known.left)
         found.append(np.linalg.pinv(columns.T @ columns, rcond=UNSEEN, hermitian=True) @ (columns.T @ rest))
     count = len(found)
     return np.sqrt((count - 1) * np.var(found, axis=0)), count

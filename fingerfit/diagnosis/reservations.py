@@ -55,9 +55,10 @@ def of_family(
     else:
         odds = families(score_test, ranking).items()
         behind = [one for name, (one, own) in odds if name != NUMERICS and own > SURE]
-    if not behind:
+    share, by = _share(score_test, behind[0], refits) if behind else (0.0, "")
+    if share <= 0.0:
         return verdict
-    family, (share, by) = behind[0].candidate.effect.family, _share(score_test, behind[0], refits)
+    family = behind[0].candidate.effect.family
     text = f"{verdict.sentence}; {_percent(share)} of {BEYOND} may lie in {FAMILIES[family]} ({by})"
     return replace(verdict, family=family, sentence=text)
 

@@ -30,6 +30,30 @@ def beyond_noise(misfit: float, freedom: int) -> float:
 
 
 @dataclass(frozen=True)
+class Known:
+    """What is known of a model's numbers beside the measurements: priors, and bounds.
+
+    Parameters
+    ----------
+    left : ndarray, shape (priors,)
+        What priors leave, in units of their standard deviations.
+    slopes : ndarray, shape (priors, parameters)
+        Of the model's numbers.
+    held : ndarray of bool, shape (parameters,)
+        Which numbers have ended at a bound.
+    """
+
+    left: np.ndarray
+    slopes: np.ndarray
+    held: np.ndarray
+
+    @staticmethod
+    def nothing(parameters: int) -> Known:
+        """No priors, and no number at a bound."""
+        return Known(np.zeros(0), np.zeros((0, parameters)), np.zeros(parameters, dtype=bool))
+
+
+@dataclass(frozen=True)
 class Finding:
     """What an effect would do.
 
@@ -67,9 +91,9 @@ class ScoreTest:
         What all values of a step have in common. Of thousands of values a few that are far off hardly raise the
         misfit of all, so that these modes are looked at by themselves: `common_misfit`, with `common_freedom`.
 
-    known : (ndarray, ndarray), optional
-        Priors as more values: what they leave, in units of their standard deviations, shape (priors,), and slopes of
-        the model's constants, shape (priors, parameters).
+    known : Known, optional
+        Priors are more values. A number that has ended at a bound follows nothing: what it would explain beyond it,
+        or has not found, counts as left.
 
     Attributes
     ----------
@@ -88,7 +112,7 @@ class ScoreTest:
         own: np.ndarray,
         nuisance: np.ndarray,
         common: np.ndarray | None = None,
-        known: tuple[np.ndarray, np.ndarray] | None = None,
+        known: Known | None = None,
     ) -> None:
         try:
             self._root = np.linalg.cholesky(covariance + nuisance @ nuisance.T)
@@ -98,9 +122,7 @@ class ScoreTest:
         self.spread = np.sqrt((self._root**2).sum(axis=1))
         self._weigh(residual, own, common, known)
 
-    def of_another(
-        self, residual: np.ndarray, own: np.ndarray, known: tuple[np.ndarray, np.ndarray] | None = None
-    ) -> ScoreTest:
+    def of_another(self, residual: np.ndarray, own: np.ndarray, known: Known | None = None) -> ScoreTest:
         """The same of another model's residual, slopes and priors, by this covariance, which is factored once."""
         other = copy(self)
         other._weigh(residual, own, None, known)
@@ -111,20 +133,19 @@ class ScoreTest:
         residual: np.ndarray,
         own: np.ndarray,
         common: np.ndarray | None,
-        known: tuple[np.ndarray, np.ndarray] | None,
+        known: Known | None,
     ) -> None:
-        before, rows = known if known is not None else (np.zeros(0), np.zeros((0, own.shape[1])))
-        self._priors = len(before)
+        known = known or Known.nothing(own.shape[1])
+        self._priors = len(known.left)
         self.own, self.left = self.whiten(own), self.whiten(residual)
         values = len(residual)
-        self.own[values:], self.left[values:] = rows, before
-        basis, sizes, turn = np.linalg.svd(self.own, full_matrices=False)
-        seen = sizes > RANK * sizes.max(initial=0.0)
-        self._own = basis[:, seen]
-        self._inverse = (turn[seen].T / sizes[seen]) @ self._own.T
+        self.own[values:], self.left[values:] = known.slopes, known.left
+        self._follow(np.ones(own.shape[1], dtype=bool))
+        self.freedom = len(self.left) - self._own.shape[1]  # of all numbers that were fitted
+        if known.held.any():
+            self._follow(~known.held)
         self.rest = self._without_own(self.left)
         self.misfit = float(self.rest @ self.rest)
-        self.freedom = len(self.left) - self._own.shape[1]
         self.common_misfit, self.common_freedom = 0.0, 0
         if common is not None:
             columns = self.whiten(common)
@@ -132,6 +153,13 @@ class ScoreTest:
             modes, sizes, _ = np.linalg.svd(columns, full_matrices=False)
             modes = modes[:, sizes > MODE]
             self.common_misfit, self.common_freedom = float(((modes.T @ self.rest) ** 2).sum()), modes.shape[1]
+
+    def _follow(self, free: np.ndarray) -> None:
+        """Learn what the model's numbers take up, where only some of them, shape (parameters,), follow."""
+        basis, sizes, turn = np.linalg.svd(self.own * free, full_matrices=False)
+        seen = sizes > RANK * sizes.max(initial=0.0)
+        self._own = basis[:, seen]
+        self._inverse = (turn[seen].T / sizes[seen]) @ self._own.T
 
     @property
     def beyond_noise(self) -> float:

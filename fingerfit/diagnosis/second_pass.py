@@ -64,7 +64,7 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> Refit:
         numbers=len(settings.parameters()) - len(before.problem.settings.parameters()),
         spared=spared(far, told, optional, per_number(score_test.freedom)), choices=one.candidate.choices,
         sides=sides_of(after), but_mesh=errors_but_mesh(after),
-        absent=bool(nulls) and all(values.get(name, null) == null for name, null in nulls.items()),
+        absent=bool(nulls) and all(after.base.values.get(name, null) == null for name, null in nulls.items()),
     )  # fmt: skip
 
 

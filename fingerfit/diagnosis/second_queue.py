@@ -16,7 +16,7 @@ from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by, spread_of
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
-from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, both_explain, generalising
+from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, both_explain, ended_well, generalising
 from fingerfit.diagnosis.worth import to_refit, worth_a_refit
 from fingerfit.fit.jobs import solved, solved_since
 
@@ -111,7 +111,8 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
             found.made[effect.name] = refit
             if place:
                 ranked = found.moved(ranked, place)
-            if explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH:
+            well = bool(ended_well(found.score_test, {effect.name: refit}, found.but_mesh[0]))
+            if well and (explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH):
                 field = bool(effect.series) and effect.probe
                 first, odds = bool(ranked.refitted), ranked.odds(spread)
                 # in space slopes are all there is, and too rough for that
@@ -119,7 +120,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
                     explained[first], by_series = odds, field if first else by_series
                 nearest_by.add(effect.family)
                 least = min(least, refit.at_least)
-            whole = explains(refit) and refit.fitted <= EXPLAINED
+            whole = well and explains(refit) and refit.fitted <= EXPLAINED
             by_chance |= whole and refit.misfit <= chance(refit.freedom)
             done[effect.name] = refit
             share = by_one_likelihood(done, found.comparison.weighed)[effect.name].explained(found.score_test.misfit)
@@ -127,7 +128,8 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
                 named.add(effect.family)
             left = [one for one in left if worth_it(one)]
             share, ran = min(1.0, max(0.0, share)), counted(run, "simulation")
-            tell(f"{by}: {effect.name} ({effect.title}) explains {100 * share:.0f} %; {ran} run")
+            said = f"explains {100 * share:.0f} %" if well else "found no minimum, and does not count"
+            tell(f"{by}: {effect.name} ({effect.title}) {said}; {ran} run")
             yield ranked, refit
         # the first one often makes all others needless, which would hold it up
         beside, each = (threads, 1) if flat else (1, threads)
@@ -138,8 +140,9 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
 def instead_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit]) -> list[Ranked]:
     """Effects that take the places of those whose refits are lost: the likeliest other one of each family.
 
-    Lost is a refit without a solution, or that ended where its effect is absent. Not where another refit of the family
-    has ended, nor by an effect that was less likely in the first pass, by a quarter of the log odds.
+    Lost is a refit without a solution, one that ended where its effect is absent, and one that missed its minimum. Not
+    where another refit of the family has ended, nor by an effect that was less likely in the first pass, by a quarter
+    of the log odds.
 
     Parameters
     ----------
@@ -150,7 +153,8 @@ def instead_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit])
         These refits, of those that have a solution.
     """
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
-    ended = {name for name, refit in done.items() if not refit.absent}
+    well = ended_well(found.score_test, done, found.but_mesh[0])
+    ended = {name for name, refit in well.items() if not refit.absent}
     families = {one.candidate.effect.family for one in found.ranking if one.candidate.effect.name in ended}
     lost, chosen = dict[str, float](), dict[str, Ranked]()
     for one in found.ranking:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.progress import tell
 from fingerfit.diagnosis.candidates import Candidate, candidates, makes_sense, may_be
 from fingerfit.diagnosis.comparison import Comparison, Everything, anchor_of
 from fingerfit.diagnosis.joint import comparison_of
+from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked, best_places, rank_candidates
 from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
@@ -61,6 +63,11 @@ class Tested:
     outline: Sides
     made: dict[str, Refit] = field(default_factory=dict)
     unsolved: dict[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def but_mesh(self) -> tuple[float, float | None]:
+        """Errors of the model on fitted and on held-out steps: as from `errors_but_mesh`."""
+        return errors_but_mesh(self.comparison)
 
     def moved(self, one: Ranked, place: int) -> Ranked:
         """An effect in another of its places, the n-th of ``also``; it takes its place in the ranking, too."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -303,6 +303,15 @@ def bound_of(parameter: Parameter, value: float) -> str | None:
         if abs(away) <= SHORTEST:
             return name
     return None
+
+
+def at_a_bound(parameters: Sequence[Parameter], values: Mapping[str, float]) -> np.ndarray:
+    """Which estimates are at a bound, shape (parameters,).
+
+    >>> at_a_bound([Parameter("mu", "MPa", 0.01, 1.0, 0.1)], {"mu": 1.0})
+    array([ True])
+    """
+    return np.array([bound_of(p, values[p.name]) is not None for p in parameters], dtype=bool)
 
 
 def as_json(uncertainty: Uncertainty, parameters: Sequence[Parameter], values: Sequence[float]) -> dict[str, Any]:

@@ -10,20 +10,20 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fingerfit.core.files import read_npz, write_npz
 from fingerfit.diagnosis.likelihood import Left, Weighed, by_likelihood_of
 from fingerfit.diagnosis.refit import per_number
+from fingerfit.diagnosis.score_tests import Known
 
 RESIDUAL = "residual.npz"
 """What a model leaves, beside its rung: with it models above weigh it again."""
 
 
 def write_residual(left: Left, path: Path) -> None:
-    """Write what a model leaves: its residual in mm and N, slopes of its constants, and its priors."""
-    priors, rows = left.known or (np.zeros(0), np.zeros((0, left.own.shape[1])))
-    write_npz(path, {"kept": left.kept, "vector": left.vector, "own": left.own, "priors": priors, "prior_slopes": rows})
+    """Write what a model leaves: its residual in mm and N, slopes of its constants, its priors and bounds."""
+    known = left.known or Known.nothing(left.own.shape[1])
+    priors = {"priors": known.left, "prior_slopes": known.slopes, "held": known.held}
+    write_npz(path, {"kept": left.kept, "vector": left.vector, "own": left.own, **priors})
 
 
 def compared(study: Path, models: Sequence[str], last: Weighed) -> dict[str, dict[str, float]]:
@@ -72,4 +72,6 @@ def by_the_last(rungs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def _read(file: Path) -> Left:
     data = read_npz(file)
-    return Left(data["kept"], data["vector"], data["own"], known=(data["priors"], data["prior_slopes"]))
+    return Left(
+        data["kept"], data["vector"], data["own"], known=Known(data["priors"], data["prior_slopes"], data["held"])
+    )

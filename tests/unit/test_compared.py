@@ -6,6 +6,7 @@ from seeds import generator
 
 from fingerfit.core.files import keep_json
 from fingerfit.diagnosis.likelihood import Weighed, misfits
+from fingerfit.diagnosis.score_tests import Known
 from fingerfit.report.compared import RESIDUAL, by_the_last, compared, write_residual
 
 COUNT = 120
@@ -16,7 +17,7 @@ def model(offset, noise, count=2, kept=None):
     rng = generator(4)
     kept = np.ones(COUNT, dtype=bool) if kept is None else kept
     pattern, vector, own = rng.normal(size=COUNT), 0.1 * rng.normal(size=COUNT), rng.normal(size=(COUNT, count))
-    priors = np.array([0.5]), np.ones((1, count))
+    priors = Known(np.array([0.5]), np.ones((1, count)), np.zeros(count, dtype=bool))
     return Weighed(
         kept, (vector + offset * pattern)[kept], own[kept], noise**2 * np.eye(kept.sum()), np.zeros((kept.sum(), 1)),
         known=priors,

@@ -147,6 +147,8 @@ def test_what_is_unexplained_has_the_likeliest_family():
         assert of_family(unexplained, score_test, less, {}).sentence == f"unexplained; {said}"
     noise, ranking = ranked(0.5, hidden=0.0)
     assert of_family(unexplained, noise, ranking, {}).family == ""
+    worse = {"base_slip": Refit(score_test.misfit + 9.0, score_test.freedom, 2.0, 2.0, {})}
+    assert of_family(unexplained, score_test, ranking, worse) == unexplained  # no negative share is told
     assert of_family(Verdict("adequate", (), "adequate", 1.0), score_test, ranking, {}).family == ""
 
 

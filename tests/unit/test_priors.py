@@ -14,7 +14,7 @@ from seeds import generator
 from fingerfit.core.errors import InputError
 from fingerfit.diagnosis.first_pass import FirstPass
 from fingerfit.diagnosis.joint import comparison_of
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import Known, ScoreTest
 from fingerfit.fit.check import check_data
 from fingerfit.fit.estimate import estimate_of
 from fingerfit.fit.priors import Priors, weigh
@@ -135,7 +135,7 @@ def test_priors_are_values_like_others():
     own, effect, residual, nuisance = (rng.normal(size=shape) for shape in ((30, 3), (30, 2), 30, (30, 2)))
     priors = Priors.of(TWO)
     left = np.array([0.7, -1.2])
-    found = ScoreTest(residual, np.eye(30), own, nuisance, known=(left, priors.rows))
+    found = ScoreTest(residual, np.eye(30), own, nuisance, known=Known(left, priors.rows, np.zeros(3, dtype=bool)))
     # the same as two values more, whose noise is 1 and which no effect moves
     blind = np.zeros((2, 2))
     whole = np.concatenate

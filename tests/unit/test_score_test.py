@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fingerfit.diagnosis.score_tests import ScoreTest, likeness
+from fingerfit.diagnosis.score_tests import Known, ScoreTest, likeness
 
 VALUES, OWN = 60, 3
 WIDE = np.full(2, np.inf)
@@ -136,6 +136,21 @@ def test_common_modes_are_chi_square(columns, rng):
     assert score_test.common_misfit == pytest.approx(score_test.misfit, rel=1e-9)
     score_test = ScoreTest(rng.normal(size=VALUES), covariance, own, nuisance, common)
     assert score_test.common_misfit == pytest.approx(score_test.test(modes, -WIDE, WIDE).fall, rel=1e-8)
+
+
+def test_a_number_that_has_ended_at_a_bound_takes_nothing_up(columns, rng):
+    """What it would explain beyond the bound counts as left, and it counts as fitted all the same."""
+    own, effect, nuisance, covariance = columns
+    residual, held = 5 * own[:, 1] + rng.normal(size=VALUES), np.array([False, True, False])
+    known = Known(np.zeros(0), np.zeros((0, OWN)), held)
+    found, free = (ScoreTest(residual, covariance, own, nuisance, known=one) for one in (known, None))
+    without = ScoreTest(residual, covariance, own[:, ~held], nuisance)
+    assert found.misfit == pytest.approx(without.misfit, rel=1e-9)
+    assert found.misfit > free.misfit + 10
+    assert found.freedom == free.freedom == without.freedom - 1
+    assert found.signature(effect) == pytest.approx(without.signature(effect))
+    assert found.follow(effect[:, 0])[held] == pytest.approx(0.0, abs=1e-12)
+    assert found.of_another(residual, own, known).misfit == pytest.approx(found.misfit)
 
 
 def test_likeness(rng):

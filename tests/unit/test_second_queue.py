@@ -26,6 +26,7 @@ def queue(monkeypatch, odds, made):
     score_test = SimpleNamespace(misfit=misfits({"without": without}, "without")["without"], freedom=COUNT - 2)
     found = SimpleNamespace(score_test=score_test, ranking=ranking, tests=1, made=dict(made))
     problem = SimpleNamespace(asked=set(), settings=SimpleNamespace(model=SimpleNamespace(effects={})))
+    found.but_mesh = 3.0, 3.0  # larger than what any refit here leaves, but of those that miss their minimum
     found.comparison = SimpleNamespace(problem=problem, weighed=without)
     monkeypatch.setattr(second_queue, "spread_of", lambda *_: 1.0)
     monkeypatch.setattr(second_queue, "in_space", lambda _: False)
@@ -108,16 +109,31 @@ def names(found):
     return [one.candidate.effect.name for one in found]
 
 
-@pytest.mark.parametrize("absent", [True, False], ids=["absent", "no solution"])
-def test_where_a_refit_is_lost_the_likeliest_of_its_family_takes_its_place(monkeypatch, absent):
+@pytest.mark.parametrize(
+    "lost",
+    [{"base_slip": refit(0.6, absent=True)}, {}, {"base_slip": refit(0.6, error=3.1)}],
+    ids=["absent", "no solution", "missed"],
+)
+def test_where_a_refit_is_lost_the_likeliest_of_its_family_takes_its_place(monkeypatch, lost):
     odds = {"gradient": 110.0, "base_slip": 100.0, "soft_bed": 80.0, "debonding": 90.0, "tilt": 99.0}
-    done = {"gradient": refit(0.1)} | ({"base_slip": refit(0.6, absent=True)} if absent else {})
+    done = {"gradient": refit(0.1), **lost}
     found = queue(monkeypatch, odds, done)
     tried = {"gradient", "base_slip"}
     assert names(instead_of(found, tried, done)) == ["debonding"]
     # what else is lost of that family leaves room for the next one, and what has ended for none
     assert names(instead_of(found, {*tried, "debonding"}, done)) == ["soft_bed"]
     assert not instead_of(found, {*tried, "debonding"}, {**done, "debonding": refit(0.2)})
+
+
+def test_a_refit_that_missed_its_minimum_says_so_and_makes_no_other_one_needless(monkeypatch):
+    """It leaves more than the model without it, whatever its own covariance says."""
+    made = {"tilt": refit(0.0, error=3.1), "skin": refit(0.0)}
+    found, said = queue(monkeypatch, {"tilt": 100.0, "skin": 10.0}, made), []
+    monkeypatch.setattr(second_queue, "tell", said.append)
+    assert names(one for one, _ in second_queue.refits_of(found, 1)) == ["tilt", "skin"]
+    assert said[0] == "refit: tilt (tilt of the indenter) found no minimum, and does not count; 0 simulations run"
+    found = queue(monkeypatch, {"tilt": 100.0, "skin": 10.0}, {**made, "tilt": refit(0.0)})
+    assert names(one for one, _ in second_queue.refits_of(found, 1)) == ["tilt"]
 
 
 @pytest.mark.parametrize(("share", "count"), [(ENOUGH + 0.01, 1), (ENOUGH - 0.01, 0)])
