@@ -227,7 +227,7 @@ def discover(args: argparse.Namespace) -> None:
     """Fit, diagnose and add effects until the model is adequate."""
     from fingerfit.core.journal import Journal
     from fingerfit.core.progress import say_in
-    from fingerfit.diagnosis.ladder import discover
+    from fingerfit.diagnosis.climb import discover
     from fingerfit.provenance.results import study_folder
     from fingerfit.settings.config import load_settings
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import subprocess
 import tempfile
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
-from fingerfit.core.errors import FingerfitError, InputError, SolverError
-from fingerfit.core.files import read_record, read_text, write_text
+from fingerfit.core.errors import InputError, SolverError
+from fingerfit.core.files import read_record, write_text
 from fingerfit.deck.mesh_file import format_mesh
 from fingerfit.fit.check import check_effects
 from fingerfit.fit.problem import REFINED
@@ -18,21 +15,17 @@ from fingerfit.forward.decks import make_deck, refusal, template_of, with_effect
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.model.applicable import unmet
 from fingerfit.model.catalogue import chosen
-from fingerfit.model.effect import MESH_ERROR, OUTLINE, Effect
+from fingerfit.model.effect import Effect
 from fingerfit.prepare.prepare import make_mesh
-from fingerfit.provenance.call import command
-from fingerfit.provenance.results import model_folder, study_folder
+from fingerfit.provenance.results import model_folder
 from fingerfit.settings.bound import effects_of
 from fingerfit.settings.config import CONFIG, Settings, load_settings
 from fingerfit.settings.edit import remove_effect, write_effect, write_meshes
-from fingerfit.settings.finer import MESHES, finer_meshes, is_as_fine
+from fingerfit.settings.finer import finer_meshes, is_as_fine
 from fingerfit.solvers.registry import get_solver
 from fingerfit.study.reader import load_study, study_path
 from fingerfit.study.several import of_test
 from fingerfit.study.study import Study
-
-RUNGS = 8
-"""Most models that `discover` fits in one call."""
 
 
 def add(config: Path, name: str) -> str:
@@ -111,102 +104,6 @@ def run_again(config: Path) -> str:
     """The command that fits and diagnoses the model of a config file."""
     chosen = "" if config == Path(CONFIG) else f" --config {config}"
     return f"fingerfit run{chosen} --diagnose"
-
-
-def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
-    """Fit, diagnose, add the missing effect, until the model is adequate or no known effect explains the rest.
-
-    Of effects that these data cannot tell apart the one that fits best is added, and `say` is told so. An effect that
-    an adequate model may not need is dropped; where the model is not adequate without it, it comes back, and that is
-    all. So is one of no known form beside an effect that was added later, by which known effects may be seen: these
-    are then added in its place. Where the mesh is too coarse, a finer one is taken; one that has no fit is given up.
-
-    Raises
-    ------
-    FingerfitError
-        When the workflow fails.
-    """
-    adequate, dropped = "", ""  # the config of the last adequate model, and what was dropped from it
-    coarser, meshes = "", 0  # the config before the mesh was made finer, and how often it was
-    for _ in range(RUNGS):
-        if subprocess.run(command(["diagnose"], config, cores), check=False).returncode:
-            if not coarser:
-                raise FingerfitError(f"{config}: the workflow failed; its messages are above")
-            # at glued corners a finer mesh may have no equilibrium
-            say("the fit on the finer mesh failed, for the reason above: the coarser mesh is taken back")
-            write_text(config, coarser)
-            coarser, meshes, done = "", MESHES, "the last mesh is taken back"
-            continue
-        coarser, settings = "", load_settings(config)
-        say(_told(read_record(model_folder(settings) / "rung.json", "model", "error", "simulations", "sentence")))
-        diagnosis = read_record(model_folder(settings) / "diagnosis.json", "effects", "verdict")
-        known = effects_of(Path(settings.study))
-        instead = bool(dropped) and known[dropped].probe and _names_known(diagnosis, known)
-        if dropped and diagnosis["verdict"] != "adequate" and not instead:
-            say(f"without {dropped} the model is not adequate: {dropped} is taken back")
-            write_text(config, adequate)
-            dropped, done = "", "the last effect is taken back"
-            continue
-        spare = [*diagnosis.get("spare", ()), *_without_form(settings, known)]
-        if spare and not diagnosis["effects"] and (dropped or not adequate):
-            adequate, dropped, done = read_text(config), spare[0], "the last effect is dropped"
-            why = "has no known form, which may show" if known[dropped].probe else "may not be needed"
-            say(f"{dropped} {why} beside the others: dropping it")
-            say(drop(config, dropped))
-            continue
-        if meshes < MESHES and _is_too_coarse(known, diagnosis):
-            before = read_text(config)
-            try:
-                say(refine(config))
-            except FingerfitError as error:
-                say(f"the mesh stays as it is: {error}")
-            else:
-                coarser, meshes, done = before, meshes + 1, "the last mesh is finer"
-                continue
-        if not diagnosis["effects"]:
-            results = study_folder(settings)
-            return say(f"ladder: {results}/ladder.json; page: {results}/report.html")
-        first, *others = diagnosis["effects"]
-        if others:
-            say(f"these data cannot tell {first} from {' and '.join(others)}: adding {first}, which fits best")
-        say(add(config, first))
-        if OUTLINE in settings.model.effects and known[first].moves_first:
-            say(f"{first} says where the first picture shows the sides: {OUTLINE}, by which they lie there, is dropped")
-            say(drop(config, OUTLINE))
-        done = "the last effect is added"
-    return say(f"stopped after {RUNGS} models; {done}, but not fitted anew: {run_again(config)}")
-
-
-def _without_form(settings: Settings, known: Mapping[str, Effect]) -> list[str]:
-    """Effects of no known form in a model, beside others that were added later."""
-    return [name for name in list(settings.model.effects)[:-1] if known[name].probe]
-
-
-def _names_known(diagnosis: Mapping[str, Any], known: Mapping[str, Effect]) -> bool:
-    """Whether a diagnosis names an effect first that has a form."""
-    return bool(diagnosis["effects"]) and not known[diagnosis["effects"][0]].probe
-
-
-def _is_too_coarse(known: Mapping[str, Effect], diagnosis: Mapping[str, Any]) -> bool:
-    """Whether a diagnosis blames the mesh of a model."""
-    blamed = known.get(diagnosis.get("numerics", ""))
-    return blamed is not None and blamed.signal == MESH_ERROR
-
-
-def _told(rung: dict[str, Any]) -> str:
-    """One line on a rung: its errors, its simulations and the verdict."""
-    fitted, held_out = rung["error"]["fitted"], rung["error"]["held_out"]
-    held = "" if held_out is None else f", {held_out:.3g} on held-out steps"
-    counted = rung["simulations"]
-    ends = "".join(
-        f"; {name} ends at its {entry['at_bound']} bound"
-        for name, entry in (rung.get("parameters") or {}).items()
-        if entry.get("at_bound")
-    )
-    return (
-        f"{rung['model']}: error {fitted:.3g} times the noise level{held};"
-        f" {counted['run']} simulations run, {counted['reused']} reused from models below; {rung['sentence']}{ends}"
-    )
 
 
 def _with(settings: Settings, name: str, numbers: dict[str, float], where: Path) -> Settings:

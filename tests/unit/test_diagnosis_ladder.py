@@ -10,7 +10,7 @@ from conftest import ROOT
 from fingerfit.cli import main
 from fingerfit.core.errors import FingerfitError, InputError
 from fingerfit.core.files import keep_json, write_text
-from fingerfit.diagnosis import ladder
+from fingerfit.diagnosis import climb, ladder
 from fingerfit.diagnosis.ladder import add, drop
 from fingerfit.model.effect import OUTLINE
 from fingerfit.provenance import call, stages
@@ -390,7 +390,7 @@ def test_discover_says_that_it_chose_and_how_each_rung_did(config, tmp_path, mon
 @pytest.fixture
 def fitted(monkeypatch):
     """A workflow that has nothing to do, as in the test above, without the seconds that Snakemake takes to say so."""
-    monkeypatch.setattr(ladder, "command", lambda *_: [sys.executable, "-c", ""])
+    monkeypatch.setattr(climb, "command", lambda *_: [sys.executable, "-c", ""])
 
 
 @pytest.mark.parametrize(
@@ -416,6 +416,26 @@ def test_discover_drops_what_is_not_needed_beside_a_later_effect(without, needed
         *more,
     ]
     assert list(load_settings(config).model.effects) == (["tilt", "skin"] if needed else ["skin"])
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_call_that_was_killed_goes_on_with_what_it_tried(changed, config, tmp_path, monkeypatch, capfd):
+    """The effect that was dropped for a trial comes back; unless somebody has changed the config since."""
+    study, codes = tmp_path / "results/study", [0, 0, 0, 1, 0, 0]
+    monkeypatch.setattr(climb, "command", lambda *_: [sys.executable, "-c", f"raise SystemExit({codes.pop(0)})"])
+    rung(study, "base", ["tilt"])
+    rung(study, "base+tilt", ["skin"])
+    rung(study, "base+tilt+skin", spare=["tilt"])
+    rung(study, "base+skin", verdict="unexplained")
+    assert main(["discover"]) == 1
+    assert list(load_settings(config).model.effects) == ["skin"]
+    if changed:
+        config.write_text(config.read_text() + "# mine\n")
+    assert main(["discover"]) == 0
+    assert ("tilt is taken back" in capfd.readouterr().out) != changed
+    assert list(load_settings(config).model.effects) == (["skin"] if changed else ["tilt", "skin"])
+    assert not (study / climb.TRIED).exists()
+    assert len(codes) == (1 if changed else 0)
 
 
 @pytest.mark.parametrize(
@@ -446,7 +466,7 @@ def test_discover_looks_again_for_what_had_no_known_form(instead, ends, fitted, 
 def test_discover_says_what_it_did_last_to_a_model_that_is_not_fitted(
     last, done, fitted, config, tmp_path, monkeypatch, capfd
 ):
-    monkeypatch.setattr(ladder, "RUNGS", 2)
+    monkeypatch.setattr(climb, "RUNGS", 2)
     rung(tmp_path / "results/study", "base", ["tilt"])
     rung(tmp_path / "results/study", "base+tilt", done, spare=[] if done else ["tilt"])
     assert main(["discover"]) == 0
