@@ -44,7 +44,6 @@ from fingerfit.diagnosis.verdict import (
     beside_probe,
     both_explain,
     decide,
-    ended_well,
     generalising,
     half_explained,
     nearest,
@@ -196,7 +195,7 @@ def _diagnose(
     for _ in range(0 if no_refits or refits else BATCHES):
         run += refit_best(found, refits, threads)
         refits = by_one_likelihood({**pair, **refits}, found.comparison.weighed)
-        well = ended_well(score_test, refits, at_least)
+        well = {name: refit for name, refit in refits.items() if not refit.missed}
         ended, missed = nearest(well), refits.keys() - well.keys()
         verdict = decide(score_test, ranking, ended, tests, None, held, missed)
         verdict = doubted(verdict, at_least, held if pictured else None, score_test.freedom)

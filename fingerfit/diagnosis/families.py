@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fingerfit.diagnosis.ranking import Ranked, spread_of
+from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.score_tests import ScoreTest
 
 ENOUGH = 0.75
@@ -75,6 +76,22 @@ def families(score_test: ScoreTest, ranking: Sequence[Ranked]) -> dict[str, tupl
     for one in sorted(nominated(score_test, ranking), key=lambda one: -one.odds(spread)):
         best.setdefault(one.candidate.effect.family, one)
     return {family: (best[family], odds[family]) for family in sorted(best, key=lambda name: -odds[name])}
+
+
+def by_refits(ranking: Sequence[Ranked], refits: Mapping[str, Refit]) -> dict[str, tuple[str, float]]:
+    """The effect whose refit leaves least of each family, and the logarithm of its odds against the best one of all.
+
+    Where no refit explains the data, all weighs less. Those that missed their minimum, or ended where their effect is
+    absent, do not count.
+    """
+    family = {one.candidate.effect.name: one.candidate.effect.family for one in ranking}
+    counted = {name: one for name, one in refits.items() if name in family and not (one.missed or one.absent)}
+    found: dict[str, tuple[str, float]] = {}
+    least = min(counted.values(), key=lambda one: one.level, default=None)
+    for name, one in sorted(counted.items(), key=lambda pair: pair[1].level):
+        spread = max(1.0, least.misfit / max(least.freedom, 1)) if least else 1.0
+        found.setdefault(family[name], (name, 0.5 * ((least or one).level - one.level) / spread))
+    return found
 
 
 def leads(

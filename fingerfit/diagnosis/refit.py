@@ -47,6 +47,9 @@ class Refit:
         Whether it ended at the absent values of the effect: as the model without it, found at another place.
     lower : float
         By how much refits that ended so found the model without the effect to leave less, weighed as `fall`.
+    missed : bool
+        Whether its error is larger than that of the model without the effect: it has missed its minimum, and does not
+        count, whatever its own covariance says of its misfit.
     constants : mapping
         Where the numbers of the model without the effect went out from.
     weighed : Weighed, optional
@@ -87,6 +90,7 @@ class Refit:
     sides: Sides = field(default_factory=Sides)
     but_mesh: tuple[float, float | None] | None = None
     absent: bool = False
+    missed: bool = False
     lower: float = 0.0
 
     @property

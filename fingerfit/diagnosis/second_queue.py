@@ -111,8 +111,8 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
             found.made[effect.name] = refit
             if place:
                 ranked = found.moved(ranked, place)
-            well = bool(ended_well(found.score_test, {effect.name: refit}, found.but_mesh[0]))
-            if well and (explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH):
+            refit = replace(refit, missed=not ended_well(found.score_test, {effect.name: refit}, found.but_mesh[0]))
+            if not refit.missed and (explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH):
                 field = bool(effect.series) and effect.probe
                 first, odds = bool(ranked.refitted), ranked.odds(spread)
                 # in space slopes are all there is, and too rough for that
@@ -120,7 +120,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
                     explained[first], by_series = odds, field if first else by_series
                 nearest_by.add(effect.family)
                 least = min(least, refit.at_least)
-            whole = well and explains(refit) and refit.fitted <= EXPLAINED
+            whole = not refit.missed and explains(refit) and refit.fitted <= EXPLAINED
             by_chance |= whole and refit.misfit <= chance(refit.freedom)
             done[effect.name] = refit
             share = by_one_likelihood(done, found.comparison.weighed)[effect.name].explained(found.score_test.misfit)
@@ -128,7 +128,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
                 named.add(effect.family)
             left = [one for one in left if worth_it(one)]
             share, ran = min(1.0, max(0.0, share)), counted(run, "simulation")
-            said = f"explains {100 * share:.0f} %" if well else "found no minimum, and does not count"
+            said = "found no minimum, and does not count" if refit.missed else f"explains {100 * share:.0f} %"
             tell(f"{by}: {effect.name} ({effect.title}) {said}; {ran} run")
             yield ranked, refit
         # the first one often makes all others needless, which would hold it up
@@ -153,8 +153,7 @@ def instead_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit])
         These refits, of those that have a solution.
     """
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
-    well = ended_well(found.score_test, done, found.but_mesh[0])
-    ended = {name for name, refit in well.items() if not refit.absent}
+    ended = {name for name, refit in done.items() if not (refit.absent or refit.missed)}
     families = {one.candidate.effect.family for one in found.ranking if one.candidate.effect.name in ended}
     lost, chosen = dict[str, float](), dict[str, Ranked]()
     for one in found.ranking:

@@ -13,7 +13,7 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.diagnose import Diagnosis
 from fingerfit.diagnosis.errors import are_fitted, errors, fitted_steps
 from fingerfit.diagnosis.explained import explained
-from fingerfit.diagnosis.families import families
+from fingerfit.diagnosis.families import by_refits, families
 from fingerfit.diagnosis.field import field_of
 from fingerfit.diagnosis.ranges import ranges, with_effects
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
@@ -230,6 +230,7 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
                     "error": {"fitted": refit.fitted, "held_out": refit.held_out},
                     "parameters": {name: float(value) for name, value in refit.values.items()},
                     "at_bound": at_bounds(effect, refit.values),
+                    "missed": refit.missed,
                     "start": dict(refit.start),
                     "constants": dict(refit.constants),
                     "simulations": refit.simulations,
@@ -244,10 +245,7 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
         "effects": list(verdict.effects),
         "family": verdict.family,
         "numerics": verdict.numerics,
-        "families": [
-            {"family": family, "effect": one.candidate.effect.name, "log_odds": odds, "fall": one.finding.fall}
-            for family, (one, odds) in families(found.score_test, found.ranking).items()
-        ],
+        "families": _families(found),
         "misfit": found.score_test.misfit,
         "freedom": found.score_test.freedom,
         "threshold": verdict.threshold,
@@ -276,15 +274,22 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
     return data
 
 
+def _families(found: Diagnosis) -> list[dict[str, Any]]:
+    """Families, the likeliest first by slopes or the first pass, each with its best effect, and with its best refit."""
+    entries, refitted = [], by_refits(found.ranking, found.refits)
+    for family, (one, odds) in families(found.score_test, found.ranking).items():
+        entry = {"family": family, "effect": one.candidate.effect.name, "log_odds": odds, "fall": one.finding.fall}
+        name, against = refitted.get(family, (None, None))
+        entries.append({**entry, "refit": name and {"effect": name, "log_odds": against}})
+    return entries
+
+
 def at_bounds(effect: Effect, values: Mapping[str, float]) -> dict[str, str]:
-    """Which numbers of a refitted effect ended at a bound: ``lower`` or ``upper`` by their short names."""
-    found = {
-        p.name: bound_of(
-            Parameter(p.name, p.unit, p.lower, p.upper, p.null, False, p.scale), values[effect.key(p.name)]
-        )
-        for p in effect.parameters
-        if effect.key(p.name) in values
-    }
+    """Which numbers and places of a refitted effect ended at a bound: ``lower`` or ``upper`` by their short names."""
+    sizes = [Parameter(p.name, p.unit, p.lower, p.upper, p.null, False, p.scale) for p in effect.parameters]
+    places = [Parameter(name, "", low, high, low, False) for name, (low, high) in effect.refine.items()]
+    known = [p for p in (*sizes, *places) if effect.key(p.name) in values]
+    found = {p.name: bound_of(p, values[effect.key(p.name)]) for p in known}
     return {name: which for name, which in found.items() if which}
 
 

@@ -149,8 +149,10 @@ def diagnosis_of_base():
     return {
         "model": "base", "verdict": "missing", "sentence": "missing: tilt of the indenter; it explains 94 % of the misfit beyond the noise",
         "effects": ["tilt"], "family": "indenter", "families": [
-            {"family": "indenter", "effect": "tilt", "log_odds": 2440.0, "fall": 4890.0},
-            {"family": "structure", "effect": "inclusion", "log_odds": 3.9, "fall": 30.0},
+            {"family": "indenter", "effect": "tilt", "log_odds": 2440.0, "fall": 4890.0,
+             "refit": {"effect": "tilt", "log_odds": 0.0}},
+            {"family": "structure", "effect": "inclusion", "log_odds": 3.9, "fall": 30.0,
+             "refit": {"effect": "inclusion", "log_odds": -12.0}},
             {"family": "loading", "effect": "onset", "log_odds": -1.2, "fall": 1.0}],
         "misfit": 5710.0, "freedom": 601, "threshold": 672.0, "ranking": ranking,
         "confusions": [{"a": "tilt", "b": "gradient", "likeness": 0.91}],

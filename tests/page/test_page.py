@@ -214,6 +214,26 @@ def test_the_order_of_candidates_is_said_and_what_a_search_that_did_not_end_is(t
     assert ended in text()
 
 
+def test_the_family_of_what_is_named_is_told_with_its_odds_by_refits(tmp_path):
+    sample.write(tmp_path / "study", done=False)
+    file, page = tmp_path / "study/base/diagnosis.json", tmp_path / "report.html"
+
+    def text():
+        write_page(tmp_path / "study", page)
+        return page.read_text(encoding="utf-8")
+
+    told = "It lies in the indenter and other boundaries, by odds of 10^5 to 1 against stiffness from place to place."
+    assert told in text() and "<b>the best</b>" in text() and "1 to 10^5" in text()
+    found = read_json(file)
+    found["families"][1]["refit"] = None
+    found["ranking"][2] |= {"refit": {"error": {"fitted": 3.0, "held_out": 3.0}, "parameters": {}, "missed": True}}
+    keep_json(file, found)
+    assert "no effect of another family was likely enough to be refitted" in text()
+    assert "found no minimum: does not count" in text()
+    keep_json(file, {**found, "families": []})
+    assert "It lies in" not in text()
+
+
 def test_regions_begin_where_the_body_does():
     """Patches of measured points begin a hair below it."""
     found = sample.compare(sample.TILT)

@@ -177,6 +177,10 @@ def test_a_refitted_effect_at_its_bound_is_told():
     assert at_bounds(slip, {slip.key(p.name): p.lower}) == {p.name: "lower"}
     assert at_bounds(slip, {slip.key(p.name): p.upper, "mu": 1.0}) == {p.name: "upper"}
     assert at_bounds(slip, {slip.key(p.name): (p.lower + p.upper) / 2}) == {}
+    layer = catalogue()["split_layer"]
+    low, high = layer.refine["share"]
+    for share, ends in ((low, {"share": "lower"}), (high, {"share": "upper"}), ((low + high) / 2, {})):
+        assert at_bounds(layer, {"split_layer.contrast": 0.3, "split_layer.share": share}) == ends
 
 
 def test_intervals_reach_to_the_models_that_the_data_cannot_tell_from_this_one(tmp_path, monkeypatch):

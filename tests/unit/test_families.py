@@ -7,7 +7,7 @@ import pytest
 from test_verdict import TESTS, VALUES, World
 
 from fingerfit.diagnosis import tested
-from fingerfit.diagnosis.families import ENOUGH, SURE, families, nominated
+from fingerfit.diagnosis.families import ENOUGH, SURE, by_refits, families, nominated
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import EXPLAINED, Refit
 from fingerfit.diagnosis.reservations import largest_part, leave_mesh, of_family
@@ -162,6 +162,21 @@ def test_refits_decide_which_family_is_behind_it(gain, family):
     assert (
         "; 60 % of the misfit beyond the noise may lie in the indenter and other boundaries (refit)" in verdict.sentence
     ) == (family == "indenter")
+
+
+def test_refits_of_families_are_compared_with_the_best_of_all():
+    """By half of what they leave more; those that do not count say nothing. Where none explains the data all weighs less."""
+    _, ranking = ranked(0.5)
+
+    def refit(misfit, **more):
+        return Refit(misfit, 100, 1.0, 1.0, {}, **more)
+
+    found = by_refits(ranking, {"base_slip": refit(90.0), "tilt": refit(110.0), "base_probe": refit(95.0)})
+    assert found == {"base": ("base_slip", 0.0), "indenter": ("tilt", -10.0)}
+    assert by_refits(ranking, {"base_slip": refit(400.0), "tilt": refit(440.0)})["indenter"] == ("tilt", -5.0)
+    lost = {"base_slip": refit(10.0, missed=True), "base_probe": refit(20.0, absent=True)}
+    assert by_refits(ranking, {**lost, "tilt": refit(110.0)}) == {"indenter": ("tilt", 0.0)}
+    assert by_refits(ranking, lost) == {}
 
 
 def test_odds_are_those_of_the_integrated_likelihood(rng):

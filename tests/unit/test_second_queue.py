@@ -1,5 +1,6 @@
 """Which effects are refitted with pictures, and in which order: what earlier refits say decides the rest."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -111,7 +112,7 @@ def names(found):
 
 @pytest.mark.parametrize(
     "lost",
-    [{"base_slip": refit(0.6, absent=True)}, {}, {"base_slip": refit(0.6, error=3.1)}],
+    [{"base_slip": refit(0.6, absent=True)}, {}, {"base_slip": replace(refit(0.6), missed=True)}],
     ids=["absent", "no solution", "missed"],
 )
 def test_where_a_refit_is_lost_the_likeliest_of_its_family_takes_its_place(monkeypatch, lost):

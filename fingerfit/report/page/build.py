@@ -6,6 +6,7 @@ import base64
 import hashlib
 import json
 import platform
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -180,6 +181,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
                 "words": FAMILIES[one["family"]],
                 "best": named.get(one["effect"], one["effect"]),
                 "odds": odds(one["log_odds"]),
+                "refit": _refit_of_family(one.get("refit"), named),
             }
             for one in diagnosis.get("families") or []
             if one["log_odds"] > 0
@@ -198,6 +200,17 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "verdict": label(model),
         "verdict_key": model.verdict if model.verdict in VERDICTS else "none",
         "last": index == len(inputs.models) - 1,
+    }
+
+
+def _refit_of_family(refit: Mapping[str, Any] | None, named: Mapping[str, str]) -> dict[str, Any] | None:
+    """The best refit of a family, and its odds against the best of all families; None where there is none."""
+    if not refit:
+        return None
+    return {
+        "best": named.get(refit["effect"], refit["effect"]),
+        "odds": odds(refit["log_odds"]),
+        "first": not refit["log_odds"],
     }
 
 
@@ -223,6 +236,7 @@ def _candidate(model: Model, entry: dict[str, Any]) -> dict[str, Any]:
         "visible": not entry.get("imitated"),
         "error": refit.get("error") or {},
         "ends": [f"{name} at its {which} bound" for name, which in (refit.get("at_bound") or {}).items()],
+        "missed": bool(refit.get("missed")),
         "unended": (entry.get("first_pass") or {}).get("converged") is False,
         "drawn": entry.get("effect") in model.patterns,
     }

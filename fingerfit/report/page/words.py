@@ -11,7 +11,7 @@ from markupsafe import Markup, escape
 
 from fingerfit.core.keys import listed
 from fingerfit.model.applicable import CURE
-from fingerfit.model.effect import NUMERICS
+from fingerfit.model.effect import FAMILIES, NUMERICS
 from fingerfit.report.page.inputs import UNTESTED, Inputs, Model
 
 MOST = 5
@@ -163,6 +163,19 @@ def unsolved(diagnosis: dict[str, Any]) -> str:
     return f" Tried, but without an answer of the solver, so that it does not count: {'; '.join(told)}." if told else ""
 
 
+def _family(diagnosis: dict[str, Any]) -> str:
+    """The family of what is named, and its odds by refits against the best of the others."""
+    family = str(diagnosis.get("family"))
+    refits = {one["family"]: one["refit"]["log_odds"] for one in diagnosis.get("families") or [] if one.get("refit")}
+    if family not in refits:
+        return ""
+    own = refits.pop(family)
+    if not refits:
+        return f"It lies in {FAMILIES[family]}; no effect of another family was likely enough to be refitted. "
+    other = max(refits, key=lambda name: refits[name])
+    return f"It lies in {FAMILIES[family]}, by odds of {odds(own - refits[other])} against {FAMILIES[other]}. "
+
+
 def headline(inputs: Inputs) -> dict[str, Any]:
     """What was found and what to do next."""
     last = inputs.models[-1]
@@ -186,7 +199,7 @@ def headline(inputs: Inputs) -> dict[str, Any]:
         ),
         "missing": (
             f"The model “{last.name}” lacks an effect" + (f": {' and '.join(candidates)}." if candidates else "."),
-            "Add it and fit again." if add else "See the candidates below.",
+            (_family(last.diagnosis) + "Add it and fit again.") if add else "See the candidates below.",
         ),
         "indistinguishable": (
             f"The model “{last.name}” lacks " + (" or ".join(candidates) or "one of several effects")
