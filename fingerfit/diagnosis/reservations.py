@@ -215,8 +215,8 @@ def traced(
     it, are more than `LIKELY_ENOUGH`; before it was seen, each of those that were tested had an equal share of what
     speaks for any of them. What speaks for it is only what the form of the effects that the model has does not explain
     (`Form`), and a model explains the data also where it leaves no more than that form and noise. Beside effects of the
-    model that leaves more, what acts on the body or on pictures and does not matter is a trace as well. Where pictures
-    differ by much (`loud`), nothing is.
+    model that leaves more, what acts on the body or on pictures is a trace as well where nothing of it both matters and
+    is likely. Where pictures differ by much (`loud`), nothing is.
 
     Parameters
     ----------
@@ -248,10 +248,10 @@ def traced(
     before = odds_of_any(matter, score_test, ranking, tests, refits)
     of_form = "what the form of its own effects may be off by"
     if not explained and not form.explains:
-        if matter or not form.beside or not all(_is_quiet(one, refits, base) for one in named):
+        if odds >= LIKELY_ENOUGH or not form.beside or not all(_is_quiet(one, refits, base) for one in named):
             return verdict
-        text = f"the model leaves little beside its effects: a trace that moves no constant {far} and hardly lowers the"
-        text += f" error: {names}"
+        text = "the model leaves little beside its effects: a trace that hardly lowers the error, and moves no constant"
+        text += f" {far}{' with the odds for it' if matter else ''}: {names}"
     else:
         text = WITHIN if explained else f"the model leaves no more than {of_form}"
         if named and not matter:

@@ -208,8 +208,12 @@ class Effect:
 
     @property
     def on_loading(self) -> bool:
-        """Whether it acts on what is prescribed, or only on how force or displacement is read."""
-        return self.acts == LOADING or (self.observes_alone and self.observes_response)
+        """Whether it acts on what is prescribed, or only on how force or displacement is read.
+
+        A state before the first picture is one of the body.
+        """
+        acts = self.acts == LOADING and self.family != STATE
+        return acts or (self.observes_alone and self.observes_response)
 
     def under(self, control: str) -> Effect:
         """The same as it acts where `control`, ``force`` or ``displacement``, is prescribed and the other one measured.

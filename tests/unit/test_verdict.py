@@ -753,6 +753,22 @@ def test_beside_effects_what_does_not_matter_is_a_trace_also_where_the_data_are_
     assert ("leaves little beside its effects" in found.sentence) == (kind == "adequate")
 
 
+@pytest.mark.parametrize(("odds", "kind"), [(6.1, "indistinguishable"), (5.9, "adequate")])
+def test_there_an_effect_that_matters_must_be_likely_by_itself(odds, kind):
+    """Not by the odds of another one that cannot be told from it, and matters to nothing: 20 to 1 after 20 tests."""
+    quiet, matters = likely(20.0, "prestretch"), likely(odds, "stiffening")
+    score_test = SimpleNamespace(misfit=1300.0, freedom=1000, common_misfit=72.0, common_freedom=28)
+    base = Refit(1300.0, 1000, 0.93, 0.85, {"mu_top": 0.1})
+    refits = {
+        name: Refit(1260.0, 999, 0.92, 0.85, {"mu_top": constant}, fall=40.0)
+        for name, constant in (("prestretch", 0.1), ("stiffening", 0.103))
+    }
+    given = Verdict("indistinguishable", tuple(refits), "", 12.0)
+    found = traced(given, score_test, [quiet, matters], refits, base, 0.02, 20, Form(True))
+    assert found.kind == kind
+    assert ("moves no constant by more than 2 % with the odds for it" in found.sentence) == (kind == "adequate")
+
+
 @pytest.mark.parametrize(
     ("found", "form", "fitted", "kind"),
     [
