@@ -148,7 +148,7 @@ def decide(
     if refitted and not tried:
         names = ", ".join(_title(by_name[name]) for name in refitted)
         text = f"no known effect improves the fit on held-out steps; only on the fitted ones does: {names}"
-        return Verdict("adequate" if adequate else "unexplained", (), text, limit)
+        return _nothing_named(adequate, text, limit)
     if not tried:
         chosen = {one.candidate.effect.name for one in to_refit(score_test, ranking, tests)}
         if chosen - set(missed) or not adequate:
@@ -165,9 +165,7 @@ def decide(
     fell = refits[best].gain(score_test.misfit) >= limit
     # or by the likelihood of the model without it, whose mesh may be wrong by another amount
     if not fell and not (explains(refits[best]) and refits[best].earned >= limit):
-        kind = "adequate" if adequate else "unexplained"
-        text = "no known effect improves the fit beyond chance"
-        return Verdict(kind, (), text, limit)
+        return _nothing_named(adequate, "no known effect improves the fit beyond chance", limit)
 
     def percent(name: str) -> str:
         share = refits[name].explained(score_test.misfit) if fell else refits[name].earned / score_test.beyond_noise
@@ -197,6 +195,10 @@ def decide(
     (named,) = rivals
     text = f"missing: {_title(by_name[named])}; it explains {percent(named)} of the misfit beyond the noise"
     return Verdict("missing", (named,), text, limit)
+
+
+def _nothing_named(adequate: bool, why: str, limit: float) -> Verdict:
+    return Verdict("adequate", (), f"{WITHIN}; {why}", limit) if adequate else Verdict("unexplained", (), why, limit)
 
 
 def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], at_least: float) -> dict[str, Refit]:
