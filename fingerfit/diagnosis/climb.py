@@ -75,11 +75,10 @@ def discover(config: Path, cores: int, say: Callable[[str], None]) -> None:
     path = study_folder(load_settings(config)) / TRIED
     tried = Tried.read(path, config)
     for _ in range(RUNGS):
-        tried.keep(path, config)
         done = _next(config, cores, tried, say)
         if not done:
-            return path.unlink()
-    tried.keep(path, config)
+            return path.unlink(missing_ok=True)
+        tried.keep(path, config)
     return say(f"stopped after {RUNGS} models; {done}, but not fitted anew: {run_again(config)}")
 
 

@@ -270,7 +270,9 @@ def summarise(
     free = room(unseen_combinations(hessian, sure), parameters, values, unknown)
     bounds, half = np.array([(p.lower, p.upper) for p in parameters]), np.stack([-half, half], axis=1)
     interval = np.array([_ends(p, v, h) for p, v, h in zip(parameters, values, half + free, strict=True)])
-    interval = np.where(free.any(axis=1, keepdims=True), np.clip(interval, bounds[:, :1], bounds[:, 1:]), interval)
+    # an effect has no meaning beyond the bounds of its numbers, as a share below 0; those of constants are a user's
+    ends = free.any(axis=1) | np.array(["." in p.name for p in parameters])
+    interval = np.where(ends[:, None], np.clip(interval, bounds[:, :1], bounds[:, 1:]), interval)
     blind = unseen_constants(hessian, sure) & unknown
     interval = np.where(blind[:, None], bounds, interval)
     low, high = bounds_of(parameters)

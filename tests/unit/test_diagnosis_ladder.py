@@ -418,6 +418,13 @@ def test_discover_drops_what_is_not_needed_beside_a_later_effect(without, needed
     assert list(load_settings(config).model.effects) == (["tilt", "skin"] if needed else ["skin"])
 
 
+def test_nothing_is_written_before_the_first_model(config, tmp_path, monkeypatch):
+    """A folder of results outside of the workspace must be empty then."""
+    monkeypatch.setattr(climb, "command", lambda *_: [sys.executable, "-c", "raise SystemExit(1)"])
+    assert main(["discover"]) == 1
+    assert [path.name for path in (tmp_path / "results").rglob("*") if path.is_file()] == []
+
+
 @pytest.mark.parametrize("changed", [False, True])
 def test_a_call_that_was_killed_goes_on_with_what_it_tried(changed, config, tmp_path, monkeypatch, capfd):
     """The effect that was dropped for a trial comes back; unless somebody has changed the config since."""
