@@ -86,11 +86,12 @@ def by_refits(ranking: Sequence[Ranked], refits: Mapping[str, Refit]) -> dict[st
     """
     family = {one.candidate.effect.name: one.candidate.effect.family for one in ranking}
     counted = {name: one for name, one in refits.items() if name in family and not (one.missed or one.absent)}
+    order = sorted(counted, key=lambda name: counted[name].level)
     found: dict[str, tuple[str, float]] = {}
-    least = min(counted.values(), key=lambda one: one.level, default=None)
-    for name, one in sorted(counted.items(), key=lambda pair: pair[1].level):
-        spread = max(1.0, least.misfit / max(least.freedom, 1)) if least else 1.0
-        found.setdefault(family[name], (name, 0.5 * ((least or one).level - one.level) / spread))
+    for name in order:
+        best, one = counted[order[0]], counted[name]
+        spread = max(1.0, best.misfit / max(best.freedom, 1))
+        found.setdefault(family[name], (name, 0.5 * (best.level - one.level) / spread))
     return found
 
 

@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fingerfit.core.files import read_npz, write_npz
 from fingerfit.diagnosis.likelihood import Left, Weighed, by_likelihood_of
 from fingerfit.diagnosis.refit import per_number
@@ -72,6 +74,5 @@ def by_the_last(rungs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def _read(file: Path) -> Left:
     data = read_npz(file)
-    return Left(
-        data["kept"], data["vector"], data["own"], known=Known(data["priors"], data["prior_slopes"], data["held"])
-    )
+    held = data.get("held", np.zeros(data["own"].shape[1], dtype=bool))  # results of older versions do not tell
+    return Left(data["kept"], data["vector"], data["own"], known=Known(data["priors"], data["prior_slopes"], held))
