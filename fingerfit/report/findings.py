@@ -91,6 +91,7 @@ def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarra
         "patch_count": np.array(comparison.patches.count),
         "mesh_points": mesh.points,
         "mesh_moved": mesh.points + outcome.displacement[steps],
+        "edge_moved": _edges(mesh, outcome.displacement[steps[-1] if len(steps) else -1]),
         **_outlines(mesh, comparison),
         **_field(comparison),
         "mesh_layer": np.maximum(parts_of(mesh), 0),
@@ -122,6 +123,18 @@ def _outlines(mesh: Mesh, comparison: Comparison) -> dict[str, np.ndarray]:
         most = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)
         return {"mesh_faces": faces, "mesh_face_part": part, "patch_layer": most}
     return {"mesh_rings": np.concatenate([block.nodes[:, outline(block.nodes.shape[1])] for block in mesh.blocks])}
+
+
+def _edges(mesh: Mesh, displacement: np.ndarray) -> np.ndarray:
+    """Nodes of the base and of the indenter's face from left to right, in the plane: side, x and displacement."""
+    found = [np.zeros((0, 4))]
+    for side, name in enumerate(("BOTTOM", "TOP")):
+        nodes = mesh.node_sets.get(name, np.zeros(0, dtype=int))
+        nodes = nodes[np.argsort(mesh.points[nodes, 0])]
+        if mesh.dim == 2:
+            columns = np.full(len(nodes), side), mesh.points[nodes, 0], *displacement[nodes].T
+            found.append(np.stack(columns, axis=1))
+    return np.concatenate(found)
 
 
 def _field(comparison: Comparison) -> dict[str, np.ndarray]:

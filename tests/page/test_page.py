@@ -214,6 +214,30 @@ def test_the_order_of_candidates_is_said_and_what_a_search_that_did_not_end_is(t
     assert ended in text()
 
 
+def test_how_base_and_indenter_move_is_drawn_where_they_do(tmp_path):
+    """Of the indenter without its mean, which is the load's: one that only comes down has no picture."""
+    file, page = tmp_path / "study/base/compare.npz", tmp_path / "report.html"
+    sample.write(tmp_path / "study", done=False)
+    known, x = read_npz(file), np.linspace(0.0, 12.0, 5)
+    still, slips, tilts = (
+        np.zeros((5, 2)),
+        np.stack([0.1 * x, 0 * x], axis=1),
+        np.stack([0 * x, 0.02 * x - 2.0], axis=1),
+    )
+
+    def drawn(*sides):
+        rows = [np.column_stack([np.full(5, side), x, moved]) for side, moved in enumerate(sides)]
+        write_npz(file, {**known, "edge_moved": np.concatenate(rows)})
+        write_page(tmp_path / "study", page)
+        text = page.read_text(encoding="utf-8")
+        return [edge for edge in ("base", "indenter") if f'alt="displacement along the {edge}"' in text]
+
+    assert drawn(still, still - 2.0) == []
+    assert drawn(slips, still - 2.0) == ["base"]
+    assert drawn(still, tilts) == ["indenter"]
+    assert drawn(slips, tilts) == ["base", "indenter"]
+
+
 def test_the_family_of_what_is_named_is_told_with_its_odds_by_refits(tmp_path):
     sample.write(tmp_path / "study", done=False)
     file, page = tmp_path / "study/base/diagnosis.json", tmp_path / "report.html"

@@ -11,6 +11,7 @@ from test_verdict import VALUES, World
 from fingerfit.diagnosis.ranges import EXCLUDED, left_out, not_excluded, parts_of_data, ranges, with_effects
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import Refit
+from fingerfit.diagnosis.score_tests import Known
 from fingerfit.model.parameters import Parameter
 
 PATCHES, STEPS, FORCES = 16, 3, 8
@@ -27,7 +28,7 @@ def compared(vector, own):
         covariance=np.eye(count),
         own=lambda: own,
         nuisance=lambda: np.zeros((count, 0)),
-        known=(np.zeros(0), np.zeros((0, 1))),
+        known=Known.nothing(1),
     )
     one.every = (one,)
     return one
@@ -71,7 +72,7 @@ def test_one_part_of_the_data_has_no_spread_but_the_interval_is_told():
         covariance=np.eye(1),
         own=lambda: np.ones((1, 1)),
         nuisance=lambda: np.zeros((1, 0)),
-        known=(np.array([9.0]), np.ones((1, 1))),
+        known=Known(np.array([9.0]), np.ones((1, 1)), np.zeros(1, dtype=bool)),
         score_test=SimpleNamespace(freedom=1, misfit=81.0),
         problem=SimpleNamespace(
             settings=SimpleNamespace(parameters=lambda: (Parameter("mu", "MPa", 0.01, 10.0, 1.0),))

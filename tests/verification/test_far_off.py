@@ -67,7 +67,14 @@ def test_table_verdict_and_page_say_the_same(result, comparison, tmp_path):
     verdict = some_far_off(Verdict("unexplained", (), "unexplained", 0.0), comparison)
     assert told.partition("; ")[0] == verdict.sentence.removeprefix("unexplained; ")
     write_compare(comparison, tmp_path / "compare.npz")
-    assert str(read_compare(tmp_path / "compare.npz").far_off) == told
+    found = read_compare(tmp_path / "compare.npz")
+    assert str(found.far_off) == told
+    # the base is held, and the face of the indenter comes down as a whole
+    base, face = (found.edge_moved[found.edge_moved[:, 0] == side, 1:] for side in (0, 1))
+    assert np.all(np.diff(base[:, 0]) > 0) and np.array_equal(base[:, 0], face[:, 0])
+    assert not base[:, 1:].any()
+    assert face[:, 1:] == pytest.approx(np.broadcast_to(face[0, 1:], (len(face), 2)), rel=1e-9)
+    assert face[0, 2] < -0.1
 
 
 def test_it_is_said_from_ten_standard_deviations_on(comparison):

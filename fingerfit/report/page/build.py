@@ -22,6 +22,7 @@ from fingerfit.diagnosis.explained import SLOPES
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT
 from fingerfit.model.effect import FAMILIES
 from fingerfit.report.drawing import COLOURS
+from fingerfit.report.page.edges import EDGES
 from fingerfit.report.page.inputs import Inputs, Model, read_inputs
 from fingerfit.report.page.ladder import constants_figures, ladder_figure, profile_figure, rung_label
 from fingerfit.report.page.panels import Panels
@@ -172,6 +173,7 @@ def _model(inputs: Inputs, panels: Panels, model: Model, index: int) -> dict[str
         "force": panels.keys.get(f"force|{model.name}"),
         "stiffness": [panels.keys[key] for key in panels.keys if key.startswith(f"stiffness|{model.name}|")],
         "field": [panels.keys[key] for key in panels.keys if key.startswith(f"field|{model.name}|")],
+        "edges": {edge: panels.keys[key] for edge in EDGES if (key := f"edge|{model.name}|{edge}") in panels.keys},
         "by_fall": compare is not None and compare.mesh_points.shape[-1] == 3,
         "in_sections": compare is not None and compare.volumes,
         "diagnosis": diagnosis,

@@ -61,6 +61,8 @@ class Compare:
     mesh_layer : ndarray of int, shape (elements,)
     layer_names : ndarray of str
     step : ndarray of int, shape (steps,)
+    edge_moved : ndarray, shape (nodes, 4)
+        Of the base (0) and of the indenter's face (1), in the plane: x before compression, and displacement, mm.
     force, displacement, force_model, displacement_model : ndarray, shape (steps,)
         N and mm; NaN where unknown.
     direction, mesh_faces, mesh_face_part, patch_layer : ndarray
@@ -103,6 +105,7 @@ class Compare:
     mesh_moved: np.ndarray = field(default_factory=lambda: _empty(0, 0, 2))
     mesh_rings: np.ndarray = field(default_factory=lambda: _empty(0, 3, kind=int))
     mesh_layer: np.ndarray = field(default_factory=lambda: _empty(0, kind=int))
+    edge_moved: np.ndarray = field(default_factory=lambda: _empty(0, 4))
     layer_names: np.ndarray = field(default_factory=lambda: np.zeros(0, "U1"))
     step: np.ndarray = field(default_factory=lambda: _empty(0, kind=int))
     force: np.ndarray = field(default_factory=lambda: _empty(0))
@@ -148,11 +151,8 @@ class Compare:
     @property
     def views(self) -> int:
         """Number of steps that can be looked at: with a picture, or without any pictures with measured points."""
-        return self.pictures or (
-            len(self.residual_displacement)
-            if self.residual_displacement.ndim == 3 and self.residual_displacement.shape[2] == 2
-            else 0
-        )
+        left = self.residual_displacement
+        return self.pictures or (len(left) if left.ndim == 3 and left.shape[2] == 2 else 0)
 
     @cached_property
     def difference(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from fingerfit.diagnosis.residual import BRIGHTNESS, DISPLACEMENT, RESPONSE
 from fingerfit.imaging.sections import Slice
+from fingerfit.report.page.edges import edge_figures
 from fingerfit.report.page.figures import (
     Patches,
     brightness_panel,
@@ -123,6 +124,8 @@ class Panels:
         if len(compare.field_value) == len(compare.mesh_rings) > 0:
             for n, figure in enumerate(field_figures(compare)):
                 self.keys[f"field|{name}|{n}"] = self.keep(figure)
+        for edge, figure in edge_figures(compare).items():
+            self.keys[f"edge|{name}|{edge}"] = self.keep(figure)
         if compare.meshed:
             self._keep_mesh(name, compare)
         self._draw_curves(model, compare)
