@@ -16,7 +16,7 @@ from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by, spread_of
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
-from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, both_explain, ended_well, generalising
+from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, both_explain, generalising, misses
 from fingerfit.diagnosis.worth import to_refit, worth_a_refit
 from fingerfit.fit.jobs import solved, solved_since
 
@@ -111,7 +111,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
             found.made[effect.name] = refit
             if place:
                 ranked = found.moved(ranked, place)
-            refit = replace(refit, missed=not ended_well(found.score_test, {effect.name: refit}, found.but_mesh[0]))
+            refit = replace(refit, missed=misses(found.score_test, refit, found.but_mesh[0]))
             if not refit.missed and (explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH):
                 field = bool(effect.series) and effect.probe
                 first, odds = bool(ranked.refitted), ranked.odds(spread)

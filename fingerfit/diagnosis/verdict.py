@@ -201,15 +201,14 @@ def _nothing_named(adequate: bool, why: str, limit: float) -> Verdict:
     return Verdict("adequate", (), f"{WITHIN}; {why}", limit) if adequate else Verdict("unexplained", (), why, limit)
 
 
-def ended_well(score_test: ScoreTest, refits: Mapping[str, Refit], at_least: float) -> dict[str, Refit]:
-    """Refits that are no worse than the model on the steps that both have fitted, where its error was `at_least`.
+def misses(score_test: ScoreTest, refit: Refit, at_least: float) -> bool:
+    """Whether a refit is worse than the model on the steps that both have fitted, where its error was `at_least`.
 
     A model with an effect more has that model in it: one that ends worse has missed its minimum, whatever its own
     covariance says of its misfit. What the mesh of each makes is taken off: one may end on the coarser mesh, where the
     finer one has no answer.
     """
-    limit = at_least + _worse(score_test)
-    return {name: refit for name, refit in refits.items() if not refit.at_least > limit}
+    return refit.at_least > at_least + _worse(score_test)
 
 
 def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:

@@ -15,7 +15,7 @@ from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
 from fingerfit.diagnosis.reservations import by_settings, doubted, loud_by_mesh, perhaps, too_coarse, traced
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
-from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, ended_well, half_explained
+from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, half_explained, misses
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
 from fingerfit.model.catalogue import catalogue
 from fingerfit.settings.finer import HALVED
@@ -832,5 +832,4 @@ def test_the_odds_of_effects_that_are_named_together_add_up(tests, kind):
 def test_a_refit_that_ends_worse_on_what_it_fitted_has_missed_its_minimum(count, fitted, counts):
     """Its misfit may have fallen all the same: its own covariance forgives a worse model more."""
     score_test = SimpleNamespace(misfit=9.0 * count, freedom=count)
-    refits = {"relaxation": Refit(0.8 * count, count - 1, fitted, 1.0, {})}
-    assert ended_well(score_test, refits, 2.53) == (refits if counts else {})
+    assert misses(score_test, Refit(0.8 * count, count - 1, fitted, 1.0, {}), 2.53) != counts
