@@ -17,7 +17,7 @@ from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.joint import diagonal, joined
 from fingerfit.diagnosis.ranking import Ranked
-from fingerfit.diagnosis.score_tests import Known, ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.fit.intervals import NORMAL
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import ORDER
@@ -248,7 +248,7 @@ def _signal(comparison: Comparison, shown: Sequence[_Shown], first: Ranked, seco
     covariance, own, unknown = zip(*(test.parts() for test in shown), strict=True)
     free = np.concatenate([np.concatenate(own), other], axis=1)
     known, more = comparison.known, free.shape[1] - comparison.known.slopes.shape[1]
-    known = Known(known.left, np.pad(known.slopes, ((0, 0), (0, more))), np.zeros(free.shape[1], dtype=bool))
+    known = replace(known, slopes=np.pad(known.slopes, ((0, 0), (0, more))), held=np.zeros(free.shape[1], dtype=bool))
     score_test = ScoreTest(np.zeros(len(free)), diagonal(covariance), free, diagonal(unknown), known=known)
     return float((score_test.signature(one @ first.finding.size[:, None]) ** 2).sum())
 

@@ -7,7 +7,7 @@ from math import comb
 
 import numpy as np
 
-from fingerfit.diagnosis.score_tests import RANK, ScoreTest
+from fingerfit.diagnosis.score_tests import RANK, ScoreTest, per_value
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.model.effect import Effect
 from fingerfit.model.parameters import Parameter
@@ -163,7 +163,7 @@ def spare(problem: InverseProblem, score_test: ScoreTest, values: Mapping[str, f
     values : mapping
         Where its fit has ended.
     """
-    parameters, spread = problem.settings.parameters(), max(1.0, score_test.misfit / max(score_test.freedom, 1))
+    parameters, spread = problem.settings.parameters(), per_value(score_test.misfit, score_test.freedom)
     found = dict[str, float]()
     for name in list(problem.settings.model.effects)[:-1]:
         known, far, _ = information(parameters, values, score_test.own, problem.effects[name])

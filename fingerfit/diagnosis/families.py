@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import Refit
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest, per_value
 
 ENOUGH = 0.75
 """Share of the excess misfit that an answer must explain; of what its family's probe explains, a member."""
@@ -90,8 +90,7 @@ def by_refits(ranking: Sequence[Ranked], refits: Mapping[str, Refit]) -> dict[st
     found: dict[str, tuple[str, float]] = {}
     for name in order:
         best, one = counted[order[0]], counted[name]
-        spread = max(1.0, best.misfit / max(best.freedom, 1))
-        found.setdefault(family[name], (name, 0.5 * (best.level - one.level) / spread))
+        found.setdefault(family[name], (name, (best.level - one.level) / 2 / per_value(best.misfit, best.freedom)))
     return found
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from fingerfit.deck.modes import modes_of
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.evidence import LIKELY
+from fingerfit.diagnosis.score_tests import per_value
 from fingerfit.fit.slopes import coordinates
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.model.effect import Effect
@@ -76,7 +77,7 @@ def field_of(comparison: Comparison) -> Field | None:
     names = [p.name.partition(AT)[::2] for p in parameters]
     own = np.array([name in effect.null() and test in ("", problem.test) for name, test in names], dtype=bool)
     # what no model explains counts as noise
-    spread = max(1.0, score_test.misfit / max(score_test.freedom, 1))
+    spread = per_value(score_test.misfit, score_test.freedom)
     columns, rest = score_test.own / np.sqrt(spread), score_test.left / np.sqrt(spread)
     at = coordinates(parameters, comparison.base.values) * own
     scale = np.array([p.scale for p in whole.parameters])

@@ -13,7 +13,7 @@ from fingerfit.diagnosis.effect_form import NO_FORM, Form
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains, loud
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest, per_value
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, LIKELY_ENOUGH, odds_of_any, threshold
 from fingerfit.fit.far_off import far_off
@@ -119,7 +119,7 @@ def largest_part(
     one, own = best
     share = (error**2 - own.fitted**2) / (error**2 - 1.0)
     beyond = own.gain(score_test.misfit) > verdict.threshold
-    spread = max(1.0, own.level / max(own.freedom, 1))
+    spread = per_value(own.level, own.freedom)
     # as in `nearest`: what leaves more in every pixel, or value, is behind, whatever its patches say
     behind = {
         name: np.inf if refit.at_least > own.fitted + MATTERS else (refit.level - own.level) / 2 / spread

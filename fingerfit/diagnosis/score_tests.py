@@ -29,6 +29,11 @@ def beyond_noise(misfit: float, freedom: int) -> float:
     return max(misfit - freedom, 1.0)
 
 
+def per_value(misfit: float, freedom: int) -> float:
+    """Misfit per degree of freedom, at least 1: by it all evidence weighs less where no model explains the data."""
+    return max(1.0, misfit / max(freedom, 1))
+
+
 @dataclass(frozen=True)
 class Known:
     """What is known of a model's numbers beside the measurements: priors, and bounds.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import LEVEL, Refit, explains
-from fingerfit.diagnosis.score_tests import ScoreTest
+from fingerfit.diagnosis.score_tests import ScoreTest, per_value
 from fingerfit.diagnosis.worth import FEW, threshold, to_refit, unseen
 
 RIVAL = 12.0
@@ -248,7 +248,7 @@ def _rival(one: Refit, best: Refit) -> bool:
     What the best one leaves beyond its noise is an error of models; a difference as small may be one as well.
     """
     behind = one.level - best.level
-    if behind < RIVAL * max(1.0, best.misfit / max(best.freedom, 1)):
+    if behind < RIVAL * per_value(best.misfit, best.freedom):
         return True
     return explains(one) and explains(best) and behind < max(NEAR * one.freedom, best.misfit - best.freedom)
 

@@ -127,13 +127,13 @@ def _outlines(mesh: Mesh, comparison: Comparison) -> dict[str, np.ndarray]:
 
 def _edges(mesh: Mesh, displacement: np.ndarray) -> np.ndarray:
     """Nodes of the base and of the indenter's face from left to right, in the plane: side, x and displacement."""
-    found = [np.zeros((0, 4))]
+    if mesh.dim == 3:
+        return np.zeros((0, 4))
+    found = []
     for side, name in enumerate(("BOTTOM", "TOP")):
         nodes = mesh.node_sets.get(name, np.zeros(0, dtype=int))
         nodes = nodes[np.argsort(mesh.points[nodes, 0])]
-        if mesh.dim == 2:
-            columns = np.full(len(nodes), side), mesh.points[nodes, 0], *displacement[nodes].T
-            found.append(np.stack(columns, axis=1))
+        found.append(np.column_stack([np.full(len(nodes), side), mesh.points[nodes, 0], displacement[nodes]]))
     return np.concatenate(found)
 
 

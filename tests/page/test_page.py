@@ -254,6 +254,9 @@ def test_the_family_of_what_is_named_is_told_with_its_odds_by_refits(tmp_path):
     keep_json(file, found)
     assert "no effect of another family was likely enough to be refitted" in text()
     assert "found no minimum: does not count" in text()
+    found["ranking"][2]["family"] = "structure"
+    keep_json(file, found)
+    assert "It lies in the indenter and other boundaries; the refits of others do not count." in text()
     keep_json(file, {**found, "families": []})
     assert "It lies in" not in text()
 

@@ -186,7 +186,7 @@ def test_without_a_logarithm_the_interval_is_symmetric_in_the_value():
     assert as_json(found, parameters, [0.45])["poisson"]["standard_error"] == pytest.approx(shifts.std(ddof=1) * 0.2)
 
 
-@pytest.mark.parametrize(("name", "low"), [("base_slip.share", 0.0), ("mu", -0.02)])
+@pytest.mark.parametrize(("name", "low"), [("base_slip.share", 0.0), ("mu", -0.0196)])
 def test_an_interval_ends_at_the_bounds_of_an_effect_and_not_at_those_of_a_constant(rng, name, low):
     shifts = rng.normal(size=(4000, 1)) * 0.01
     found = summarise(shifts, np.eye(1), [Parameter(name, "1", 0.0, 1.0, 0.5, log=False)], [0.0])

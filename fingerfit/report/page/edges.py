@@ -16,7 +16,7 @@ STYLES: tuple[dict[str, Any], ...] = (
     {"label": "upwards", "linestyle": "--", "color": COLOURS[5]},
 )
 STILL = 1e-6
-"""Largest displacement, as a share of its largest x, of an edge that does not move: rounding."""
+"""Largest displacement, as a share of its largest x, of an edge that does not move: rounding. A choice."""
 
 
 def edge_figures(compare: Compare) -> dict[str, Figure]:

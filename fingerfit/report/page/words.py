@@ -171,7 +171,9 @@ def _family(diagnosis: dict[str, Any]) -> str:
         return ""
     own = refits.pop(family)
     if not refits:
-        return f"It lies in {FAMILIES[family]}; no effect of another family was likely enough to be refitted. "
+        tried = {entry.get("family", family) for entry in diagnosis.get("ranking") or [] if entry.get("refit")}
+        why = "no effect of another family was likely enough to be refitted"
+        return f"It lies in {FAMILIES[family]}; {'the refits of others do not count' if tried - {family} else why}. "
     other = max(refits, key=lambda name: refits[name])
     return f"It lies in {FAMILIES[family]}, by odds of {odds(own - refits[other])} against {FAMILIES[other]}. "
 
