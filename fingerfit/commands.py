@@ -187,8 +187,8 @@ def diagnose(args: argparse.Namespace) -> None:
     write_compare(found.comparison, args.out.parent / "compare.npz")
     counted = count_simulations(study, model.path, set(asked_for(args.last)), problem.asked)
     models = compared(study, model.path, found.comparison.weighed)
-    keep_json(args.out.parent / "rung.json", rung_of(found, estimate, counted, models))
-    write_diagnosis(found, args.out)
+    rung = rung_of(found, write_diagnosis(found, args.out), estimate, counted, models)
+    keep_json(args.out.parent / "rung.json", rung)
     known = f", {counted['reused']} of them known from the models below" if model.effects else ""
     total = counted["run"] + counted["reused"]
     print(f"{model.full_name}: {total} simulations{known}; {found.verdict.sentence}", flush=True)

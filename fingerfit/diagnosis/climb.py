@@ -149,7 +149,7 @@ def _is_too_coarse(known: Mapping[str, Effect], diagnosis: Mapping[str, Any]) ->
 
 
 def _told(rung: dict[str, Any]) -> str:
-    """One line on a rung: its errors, its simulations and the verdict."""
+    """One line on a rung: its errors, its simulations, the verdict, and the family of what that names."""
     fitted, held_out = rung["error"]["fitted"], rung["error"]["held_out"]
     held = "" if held_out is None else f", {held_out:.3g} on held-out steps"
     counted = rung["simulations"]
@@ -158,7 +158,8 @@ def _told(rung: dict[str, Any]) -> str:
         for name, entry in (rung.get("parameters") or {}).items()
         if entry.get("at_bound")
     )
+    family = f". {rung['family']}" if rung.get("family") else ""
     return (
-        f"{rung['model']}: error {fitted:.3g} times the noise level{held};"
-        f" {counted['run']} simulations run, {counted['reused']} reused from models below; {rung['sentence']}{ends}"
+        f"{rung['model']}: error {fitted:.3g} times the noise level{held}; {counted['run']} simulations run,"
+        f" {counted['reused']} reused from models below; {rung['sentence']}{ends}{family}"
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.score_tests import ScoreTest, per_value
+from fingerfit.model.effect import FAMILIES
 
 ENOUGH = 0.75
 """Share of the excess misfit that an answer must explain; of what its family's probe explains, a member."""
@@ -121,3 +123,43 @@ def leads(
     for name, value in (behind or {}).items():
         refitted[family_of[name]] = min(value, refitted.get(family_of[name], np.inf))
     return all(value > SURE for family, value in (leading | refitted).items() if family != own)
+
+
+def odds(log_odds: float) -> str:
+    """Odds from their natural logarithm, in powers of ten where they are large.
+
+    Examples
+    --------
+    >>> odds(0.7), odds(-4.6), odds(1045.7), odds(0.0)
+    ('2 to 1', '1 to 99', '10^454 to 1', '1 to 1')
+    """
+    power = abs(log_odds) / np.log(10)
+    size = f"10^{power:.0f}" if power >= 4 else f"{np.exp(abs(log_odds)):.0f}"
+    return f"1 to {size}" if log_odds < 0 else f"{size} to 1"
+
+
+def family_told(diagnosis: Mapping[str, Any]) -> str:
+    """The family of what is named, and its odds by refits against the best of the others; empty where none is named.
+
+    Parameters
+    ----------
+    diagnosis : mapping
+        What diagnosis.json has.
+    """
+    family = str(diagnosis.get("family"))
+    refits = {one["family"]: one["refit"]["log_odds"] for one in diagnosis.get("families") or [] if one.get("refit")}
+    if family not in refits or not diagnosis.get("effects"):
+        return ""
+    own = refits.pop(family)
+    if refits:
+        other = max(refits, key=lambda name: refits[name])
+        return f"It lies in {FAMILIES[family]}, by odds of {odds(own - refits[other])} against {FAMILIES[other]}."
+    if {entry.get("family", family) for entry in diagnosis.get("ranking") or [] if entry.get("refit")} - {family}:
+        return f"It lies in {FAMILIES[family]}; the refits of others do not count."
+    tested = {one["family"]: one["log_odds"] for one in diagnosis["families"]}
+    own = tested.pop(family)
+    against = ""
+    if tested:
+        other = max(tested, key=lambda name: tested[name])
+        against = f" (odds of {odds(own - tested[other])} against {FAMILIES[other]} before any refit)"
+    return f"It lies in {FAMILIES[family]}; no effect of another family was likely enough to be refitted{against}."

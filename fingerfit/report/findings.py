@@ -13,7 +13,7 @@ from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.diagnose import Diagnosis
 from fingerfit.diagnosis.errors import are_fitted, errors, fitted_steps
 from fingerfit.diagnosis.explained import explained
-from fingerfit.diagnosis.families import by_refits, families
+from fingerfit.diagnosis.families import by_refits, families, family_told
 from fingerfit.diagnosis.field import field_of
 from fingerfit.diagnosis.ranges import ranges, with_effects
 from fingerfit.diagnosis.ranking import Ranked, confusions, summary
@@ -329,6 +329,7 @@ def count_simulations(study: Path, models: list[str], fit: set[str], diagnosis: 
 
 def rung_of(
     found: Diagnosis,
+    diagnosis: dict[str, Any],
     estimate: dict[str, Any],
     simulations: dict[str, int],
     compared: dict[str, dict[str, float]],
@@ -338,6 +339,8 @@ def rung_of(
     Parameters
     ----------
     found : Diagnosis
+    diagnosis : dict
+        Its ``diagnosis.json``.
     estimate : dict
         Its ``estimate.json``.
     simulations : dict
@@ -368,5 +371,6 @@ def rung_of(
         "compared": compared,
         "verdict": found.verdict.kind,
         "sentence": found.verdict.sentence,
+        "family": family_told(diagnosis),
         "simulations": simulations,
     }

@@ -7,7 +7,7 @@ import pytest
 from test_verdict import TESTS, VALUES, World
 
 from fingerfit.diagnosis import tested
-from fingerfit.diagnosis.families import ENOUGH, SURE, by_refits, families, nominated
+from fingerfit.diagnosis.families import ENOUGH, SURE, by_refits, families, family_told, nominated
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import EXPLAINED, Refit
 from fingerfit.diagnosis.reservations import largest_part, leave_mesh, of_family
@@ -94,6 +94,38 @@ def test_a_verdict_has_the_family_of_what_it_names():
     verdict = of_family(decide(score_test, ranking, refits, TESTS), score_test, ranking, refits)
     assert (verdict.effects, verdict.family) == (("base_slip",), "base")
     assert verdict == replace(decide(score_test, ranking, refits, TESTS), family="base")
+
+
+@pytest.mark.parametrize(
+    ("refit", "tried", "said"),
+    [
+        (-12.0, "indenter", ", by odds of 10^5 to 1 against the indenter and other boundaries."),
+        (None, "indenter", "; the refits of others do not count."),
+        (
+            None,
+            "base",
+            "; no effect of another family was likely enough to be refitted"
+            " (odds of 55 to 1 against the indenter and other boundaries before any refit).",
+        ),
+    ],
+)
+def test_the_family_is_told_with_its_odds(refit, tried, said):
+    """By refits; where no other one counts, by what was known before: e^4 is 55."""
+    other = {"family": "indenter", "log_odds": 3.0, "refit": refit and {"log_odds": refit}}
+    found = {
+        "family": "base",
+        "effects": ["base_slip"],
+        "families": [{"family": "base", "log_odds": 7.0, "refit": {"log_odds": 0.0}}, other],
+        "ranking": [{"family": tried, "refit": {}}, {"family": tried, "refit": {"missed": True}}],
+    }
+    assert family_told(found) == f"It lies in the base{said}"
+    assert family_told({**found, "effects": []}) == family_told({**found, "families": []}) == ""
+
+
+def test_a_family_without_another_one_is_told_alone():
+    only = [{"family": "base", "log_odds": 7.0, "refit": {"log_odds": 0.0}}]
+    said = family_told({"family": "base", "effects": ["base_slip"], "families": only})
+    assert said == "It lies in the base; no effect of another family was likely enough to be refitted."
 
 
 @pytest.mark.parametrize(

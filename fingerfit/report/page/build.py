@@ -19,6 +19,7 @@ from fingerfit import __version__
 from fingerfit.core.files import keep_text
 from fingerfit.core.folders import OURS
 from fingerfit.diagnosis.explained import SLOPES
+from fingerfit.diagnosis.families import odds
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT
 from fingerfit.model.effect import FAMILIES
 from fingerfit.report.drawing import COLOURS
@@ -35,7 +36,6 @@ from fingerfit.report.page.words import (
     in_lines,
     label,
     number,
-    odds,
     place_words,
     titles,
     with_unit,

@@ -10,8 +10,9 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from fingerfit.core.keys import listed
+from fingerfit.diagnosis.families import family_told
 from fingerfit.model.applicable import CURE
-from fingerfit.model.effect import FAMILIES, NUMERICS
+from fingerfit.model.effect import NUMERICS
 from fingerfit.report.page.inputs import UNTESTED, Inputs, Model
 
 MOST = 5
@@ -72,19 +73,6 @@ def with_unit(value: Any, unit: str) -> str:
     if unit == "log" and value is not None:  # logarithm of a factor
         return f"{number(np.exp(float(value)))} times"
     return number(value) if unit in ("", "1") else f"{number(value)} {unit}"
-
-
-def odds(log_odds: float) -> str:
-    """Odds from their natural logarithm, in powers of ten where they are large.
-
-    Examples
-    --------
-    >>> odds(0.7), odds(-4.6), odds(1045.7), odds(0.0)
-    ('2 to 1', '1 to 99', '10^454 to 1', '1 to 1')
-    """
-    power = abs(log_odds) / np.log(10)
-    size = f"10^{power:.0f}" if power >= 4 else f"{np.exp(abs(log_odds)):.0f}"
-    return f"1 to {size}" if log_odds < 0 else f"{size} to 1"
 
 
 def place_words(place: Mapping[str, float], told: Mapping[str, str], layers: Sequence[str] = ()) -> str:
@@ -163,21 +151,6 @@ def unsolved(diagnosis: dict[str, Any]) -> str:
     return f" Tried, but without an answer of the solver, so that it does not count: {'; '.join(told)}." if told else ""
 
 
-def _family(diagnosis: dict[str, Any]) -> str:
-    """The family of what is named, and its odds by refits against the best of the others."""
-    family = str(diagnosis.get("family"))
-    refits = {one["family"]: one["refit"]["log_odds"] for one in diagnosis.get("families") or [] if one.get("refit")}
-    if family not in refits:
-        return ""
-    own = refits.pop(family)
-    if not refits:
-        tried = {entry.get("family", family) for entry in diagnosis.get("ranking") or [] if entry.get("refit")}
-        why = "no effect of another family was likely enough to be refitted"
-        return f"It lies in {FAMILIES[family]}; {'the refits of others do not count' if tried - {family} else why}. "
-    other = max(refits, key=lambda name: refits[name])
-    return f"It lies in {FAMILIES[family]}, by odds of {odds(own - refits[other])} against {FAMILIES[other]}. "
-
-
 def headline(inputs: Inputs) -> dict[str, Any]:
     """What was found and what to do next."""
     last = inputs.models[-1]
@@ -201,7 +174,7 @@ def headline(inputs: Inputs) -> dict[str, Any]:
         ),
         "missing": (
             f"The model “{last.name}” lacks an effect" + (f": {' and '.join(candidates)}." if candidates else "."),
-            (_family(last.diagnosis) + "Add it and fit again.") if add else "See the candidates below.",
+            f"{family_told(last.diagnosis)} Add it and fit again.".lstrip() if add else "See the candidates below.",
         ),
         "indistinguishable": (
             f"The model “{last.name}” lacks " + (" or ".join(candidates) or "one of several effects")
