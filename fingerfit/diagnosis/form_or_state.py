@@ -64,7 +64,8 @@ def form_or_state(
         # a state is judged by where it brings the sides, also where it was named without regard to them
         first = found.comparison.problem.effects[verdict.effects[0]] if verdict.effects else None
         named = refits.get(first.name) if first and first.family != STATE else None
-        verdict = elsewhere(verdict, found.outline, form, states, named, found.score_test)
+        titles = {one.candidate.effect.name: one.candidate.effect.title for one in found.ranking}
+        verdict = elsewhere(verdict, found.outline, form, states, named, found.score_test, titles)
     if form is not None and verdict.effects == (OUTLINE,) and refuted(form, found.score_test):
         probes = [one for one in found.ranking if one.candidate.effect.probe and one.candidate.effect.family == STATE]
         unknown, more = _refitted(found, probes, threads)
@@ -116,6 +117,7 @@ def elsewhere(
     states: Sequence[tuple[Ranked, Refit]] = (),
     own: Refit | None = None,
     stated: ScoreTest | None = None,
+    titles: Mapping[str, str] | None = None,
 ) -> Verdict:
     """The verdict, but on the outline where the picture before compression shows another body than the study states.
 
@@ -123,8 +125,9 @@ def elsewhere(
     or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
     off, or where another form explains nothing, to bring them nearer; then the criterion of Schwarz (1978) decides. It
     knows the sides as data, which another form has as numbers, and between states that do as well. Beside one that
-    counts, another that leaves more of the sides is named where it is as likely by that criterion. A state whose
-    pictures are clearly nearer than those of another form is not excluded by it.
+    counts, another that leaves more of the sides is named where it is as likely by that criterion; so it is where the
+    effect that the verdict names is surely likelier than another form. A state whose pictures are clearly nearer than
+    those of another form is not excluded by it.
 
     Parameters
     ----------
@@ -139,6 +142,8 @@ def elsewhere(
         Of the effect that the verdict names. Where it surely explains more than any of these, it comes first.
     stated : ScoreTest, optional
         Of the model as it is: a state that explains no more than that, sides included, is none.
+    titles : mapping, optional
+        Of the effects that the verdict names, by name.
     """
     text = f"missing: {ANOTHER}; {shown(sides, 'one')}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
@@ -162,18 +167,19 @@ def elsewhere(
     if own is not None and explains(own):
         rivals = [shaped, *(left(refit) for _, refit in able)]
         if left(own) + verdict.threshold + _chance(form, own) < min(rivals):
-            return replace(verdict, sentence=f"{verdict.sentence}; {shown(sides)}")
+            falls = [(left(refit), one, refit) for one, refit in possible]
+            return _or_state(verdict, sides, (left(own), own), falls, titles or {})
     if not able:
         return another
     one, refit = min(able, key=lambda each: left(each[1]))
-    effect, title = one.candidate.effect, one.candidate.effect.title
+    effect = one.candidate.effect
     gain, tell = shaped - left(refit), verdict.threshold + _chance(form, refit)
     if gain <= -tell:
         able = [each for each in able if nearer(each[1], form)]
         if not able:
             return another
         one, refit = min(able, key=lambda each: left(each[1]))
-        effect, title = one.candidate.effect, one.candidate.effect.title
+        effect = one.candidate.effect
     # patches say the one and pixels another: these data cannot tell them apart
     named = [*(each.candidate.effect for each, its in able if nearer(its, refit)), effect]
     # one that leaves a side farther off than that, but is as likely with what it leaves of the sides, is not excluded
@@ -181,16 +187,61 @@ def elsewhere(
         alike = left(its) - left(refit) < verdict.threshold + _chance(its, refit)
         if alike and each.candidate.effect not in named:
             named.append(each.candidate.effect)
-    names, titles = [each.name for each in named], [each.title for each in named]
+    both = [(each.name, each.title) for each in named]
     if gain < tell:  # twelve numbers that happen to be those of a state would be a coincidence: the states come first
-        names, titles = [*names, OUTLINE], [*titles, ANOTHER]
+        both.append((OUTLINE, ANOTHER))
+    return _by_sides(verdict, sides, both, effect.family, refit)
+
+
+def _or_state(
+    verdict: Verdict,
+    sides: Sides,
+    own: tuple[float, Refit],
+    states: Sequence[tuple[float, Ranked, Refit]],
+    titles: Mapping[str, str],
+) -> Verdict:
+    """The verdict on an effect that surely is likelier than another form: beside it, or in its place, likely states.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        That names the effect.
+    sides : Sides
+    own : (float, Refit)
+        What the effect leaves, sides included, and its refit.
+    states : sequence of (float, Ranked, Refit)
+        The same of each state that explains the data.
+    titles : mapping
+        Of the effects that the verdict names.
+    """
+
+    def tell(refit: Refit) -> float:
+        return verdict.threshold + _chance(refit, own[1])
+
+    alike = sorted((each for each in states if each[0] < own[0] + tell(each[2])), key=lambda each: each[0])
+    if not alike:
+        return replace(verdict, sentence=f"{verdict.sentence}; {shown(sides)}")
+    least, first, best = alike[0]
+    surely = least + tell(best) < own[0]
+    named = [one.candidate.effect for less, one, refit in alike if not surely or less < least + tell(refit)]
+    both = [(effect.name, effect.title) for effect in named]
+    if not surely:
+        others = [(name, titles[name]) for name in verdict.effects]
+        both = [*both, *others] if least < own[0] else [*others, *both]
+    family = first.candidate.effect.family if surely or least < own[0] else verdict.family
+    return _by_sides(verdict, sides, both, family, best)
+
+
+def _by_sides(verdict: Verdict, sides: Sides, named: Sequence[tuple[str, str]], family: str, refit: Refit) -> Verdict:
+    """The verdict that names effects, by names and titles, with what the sides say; `refit` is that of the first."""
+    names, titles = zip(*named, strict=True)
     if len(names) > 1:
         text = f"missing: {' or '.join(titles)}; these data cannot tell them apart; {shown(sides)}"
-        return Verdict("indistinguishable", tuple(names), text, verdict.threshold, effect.family)
-    text = f"missing: {title}; with it {shown(sides)}"
+        return Verdict("indistinguishable", names, text, verdict.threshold, family)
+    text = f"missing: {titles[0]}; with it {shown(sides)}"
     if refit.sides.off:
         text += f", and {refit.sides.off:.2g} mm from where this model has it"
-    return Verdict("missing", (effect.name,), text, verdict.threshold, effect.family)
+    return Verdict("missing", names, text, verdict.threshold, family)
 
 
 def shown(sides: Sides, which: str = "a side") -> str:

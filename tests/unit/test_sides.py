@@ -258,6 +258,28 @@ def test_what_surely_explains_more_than_a_state_comes_first(own, named):
 
 
 @pytest.mark.parametrize(
+    ("state", "named"),
+    [
+        (refit(600.0, 0.3, 100.0), ("preload",)),
+        (refit(750.0, 0.3, 95.0), ("preload", "skin")),
+        (refit(750.0, 0.3, 105.0), ("skin", "preload")),
+        (refit(900.0, 0.3, 100.0), ("skin",)),
+    ],
+    ids=["surely likelier", "likelier", "as likely", "less likely"],
+)
+def test_a_state_that_leaves_some_of_the_sides_counts_where_another_form_is_out(state, named):
+    """The other form leaves 200, the skin -150: a state is judged against that, with what it leaves of the sides."""
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    states, own, titles = [(ranked("preload", "preload"), state)], refit(600.0, 0.6, 250.0), {"skin": "skin"}
+    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(FORM), states, own, titles=titles)
+    assert found.effects == named
+    assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
+    assert found.family == ("state" if named[0] == "preload" else "structure")
+    assert ("0.3 mm from where this model has it" in found.sentence) == (named == ("preload",))
+    assert "0.6 mm" in found.sentence
+
+
+@pytest.mark.parametrize(
     ("shown", "stated", "so"), [(5000.0, 1000.0, True), (5000.0, 9000.0, False), (1100.0, 1000.0, False)]
 )
 def test_a_shape_that_explains_less_than_the_stated_one_was_no_shape_at_rest(shown, stated, so):
