@@ -111,6 +111,7 @@ class Discrepancy:
             response_scale=data.response_scale * wider.get("response", 1.0),
             points_noise=data.points_noise * points,
             points_covariance=data.points_covariance * points**2,
+            frame_noise=data.frame_noise * points,
         )
 
 

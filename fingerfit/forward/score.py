@@ -11,6 +11,8 @@ from fingerfit.imaging.similarity import LIMITS, nmi
 from fingerfit.study.data import Data
 
 KINDS = ("nmi", "ssd", "likelihood")
+ROUNDING = 1e-9
+"""Least variance of a combination of a point's errors, as a share of the largest: below it is rounding. A choice."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,39 @@ def deviations_by_kind(prediction: Prediction, data: Data) -> dict[str, np.ndarr
     known = np.isfinite(measured) & (noise > 0)
     points = np.zeros(0)
     if data.points.size and data.points_noise > 0:
-        noise_of = np.sqrt(data.between_steps.diagonal())[data.points_step]
-        points = ((prediction.points - data.points_displacement) / noise_of[:, None]).ravel()
+        points = independent(prediction.points - data.points_displacement, data).ravel()
     found = {"response": (prediction.response - measured)[known] / noise[known], "points": points}
     return {kind: own for kind, own in found.items() if own.size}
+
+
+def independent(away: np.ndarray, data: Data) -> np.ndarray:
+    """Displacements of points in units of their noise, such that the noise of all of them is independent.
+
+    The covariance is that of the diagnosis: a point's errors at two steps may be alike (`Data.between_steps`; the steps
+    have the same points then, in the same order), and all points of a step have a shift in common (`Data.frame_noise`),
+    which adds n times its variance along the mean of n points, and nothing to what differs from the mean.
+
+    Parameters
+    ----------
+    away : ndarray, shape (points, dim)
+        mm.
+    data : Data
+        Tells steps and noise of the points.
+    """
+    steps, between = np.unique(data.points_step), data.between_steps
+    alike = np.count_nonzero(between) > np.count_nonzero(between.diagonal())
+    found = np.zeros_like(away)
+    for group in [steps] if alike else steps[:, None]:
+        rows = np.stack([np.flatnonzero(data.points_step == step) for step in group])
+        mean = away[rows].mean(axis=1, keepdims=True)
+        own = between[np.ix_(group, group)]
+        shift = rows.shape[1] * data.frame_noise**2 * np.eye(len(group))
+        parts = (own, away[rows] - mean), (own + shift, mean)
+        found[rows] = sum(np.tensordot(_inverse_root(covariance), part, 1) for covariance, part in parts)
+    return found
+
+
+def _inverse_root(covariance: np.ndarray) -> np.ndarray:
+    """A matrix by which values with a covariance become independent, with variances of 1."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors / np.sqrt(np.maximum(values, ROUNDING * values.max()))).T)
