@@ -10,12 +10,13 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.sections import parts_of, slices_through
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.faces import faces_of
 from fingerfit.mesh.mesh import Mesh
 from fingerfit.report.drawing import COLOURS, draw_mesh, extent
-from fingerfit.report.volumes import draw_section, frame_of
+from fingerfit.report.volumes import draw_section
 from fingerfit.study.data import Data
 from fingerfit.study.study import Study
 
@@ -130,7 +131,7 @@ def _space(study: Study, mesh: Mesh, data: Data, finer: Mesh | None) -> Figure:
             axes.locator_params(nbins=5)
             axes.set_title(words if row == 0 else axes.get_title(), fontsize=10)
     if pictured:
-        frame = frame_of(data)
+        frame = Picture.before(data)
         middle = (mesh.body.min(axis=0) + mesh.body.max(axis=0)) / 2
         for axes, cut in zip(panels[-1], slices_through(frame, middle, (1, 0, 2)), strict=True):
             draw_section(axes, mesh, mesh.points, frame, cut, frame.values)

@@ -83,7 +83,7 @@ def camera_blur(data: Data, made: Synthesis, patches: Patches, seed: int = 1) ->
     CameraBlur
         Without pictures a variance of 0.
     """
-    frame = Picture(data.before, data.spacing, data.origin, data.direction)
+    frame = Picture.before(data)
     count, rng = len(patches.centre), np.random.default_rng(seed)
     along, square = np.zeros(count), np.zeros(count)
     for way, synthesized, measured in zip(made.maps, made.prediction.pictures, data.measured, strict=True):

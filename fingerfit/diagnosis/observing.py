@@ -31,7 +31,7 @@ def change_seen(
     patches : Patches
     before, after : Observation
     """
-    frame = Picture(data.before, data.spacing, data.origin, data.direction)
+    frame = Picture.before(data)
     value: np.ndarray = np.zeros(residual.value.shape)
     for n, (number, picture, way) in enumerate(zip(data.picture_step, prediction.pictures, residual.fits, strict=True)):
         k = int(number) + 1

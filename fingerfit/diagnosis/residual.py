@@ -109,7 +109,7 @@ def residual_of(
     seed : int
         Of the noise that is sent through the registration.
     """
-    frame = Picture(data.before, data.spacing, data.origin, data.direction)
+    frame = Picture.before(data)
     count, dim = len(patches.centre), data.before.ndim
     owners = [owners_of(data, frame, way, patches) for way in maps]
     pairs = list(zip(prediction.pictures, data.measured, owners, strict=True))

@@ -56,7 +56,7 @@ class Matcher:
         both pictures are noisy.
         """
         data, patches, way = self._data, self._patches, made.maps[n]
-        frame = Picture(data.before, data.spacing, data.origin, data.direction)
+        frame = Picture.before(data)
         owner, scale = owners_of(data, frame, way, patches), np.concatenate([data.spacing, [1.0]])
         found = register(made.prediction.pictures[n], data.measured[n], owner, len(patches.centre))
         variance = 2.0 * data.picture_noise**2 * found.normal + found.own_error

@@ -72,7 +72,7 @@ class Predictor:
     def __init__(self, data: Data, mesh: Mesh, partial: bool = False) -> None:
         self.data, self.mesh, self._partial = data, mesh, partial and data.picture_noise > 0
         self._probe = Probe(mesh, data.points)
-        self.frame = Picture(data.before, data.spacing, data.origin, data.direction)
+        self.frame = Picture.before(data)
 
     def predict(self, outcome: Outcome, seen: Observation | None = None) -> Synthesis | None:
         """Prediction of a solution, or None when it did not reach the last step.

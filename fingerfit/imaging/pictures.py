@@ -16,6 +16,7 @@ import numpy as np
 from fingerfit.core.errors import FingerfitError, InputError, LimitError
 from fingerfit.imaging.limits import check_files, check_memory
 from fingerfit.imaging.whole import refuse_damaged, refuse_meta_header
+from fingerfit.study.data import Data
 
 SAME = 0.01
 """Share of a pixel by which pictures of one study may lie apart, anywhere in them: what registration is sure of
@@ -40,6 +41,11 @@ class Picture:
     spacing: np.ndarray
     origin: np.ndarray
     direction: np.ndarray
+
+    @classmethod
+    def before(cls, data: Data) -> Picture:
+        """The picture before compression of prepared data."""
+        return cls(data.before, data.spacing, data.origin, data.direction)
 
     @property
     def dim(self) -> int:

@@ -16,14 +16,9 @@ from fingerfit.solvers.contract import Outcome
 from fingerfit.study.data import Data
 
 
-def frame_of(data: Data) -> Picture:
-    """Grid of the volumes of a study."""
-    return Picture(data.before, data.spacing, data.origin, data.direction)
-
-
 def chosen_slices(data: Data, mesh: Mesh) -> list[Slice]:
     """The axial and the sagittal slice through the middle of what the indenter pushes."""
-    return slices_through(frame_of(data), mesh.points[mesh.node_sets["TOP"]].mean(axis=0))
+    return slices_through(Picture.before(data), mesh.points[mesh.node_sets["TOP"]].mean(axis=0))
 
 
 def figure_slices(data: Data, synthesized: np.ndarray, cuts: list[Slice]) -> Figure:
@@ -59,7 +54,7 @@ def figure_slices(data: Data, synthesized: np.ndarray, cuts: list[Slice]) -> Fig
 def figure_sections(data: Data, mesh: Mesh, outcome: Outcome, steps: list[tuple[str, int]]) -> Figure:
     """Sections of the deformed mesh at the steps, and before, over the measured volumes."""
     shown = [("before", None), *steps]
-    cuts, frame = chosen_slices(data, mesh), frame_of(data)
+    cuts, frame = chosen_slices(data, mesh), Picture.before(data)
     shapes = [abs((c.limits[3] - c.limits[2]) / (c.limits[1] - c.limits[0])) for c in cuts]
     figure = Figure(figsize=(2.6 * len(shown) + 0.4, sum(2.5 * s + 0.5 for s in shapes) + 0.5), layout="constrained")
     panels = figure.subplots(len(cuts), len(shown), squeeze=False, gridspec_kw={"height_ratios": shapes})

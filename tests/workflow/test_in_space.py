@@ -22,9 +22,10 @@ from fingerfit.cli import main
 from fingerfit.core.files import read_json
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import InverseProblem
+from fingerfit.imaging.pictures import Picture
 from fingerfit.imaging.sections import slices_through
 from fingerfit.provenance.stages import figures
-from fingerfit.report.volumes import chosen_slices, frame_of
+from fingerfit.report.volumes import chosen_slices
 from fingerfit.settings.config import load_settings
 from fingerfit.study.data import Data
 
@@ -143,7 +144,7 @@ def test_the_figures_show_the_fit(fitted, monkeypatch):
 
 def test_the_place_of_the_mesh_is_shown_in_three_slices(fitted):
     place, drawn, problem, _ = fitted
-    slices = slices_through(frame_of(problem.data), np.array(DESCRIPTION["body"]["brick"]) / 2, (1, 0, 2))
+    slices = slices_through(Picture.before(problem.data), np.array(DESCRIPTION["body"]["brick"]) / 2, (1, 0, 2))
     # the last row; above it the mesh and its sets from outside
     for axes, cut in zip(drawn["place"].axes[-3:], slices, strict=True):
         assert np.array_equal(images(axes)[0], cut.of(problem.data.before))
