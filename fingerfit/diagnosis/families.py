@@ -153,13 +153,17 @@ def family_told(diagnosis: Mapping[str, Any]) -> str:
     own = refits.pop(family)
     if refits:
         other = max(refits, key=lambda name: refits[name])
-        return f"It lies in {FAMILIES[family]}, by odds of {odds(own - refits[other])} against {FAMILIES[other]}."
+        return (
+            f"The effect lies in {FAMILIES[family]}, by odds of {odds(own - refits[other])} against {FAMILIES[other]}."
+        )
     if {entry.get("family", family) for entry in diagnosis.get("ranking") or [] if entry.get("refit")} - {family}:
-        return f"It lies in {FAMILIES[family]}; the refits of others do not count."
+        return f"The effect lies in {FAMILIES[family]}; the refits of others do not count."
     tested = {one["family"]: one["log_odds"] for one in diagnosis["families"]}
     own = tested.pop(family)
     against = ""
     if tested:
         other = max(tested, key=lambda name: tested[name])
         against = f" (odds of {odds(own - tested[other])} against {FAMILIES[other]} before any refit)"
-    return f"It lies in {FAMILIES[family]}; no effect of another family was likely enough to be refitted{against}."
+    return (
+        f"The effect lies in {FAMILIES[family]}; no effect of another family was likely enough to be refitted{against}."
+    )

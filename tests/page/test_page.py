@@ -246,7 +246,7 @@ def test_the_family_of_what_is_named_is_told_with_its_odds_by_refits(tmp_path):
         write_page(tmp_path / "study", page)
         return page.read_text(encoding="utf-8")
 
-    told = "It lies in the indenter and other boundaries, by odds of 10^5 to 1 against stiffness from place to place."
+    told = "The effect lies in the indenter and other boundaries, by odds of 10^5 to 1 against stiffness from place to place."
     assert told in text() and "<b>the best</b>" in text() and "1 to 10^5" in text()
     found = read_json(file)
     found["families"][1]["refit"] = None
@@ -256,9 +256,9 @@ def test_the_family_of_what_is_named_is_told_with_its_odds_by_refits(tmp_path):
     assert "found no minimum: does not count" in text()
     found["ranking"][2]["family"] = "structure"
     keep_json(file, found)
-    assert "It lies in the indenter and other boundaries; the refits of others do not count." in text()
+    assert "The effect lies in the indenter and other boundaries; the refits of others do not count." in text()
     keep_json(file, {**found, "families": []})
-    assert "It lies in" not in text()
+    assert "The effect lies in" not in text()
 
 
 def test_regions_begin_where_the_body_does():

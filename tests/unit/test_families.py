@@ -118,14 +118,14 @@ def test_the_family_is_told_with_its_odds(refit, tried, said):
         "families": [{"family": "base", "log_odds": 7.0, "refit": {"log_odds": 0.0}}, other],
         "ranking": [{"family": tried, "refit": {}}, {"family": tried, "refit": {"missed": True}}],
     }
-    assert family_told(found) == f"It lies in the base{said}"
+    assert family_told(found) == f"The effect lies in the base{said}"
     assert family_told({**found, "effects": []}) == family_told({**found, "families": []}) == ""
 
 
 def test_a_family_without_another_one_is_told_alone():
     only = [{"family": "base", "log_odds": 7.0, "refit": {"log_odds": 0.0}}]
     said = family_told({"family": "base", "effects": ["base_slip"], "families": only})
-    assert said == "It lies in the base; no effect of another family was likely enough to be refitted."
+    assert said == "The effect lies in the base; no effect of another family was likely enough to be refitted."
 
 
 @pytest.mark.parametrize(

@@ -117,7 +117,7 @@ def test_the_first_rung_misses_the_tilt(place):
     assert found["verdict"] == "missing"
     assert found["effects"] == ["tilt"]
     assert found["sentence"].startswith("missing: tilt of the indenter; it explains ")
-    assert rung(place, "base")["family"].startswith("It lies in the indenter and other boundaries")
+    assert rung(place, "base")["family"].startswith("The effect lies in the indenter and other boundaries")
     assert rung(place, "base")["family"] in (place / "said.txt").read_text()
     first, *others = found["ranking"]
     assert first["effect"] == "tilt"
