@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from fingerfit.diagnosis.ranking import Ranked, spread_of
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.score_tests import ScoreTest, per_value
-from fingerfit.model.effect import FAMILIES
+from fingerfit.model.effect import FAMILIES, OUTLINE
 
 ENOUGH = 0.75
 """Share of the excess misfit that an answer must explain; of what its family's probe explains, a member."""
@@ -139,31 +139,37 @@ def odds(log_odds: float) -> str:
 
 
 def family_told(diagnosis: Mapping[str, Any]) -> str:
-    """The family of what is named, and its odds by refits against the best of the others; empty where none is named.
+    """The families of what is named, and their odds by refits against the best other one; empty where none is named.
 
     Parameters
     ----------
     diagnosis : mapping
         What diagnosis.json has.
     """
-    family = str(diagnosis.get("family"))
+    family, named = str(diagnosis.get("family")), diagnosis.get("effects") or []
     refits = {one["family"]: one["refit"]["log_odds"] for one in diagnosis.get("families") or [] if one.get("refit")}
-    if family not in refits or not diagnosis.get("effects"):
+    if family not in refits or not named:
         return ""
-    own = refits.pop(family)
-    if refits:
-        other = max(refits, key=lambda name: refits[name])
-        return (
-            f"The effect lies in {FAMILIES[family]}, by odds of {odds(own - refits[other])} against {FAMILIES[other]}."
-        )
-    if {entry.get("family", family) for entry in diagnosis.get("ranking") or [] if entry.get("refit")} - {family}:
-        return f"The effect lies in {FAMILIES[family]}; the refits of others do not count."
+    ranking = [entry for entry in diagnosis.get("ranking") or [] if "family" in entry]
+    of = {OUTLINE: "geometry", **{entry["effect"]: entry["family"] for entry in ranking}}
+    own = dict.fromkeys([family, *(of[name] for name in named if name in of)])
+    lies = f"The effect lies in {' or '.join(FAMILIES[name] for name in own)}"
     tested = {one["family"]: one["log_odds"] for one in diagnosis["families"]}
-    own = tested.pop(family)
-    against = ""
-    if tested:
-        other = max(tested, key=lambda name: tested[name])
-        against = f" (odds of {odds(own - tested[other])} against {FAMILIES[other]} before any refit)"
-    return (
-        f"The effect lies in {FAMILIES[family]}; no effect of another family was likely enough to be refitted{against}."
-    )
+    if others := refits.keys() - own:
+        gain, other = _against(refits, own, others)
+        if gain < 0.0:
+            return f"{lies}; by the misfit alone the odds are {odds(-gain)} for {FAMILIES[other]}."
+        return f"{lies}, by odds of {odds(gain)} against {FAMILIES[other]}."
+    if any(entry["family"] not in own and entry.get("refit") for entry in ranking):
+        return f"{lies}; the refits of others do not count."
+    why = "no effect of another family was likely enough to be refitted"
+    if not (others := tested.keys() - own):
+        return f"{lies}; {why}."
+    gain, other = _against(tested, own, others)
+    return f"{lies}; {why} (odds of {odds(gain)} against {FAMILIES[other]} before any refit)."
+
+
+def _against(log_odds: Mapping[str, float], own: Collection[str], others: Collection[str]) -> tuple[float, str]:
+    """Log odds of the best of some families against the best of others, and which that is."""
+    other = max(others, key=lambda name: (log_odds[name], name))
+    return max(log_odds.get(name, -np.inf) for name in own) - log_odds[other], other

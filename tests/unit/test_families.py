@@ -100,6 +100,7 @@ def test_a_verdict_has_the_family_of_what_it_names():
     ("refit", "tried", "said"),
     [
         (-12.0, "indenter", ", by odds of 10^5 to 1 against the indenter and other boundaries."),
+        (12.0, "indenter", "; by the misfit alone the odds are 10^5 to 1 for the indenter and other boundaries."),
         (None, "indenter", "; the refits of others do not count."),
         (
             None,
@@ -116,10 +117,28 @@ def test_the_family_is_told_with_its_odds(refit, tried, said):
         "family": "base",
         "effects": ["base_slip"],
         "families": [{"family": "base", "log_odds": 7.0, "refit": {"log_odds": 0.0}}, other],
-        "ranking": [{"family": tried, "refit": {}}, {"family": tried, "refit": {"missed": True}}],
+        "ranking": [{"effect": "tilt", "family": tried, "refit": {"missed": True}}],
     }
     assert family_told(found) == f"The effect lies in the base{said}"
     assert family_told({**found, "effects": []}) == family_told({**found, "families": []}) == ""
+
+
+@pytest.mark.parametrize(("second", "family"), [("tilt", "indenter"), ("outline", "geometry")])
+def test_families_that_are_named_together_are_told_together(second, family):
+    others = [(family, -2.0), ("state", -12.0)]
+    found = {
+        "family": "base",
+        "effects": ["base_slip", second],
+        "families": [
+            {"family": "base", "log_odds": 7.0, "refit": {"log_odds": 0.0}},
+            *({"family": name, "log_odds": 3.0, "refit": {"log_odds": behind}} for name, behind in others),
+        ],
+        "ranking": [{"effect": "tilt", "family": "indenter", "refit": {"misfit": 3.0}}],
+    }
+    told = family_told(found)
+    assert (
+        told == f"The effect lies in the base or {FAMILIES[family]}, by odds of 10^5 to 1 against {FAMILIES['state']}."
+    )
 
 
 def test_a_family_without_another_one_is_told_alone():
