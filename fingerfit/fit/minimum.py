@@ -15,10 +15,11 @@ from fingerfit.fit.objective import Objective
 from fingerfit.fit.observed import Observed, between
 from fingerfit.fit.problem import FINAL, REFINED, SEARCH, SENSITIVITY, InverseProblem
 from fingerfit.fit.rounds import Asked, Round
-from fingerfit.fit.slopes import STEP, bounds_of, coordinates, difference, moved, step_of
+from fingerfit.fit.slopes import STEP, bounds_of, coordinates, difference, moved, step_of, step_to
 from fingerfit.forward.score import JointPrediction, Prediction
 from fingerfit.mesh.elements import ELEMENTS
 from fingerfit.mesh.mesh import Mesh
+from fingerfit.model.parameters import Parameter
 from fingerfit.settings.choices import CONFIG
 from fingerfit.solvers.contract import CONVERGED
 
@@ -251,12 +252,15 @@ def _linear_model(problem: InverseProblem, last: Round, base: Asked) -> LinearMo
         return problem.prediction(problem.ask(best_values(last)))
 
     parameters = problem.settings.parameters()
+    seen = dict(zip((p.name for p in parameters), problem.observed, strict=True))
 
     def slope(name: str) -> Prediction:
         if not {"+" + name, "-" + name} & by_role.keys():  # a side beyond a bound was not asked for
             expected = f"bounds farther apart than two steps of a slope, {2 * STEP:g} in the logarithm"
             raise InputError(CONFIG, f"model.parameters.{name}", "bounds next to each other", expected)
         step = step_of(name, by_role, parameters, best_values(last))
+        if seen.get(name):
+            return _seen(problem, base, next(p for p in parameters if p.name == name), step)
         found = difference(at("+" + name), at("-" + name), middle, step)
         if found is None:
             raise StateError(f"no solution on either side of the best guess in {name}")
@@ -265,6 +269,17 @@ def _linear_model(problem: InverseProblem, last: Round, base: Asked) -> LinearMo
     slopes = tuple(slope(parameter.name) for parameter in parameters)
     control = slope("control") if "+control" in by_role else None
     return LinearModel(problem.prediction(base), slopes, control, base.values)
+
+
+def _seen(problem: InverseProblem, base: Asked, parameter: Parameter, step: float) -> Prediction:
+    """Slope by a number that changes only what is seen of a solution: of the very one that the model is built on.
+
+    Least squares of pictures end where they should only if the slopes have the texture where that solution has it.
+    """
+    ends = [{**base.values, **moved((parameter,), base.values, np.array([way]))} for way in (step, -step)]
+    ahead, behind = (problem.prediction(problem.ask(end, base.role)) for end in ends)
+    slope: Prediction = (ahead - behind) * (1.0 / sum(step_to(parameter, end, base.values) for end in ends))
+    return slope
 
 
 def best_values(last: Round) -> dict[str, float]:

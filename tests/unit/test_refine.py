@@ -448,3 +448,19 @@ def test_a_brightness_that_the_score_does_not_see_is_that_of_the_least_squares(t
     found = minimum(problem, Round(9, FINAL, None, {}, {}, [], batch, {"values": best, "score": 0.0}, "stop"))
     assert found.values["mu_top"] == pytest.approx(0.030 / 1.05, rel=4e-3)
     assert found.values[DRIFT.name] == pytest.approx(0.08, abs=2e-3)
+
+
+@pytest.mark.parametrize("last_gain", [0.02, DRIFT.upper], ids=["between bounds", "at a bound"])
+def test_what_is_only_seen_has_its_slope_at_the_solution_that_the_model_is_built_on(tmp_path, last_gain):
+    """On the finer mesh, and at the last values: the pictures there, by the brightness. Constants have the other mesh."""
+    problem = Bright(tmp_path, 0.08)
+    best = {"mu_top": 0.029, DRIFT.name: 0.02}
+    finer = problem.ask({"mu_top": 0.027, DRIFT.name: last_gain}, FINAL)
+    batch = [*(problem.ask(guess, role) for role, guess in neighbours((*PARAMETERS[:1], DRIFT), best).items()), finer]
+    batch += [problem.ask(best, "+control", 1.03), problem.ask(best, "-control", 0.97)]
+    found = minimum(problem, Round(9, FINAL, None, {}, {}, [], batch, {"values": best, "score": 0.0}, "stop"))
+    assert found.base == finer
+    dark = Body.prediction(problem, finer).pictures
+    assert found.model.slopes[1].pictures == pytest.approx(dark)
+    z = np.log(best["mu_top"])
+    assert found.model.slopes[0].pictures == pytest.approx(1.02 * np.array([[[1.0, z / 5]]]), rel=1e-3)
