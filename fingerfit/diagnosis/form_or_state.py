@@ -227,7 +227,7 @@ def _or_state(
     both = [(effect.name, effect.title) for effect in named]
     if not surely:
         others = [(name, titles[name]) for name in verdict.effects]
-        both = [*both, *others] if least < own[0] else [*others, *both]
+        both = list(dict.fromkeys([*both, *others] if least < own[0] else [*others, *both]))
     family = first.candidate.effect.family if surely or least < own[0] else verdict.family
     return _by_sides(verdict, sides, both, family, best)
 

@@ -277,6 +277,16 @@ def test_a_state_that_leaves_some_of_the_sides_counts_where_another_form_is_out(
     assert found.family == ("state" if named[0] == "preload" else "structure")
     assert ("0.3 mm from where this model has it" in found.sentence) == (named == ("preload",))
     assert "0.6 mm" in found.sentence
+    also = replace(given, effects=("skin", "preload"))
+    found = elsewhere(
+        also,
+        Sides(LOWER, 500.0, 12),
+        refit(FORM),
+        states,
+        own,
+        titles={**titles, "preload": catalogue()["preload"].title},
+    )
+    assert sorted(found.effects) == sorted({*named, *also.effects} if "skin" in named else named)
 
 
 @pytest.mark.parametrize(
