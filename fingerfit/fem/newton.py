@@ -144,6 +144,8 @@ class Newton:
             error = np.abs(residual).max() / scale if len(residual) else 0.0
             # in N: of a surface that was pushed in too deep, the largest force falls with the residual
             left = error * scale
+            if not np.isfinite(left):  # beyond double precision: of fibres that stiffen exponentially
+                return None, iteration
             residuals.append(left)
             if system.slides and any(iteration > after and left > share * residuals[0] for after, share in _PATIENCE):
                 return None, iteration

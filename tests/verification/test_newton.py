@@ -1,10 +1,15 @@
 """Where the tangent is indefinite: steps are turned round, and lead to equilibria that are stable."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import ellipe, ellipk
 from solving import parts_of, solve
 
+from fingerfit.fem.newton import Load
+from fingerfit.fem.path import LoadPath
+from fingerfit.fem.system import System
 from fingerfit.material.neo_hooke import NeoHooke
 from fingerfit.mesh.blocks import layered_block
 
@@ -55,3 +60,25 @@ def test_a_column_buckles(shorter, wide, along, steps):
     # a beam's theory leaves out the square of its slenderness, here 5.6 times that of the thinner one (2.2 % at most), and
     # on 4 x 24 elements 8.3 times that of the wider one
     assert abs(u[middle, 0]).max() == pytest.approx(length * k / ellipk(k**2), rel=10 * (wide / high) ** 2)
+
+
+@pytest.mark.parametrize("what", [np.nan, np.inf])
+def test_forces_beyond_double_precision_are_no_equilibrium(monkeypatch, what):
+    """As those of fibres that stiffen exponentially; shorter increments follow, and then the step ends."""
+    whole = System.evaluate
+
+    def evaluate(system, u, *how, **named):
+        found = whole(system, u, *how, **named)
+        return replace(found, internal=found.internal * what) if found and np.abs(u).max() > 0.1 else found
+
+    monkeypatch.setattr(System, "evaluate", evaluate)
+    mesh = layered_block(4.0, [("a", 8.0)], 2, 4, "CPE8")
+    body, terms = parts_of(mesh.blocks[0].element, mesh.points, mesh.blocks[0].nodes, RUBBER)
+    number = np.arange(mesh.points.size).reshape(mesh.points.shape)
+    given, fixed = np.zeros(mesh.points.size), np.zeros(mesh.points.size, dtype=bool)
+    fixed[number[[*mesh.node_sets["BOTTOM"], *mesh.node_sets["TOP"]]]] = True
+    given[number[mesh.node_sets["TOP"], 1]] = -1.0
+    loading = LoadPath(System([body], mesh.points.size, fixed, {}, terms))
+    arrived, _ = loading.advance(Load(given, np.zeros(mesh.points.size)), 0.5)
+    assert not arrived
+    assert 0.05 < np.abs(loading.state.u).max() <= 0.1
