@@ -158,7 +158,7 @@ def _told(rung: dict[str, Any]) -> str:
         for name, entry in (rung.get("parameters") or {}).items()
         if entry.get("at_bound")
     )
-    family = f". {rung['family']}" if rung.get("family") else ""
+    family = f". {rung['family_sentence']}" if rung.get("family_sentence") else ""
     return (
         f"{rung['model']}: error {fitted:.3g} times the noise level{held}; {counted['run']} simulations run,"
         f" {counted['reused']} reused from models below; {rung['sentence']}{ends}{family}"

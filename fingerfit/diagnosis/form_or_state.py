@@ -215,15 +215,15 @@ def _or_state(
         Of the effects that the verdict names.
     """
 
-    def tell(refit: Refit) -> float:
+    def margin(refit: Refit) -> float:
         return verdict.threshold + _chance(refit, own[1])
 
-    alike = sorted((each for each in states if each[0] < own[0] + tell(each[2])), key=lambda each: each[0])
+    alike = sorted((each for each in states if each[0] < own[0] + margin(each[2])), key=lambda each: each[0])
     if not alike:
         return replace(verdict, sentence=f"{verdict.sentence}; {shown(sides)}")
     least, first, best = alike[0]
-    surely = least + tell(best) < own[0]
-    named = [one.candidate.effect for less, one, refit in alike if not surely or less < least + tell(refit)]
+    surely = least + margin(best) < own[0]
+    named = [one.candidate.effect for less, one, refit in alike if not surely or less < least + margin(refit)]
     both = [(effect.name, effect.title) for effect in named]
     if not surely:
         others = [(name, titles[name]) for name in verdict.effects]

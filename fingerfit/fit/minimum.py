@@ -252,15 +252,15 @@ def _linear_model(problem: InverseProblem, last: Round, base: Asked) -> LinearMo
         return problem.prediction(problem.ask(best_values(last)))
 
     parameters = problem.settings.parameters()
-    seen = dict(zip((p.name for p in parameters), problem.observed, strict=True))
+    seen = {p.name: p for p, alone in zip(parameters, problem.observed, strict=True) if alone}
 
     def slope(name: str) -> Prediction:
         if not {"+" + name, "-" + name} & by_role.keys():  # a side beyond a bound was not asked for
             expected = f"bounds farther apart than two steps of a slope, {2 * STEP:g} in the logarithm"
             raise InputError(CONFIG, f"model.parameters.{name}", "bounds next to each other", expected)
         step = step_of(name, by_role, parameters, best_values(last))
-        if seen.get(name):
-            return _seen(problem, base, next(p for p in parameters if p.name == name), step)
+        if name in seen:
+            return _seen(problem, base, seen[name], step)
         found = difference(at("+" + name), at("-" + name), middle, step)
         if found is None:
             raise StateError(f"no solution on either side of the best guess in {name}")

@@ -215,7 +215,7 @@ def shown(runs: Sequence[Run]) -> list[str]:
         if made.exists() and page.exists() and page.stat().st_mtime >= made.stat().st_mtime:
             with contextlib.suppress(StateError):  # of a diagnosis of before, not what this call has made
                 rung = read_record(Path(run.folder, "rung.json"), "sentence")
-                lines += [f"verdict: {rung['sentence']}\n{rung.get('family', '')}".rstrip(), f"page: {page}"]
+                lines += [f"verdict: {rung['sentence']}\n{rung.get('family_sentence', '')}".rstrip(), f"page: {page}"]
         export = Path(run.folder, "export")
         lines += [f"export: {export}"] * export.is_dir()
     return list(dict.fromkeys(lines))

@@ -371,6 +371,6 @@ def rung_of(
         "compared": compared,
         "verdict": found.verdict.kind,
         "sentence": found.verdict.sentence,
-        "family": family_told(diagnosis),
+        "family_sentence": family_told(diagnosis),
         "simulations": simulations,
     }

@@ -117,8 +117,8 @@ def test_the_first_rung_misses_the_tilt(place):
     assert found["verdict"] == "missing"
     assert found["effects"] == ["tilt"]
     assert found["sentence"].startswith("missing: tilt of the indenter; it explains ")
-    assert rung(place, "base")["family"].startswith("The effect lies in the indenter and other boundaries")
-    assert rung(place, "base")["family"] in (place / "said.txt").read_text()
+    assert rung(place, "base")["family_sentence"].startswith("The effect lies in the indenter and other boundaries")
+    assert rung(place, "base")["family_sentence"] in (place / "said.txt").read_text()
     first, *others = found["ranking"]
     assert first["effect"] == "tilt"
     # the probe of its family has the tilt among its numbers, and falls as deep or a little deeper
