@@ -147,57 +147,38 @@ def elsewhere(
     """
     text = f"missing: {ANOTHER}; {shown(sides, 'one')}"
     another = Verdict("missing", (OUTLINE,), text, verdict.threshold, "geometry")
+    possible = [(one, refit) for one, refit in states if _counts(verdict, sides, refit, stated)]
     near = near_enough(sides, form)
-
-    # what is left beyond what chance would: each has its own values, and some that another has not
-    def left(refit: Refit) -> float:
-        return refit.misfit - refit.freedom + refit.sides.misfit + refit.worth
-
-    def counts(refit: Refit) -> bool:
-        if not explains(refit) or refit.sides.misfit >= sides.misfit:
-            return False
-        if stated is None:
-            return True
-        surely = verdict.threshold + _chance(stated, refit)
-        return left(refit) + surely < stated.misfit - stated.freedom + sides.misfit
-
-    possible = [(one, refit) for one, refit in states if counts(refit)]
-    able = [each for each in possible if each[1].sides.off <= near]
+    able = sorted((each for each in possible if each[1].sides.off <= near), key=lambda each: _left(each[1]))
     shaped = form.misfit - form.freedom + sides.numbers * per_number(form.freedom)
     if own is not None and explains(own):
-        rivals = [shaped, *(left(refit) for _, refit in able)]
-        if left(own) + verdict.threshold + _chance(form, own) < min(rivals):
-            falls = [(left(refit), one, refit) for one, refit in possible]
-            return _or_state(verdict, sides, (left(own), own), falls, titles or {})
+        rivals = [shaped, *(_left(refit) for _, refit in able)]
+        if _left(own) + _margin(verdict, form, own) < min(rivals):
+            return _or_state(verdict, sides, own, possible, titles or {})
+    if able and shaped - _left(able[0][1]) <= -_margin(verdict, form, able[0][1]):
+        able = [each for each in able if nearer(each[1], form)]
     if not able:
         return another
-    one, refit = min(able, key=lambda each: left(each[1]))
-    effect = one.candidate.effect
-    gain, tell = shaped - left(refit), verdict.threshold + _chance(form, refit)
-    if gain <= -tell:
-        able = [each for each in able if nearer(each[1], form)]
-        if not able:
-            return another
-        one, refit = min(able, key=lambda each: left(each[1]))
-        effect = one.candidate.effect
+    first, best = able[0]
     # patches say the one and pixels another: these data cannot tell them apart
-    named = [*(each.candidate.effect for each, its in able if nearer(its, refit)), effect]
+    named = [*(one.candidate.effect for one, refit in able if nearer(refit, best)), first.candidate.effect]
     # one that leaves a side farther off than that, but is as likely with what it leaves of the sides, is not excluded
-    for each, its in possible:
-        alike = left(its) - left(refit) < verdict.threshold + _chance(its, refit)
-        if alike and each.candidate.effect not in named:
-            named.append(each.candidate.effect)
-    both = [(each.name, each.title) for each in named]
-    if gain < tell:  # twelve numbers that happen to be those of a state would be a coincidence: the states come first
+    for one, refit in possible:
+        alike = _left(refit) - _left(best) < _margin(verdict, refit, best)
+        if alike and one.candidate.effect not in named:
+            named.append(one.candidate.effect)
+    both = [(effect.name, effect.title) for effect in named]
+    if shaped - _left(best) < _margin(verdict, form, best):
+        # twelve numbers that happen to be those of a state would be a coincidence: the states come first
         both.append((OUTLINE, ANOTHER))
-    return _by_sides(verdict, sides, both, effect.family, refit)
+    return _by_sides(verdict, sides, both, first.candidate.effect.family, best)
 
 
 def _or_state(
     verdict: Verdict,
     sides: Sides,
-    own: tuple[float, Refit],
-    states: Sequence[tuple[float, Ranked, Refit]],
+    own: Refit,
+    states: Sequence[tuple[Ranked, Refit]],
     titles: Mapping[str, str],
 ) -> Verdict:
     """The verdict on an effect that surely is likelier than another form: beside it, or in its place, likely states.
@@ -207,29 +188,30 @@ def _or_state(
     verdict : Verdict
         That names the effect.
     sides : Sides
-    own : (float, Refit)
-        What the effect leaves, sides included, and its refit.
-    states : sequence of (float, Ranked, Refit)
-        The same of each state that explains the data.
+    own : Refit
+        Of the effect.
+    states : sequence of (Ranked, Refit)
+        Those that explain the data.
     titles : mapping
         Of the effects that the verdict names.
     """
-
-    def margin(refit: Refit) -> float:
-        return verdict.threshold + _chance(refit, own[1])
-
-    alike = sorted((each for each in states if each[0] < own[0] + margin(each[2])), key=lambda each: each[0])
+    alike = [each for each in states if _left(each[1]) < _left(own) + _margin(verdict, each[1], own)]
+    alike.sort(key=lambda each: _left(each[1]))
     if not alike:
         return replace(verdict, sentence=f"{verdict.sentence}; {shown(sides)}")
-    least, first, best = alike[0]
-    surely = least + margin(best) < own[0]
-    named = [one.candidate.effect for less, one, refit in alike if not surely or less < least + margin(refit)]
+    first, best = alike[0]
+    surely = _left(best) + _margin(verdict, best, own) < _left(own)
+    named = [
+        one.candidate.effect
+        for one, refit in alike
+        if not surely or _left(refit) < _left(best) + _margin(verdict, refit, own)
+    ]
     both = [(effect.name, effect.title) for effect in named]
+    likelier = _left(best) < _left(own)
     if not surely:
         others = [(name, titles[name]) for name in verdict.effects]
-        both = list(dict.fromkeys([*both, *others] if least < own[0] else [*others, *both]))
-    family = first.candidate.effect.family if surely or least < own[0] else verdict.family
-    return _by_sides(verdict, sides, both, family, best)
+        both = list(dict.fromkeys([*both, *others] if likelier else [*others, *both]))
+    return _by_sides(verdict, sides, both, first.candidate.effect.family if likelier else verdict.family, best)
 
 
 def _by_sides(verdict: Verdict, sides: Sides, named: Sequence[tuple[str, str]], family: str, refit: Refit) -> Verdict:
@@ -249,9 +231,29 @@ def shown(sides: Sides, which: str = "a side") -> str:
     return f"the picture before compression shows {which} {sides.off:.2g} mm from where body in study.yaml has it"
 
 
-def _chance(one: ScoreTest | Refit, other: Refit) -> float:
-    """What chance makes of the values that only one of two models has."""
-    return SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
+def _counts(verdict: Verdict, sides: Sides, refit: Refit, stated: ScoreTest | None) -> bool:
+    """Whether a state explains the data, brings the sides nearer, and is surely likelier than the model without it."""
+    if not explains(refit) or refit.sides.misfit >= sides.misfit:
+        return False
+    if stated is None:
+        return True
+    return _left(refit) + _margin(verdict, stated, refit) < stated.misfit - stated.freedom + sides.misfit
+
+
+def _left(refit: Refit) -> float:
+    """What a refit leaves beyond what chance would, sides and its numbers included.
+
+    Each refit has its own values, and some that another one has not.
+    """
+    return refit.misfit - refit.freedom + refit.sides.misfit + refit.worth
+
+
+def _margin(verdict: Verdict, one: ScoreTest | Refit, other: Refit) -> float:
+    """By how much one of two models must leave less than the other to be surely the likelier one.
+
+    Beside the threshold of the verdict it is what chance makes of the values that only one of them has.
+    """
+    return verdict.threshold + SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
 
 
 def _refitted(found: Tested, chosen: Sequence[Ranked], threads: int) -> tuple[list[tuple[Ranked, Refit]], int]:
