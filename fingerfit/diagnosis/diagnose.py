@@ -200,16 +200,16 @@ def _diagnose(
         verdict = decide(score_test, ranking, ended, tests, None, held, missed)
         verdict = doubted(verdict, at_least, held if pictured else None, score_test.freedom)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held), tests)
-        one = half
+        # a probe has as many numbers as several effects: no partner is looked for beside it
+        one = None if half and half.candidate.effect.probe else half
         if one is None and not in_space(problem):  # there it takes hours
             one = beside_probe(ranking, ended, generalising(score_test, well, held), score_test.misfit)
-        # a probe has as many numbers as several effects: no partner is looked for beside it
-        if one is not None and not (probed or one.candidate.effect.probe or one.candidate.effect.name in halves):
+        if one is not None and not (probed or one.candidate.effect.name in halves):
             name = one.candidate.effect.name
             halves.add(name)
             partner, more = partner_of(one, found, threads)
             run += more
-            if partner and not half and partner[0].candidate.effect.probe:
+            if partner and one is not half and partner[0].candidate.effect.probe:
                 partner = None  # it says no more than the probe that came nearest
             if both_explain(score_test, partner, held):
                 ended = {name: well[name]}

@@ -96,13 +96,21 @@ def without_least(
         kept[np.flatnonzero(kept)[least]] = False
 
 
-def spared(far: np.ndarray, information: np.ndarray, optional: np.ndarray, worth: float) -> float:
-    """By how much the misfit and what the numbers are worth fall together without those that an effect does not need.
+def worth(far: np.ndarray, information: np.ndarray, spread: float, optional: np.ndarray, choices: int = 1) -> float:
+    """Misfit that the numbers of a refit must explain to be worth it: what its evidence loses by them.
 
-    `worth` is that of one number; else as for `log_odds_of_some`.
+    They end at their place, so that nothing falls any more; those that the effect does not need cost little.
+
+    Parameters
+    ----------
+    far, information, spread, optional
+        As for `log_odds_of_some`.
+    choices : int
+        Of how many places that no fit can move the effect's was chosen. Each was as likely before, so that the odds for
+        it are divided by their number.
     """
-    count = len(far)
-    return max(worth * (count - kept.sum()) - rise for kept, rise, _ in without_least(far, information, optional))
+    lost = log_odds_of_some(0.0, far, information, spread, optional) if len(far) else 0.0
+    return 2.0 * spread * (float(np.log(choices)) - lost)
 
 
 def information(

@@ -59,10 +59,8 @@ class Refit:
         model have in common.
     numbers : int
         How many numbers of the effect were fitted.
-    spared : float
-        What those are worth together that the effect does not need: as from `evidence.spared`.
-    choices : int
-        Of how many places that no fit can move, as layers, the effect's was chosen.
+    worth : float
+        Misfit that they must explain to be worth it: as from `evidence.worth`.
     sides : Sides
         Where the picture before compression has the sides of the body, against the model.
     but_mesh : (float, float or None), optional
@@ -85,8 +83,7 @@ class Refit:
     compared: float | None = None
     before: float | None = None
     numbers: int = 0
-    spared: float = 0.0
-    choices: int = 1
+    worth: float = 0.0
     sides: Sides = field(default_factory=Sides)
     but_mesh: tuple[float, float | None] | None = None
     absent: bool = False
@@ -110,17 +107,8 @@ class Refit:
 
     @property
     def level(self) -> float:
-        """The misfit by which refits are compared with each other, and what the numbers that it needs are worth."""
-        return self._misfit + self.worth - self.spared
-
-    @property
-    def worth(self) -> float:
-        """Misfit that its numbers must explain to be worth it, and the choice of its place.
-
-        Of as many places each was as likely before, so that the odds for the one that was chosen are divided by their
-        number.
-        """
-        return self.numbers * per_number(self.freedom) + 2.0 * log(self.choices)
+        """The misfit by which refits are compared with each other, and what their numbers are worth."""
+        return self._misfit + self.worth
 
     @property
     def _misfit(self) -> float:

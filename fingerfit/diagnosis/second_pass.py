@@ -12,14 +12,15 @@ from pathlib import Path
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis.comparison import Comparison, Everything, anchor_of
 from fingerfit.diagnosis.errors import errors
-from fingerfit.diagnosis.evidence import information, spared
+from fingerfit.diagnosis.evidence import information, worth
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.joint import comparison_of
 from fingerfit.diagnosis.likelihood import fall, misfits
 from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked
-from fingerfit.diagnosis.refit import Refit, per_number
+from fingerfit.diagnosis.refit import Refit
+from fingerfit.diagnosis.score_tests import per_value
 from fingerfit.diagnosis.sides import sides_of
 from fingerfit.fit.jobs import solve_missing, solved, solved_since
 from fingerfit.fit.minimum import minimum
@@ -62,7 +63,7 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> Refit:
         ended.share, start, len(after.problem.asked), ended.fall(before), constants, after.weighed,
         compared=own["after"], before=own["before"],
         numbers=len(settings.parameters()) - len(before.problem.settings.parameters()),
-        spared=spared(far, told, optional, per_number(score_test.freedom)), choices=one.candidate.choices,
+        worth=worth(far, told, per_value(score_test.misfit, score_test.freedom), optional, one.candidate.choices),
         sides=sides_of(after), but_mesh=errors_but_mesh(after),
         absent=bool(nulls) and all(after.base.values.get(name, null) == null for name, null in nulls.items()),
     )  # fmt: skip

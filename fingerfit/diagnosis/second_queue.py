@@ -16,15 +16,12 @@ from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by, spread_of
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
-from fingerfit.diagnosis.verdict import MATTERS, RIVAL, best_of, both_explain, generalising, misses
+from fingerfit.diagnosis.verdict import MATTERS, PART, RIVAL, best_of, both_explain, generalising, misses
 from fingerfit.diagnosis.worth import to_refit, worth_a_refit
 from fingerfit.fit.jobs import solved, solved_since
 
 HALF = 0.5
 """Share of a series' log odds from which what has fewer numbers is refitted beside it. A choice (decision 19)."""
-PART = 1 / 3
-"""Share of the misfit from which a member may be one of two that the probe of its family imitates: the larger of two
-explains half of what both do, and less where its fit lies between them. A choice (decision 7)."""
 
 
 def refit_best(found: Tested, refits: dict[str, Refit], threads: int) -> int:

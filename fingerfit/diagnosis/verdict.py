@@ -18,6 +18,9 @@ NEAR = 0.03
 WORSE, WORSE_OF_FEW = 0.02, 0.2
 """Rise of the error on held-out or on fitted steps, in noise floors, from which a refit does not count; of few
 values."""
+PART = 1 / 3
+"""Share of the misfit from which a member may be one of two effects that a probe imitates: the larger of two explains
+half of what both do, and less where its fit lies between them. A choice (decision 7)."""
 MATTERS = 0.05
 """Fall of the error, in noise floors, by which an effect matters that moves no constant."""
 BUT_FORM = 0.9
@@ -76,10 +79,10 @@ def half_explained(
 def beside_probe(
     ranking: Sequence[Ranked], nearest: Mapping[str, Refit], refits: Mapping[str, Refit], before: float
 ) -> Ranked | None:
-    """The best member of a family whose probe comes nearest, and does not explain the data: with another effect it may.
+    """The best member where a probe comes nearest, and does not explain the data: with another effect it may.
 
-    What a probe's many numbers gain there may be what they imitate of the other effect. The member must explain enough
-    alone.
+    What a probe's many numbers gain there may be what they imitate of the other effect. A member of the probe's family
+    comes first, if it explains enough alone; else that of any family, if it explains a part.
 
     Parameters
     ----------
@@ -92,11 +95,14 @@ def beside_probe(
     best = best_of(ranking, nearest)
     if best is None or not best[0].candidate.effect.probe or explains(best[1]):
         return None
-    effects = [one.candidate.effect for one in ranking]
-    kin = {one.name for one in effects if one.family == best[0].candidate.effect.family and not one.probe}
-    enough = {name: own for name, own in refits.items() if name in kin and own.explained(before) >= ENOUGH}
-    member = best_of(ranking, enough)
-    return member and member[0]
+    shares = {name: own.explained(before) for name, own in refits.items()}
+    members = [one for one in ranking if not one.candidate.effect.probe]
+    kin = [one for one in members if one.candidate.effect.family == best[0].candidate.effect.family]
+    for those, least in ((kin, ENOUGH), (members, PART)):
+        enough = {name: own for name, own in refits.items() if shares[name] >= least}
+        if member := best_of(those, enough):
+            return member[0]
+    return None
 
 
 def both_explain(score_test: ScoreTest, partner: tuple[Ranked, Refit] | None, held_out: float | None) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from seeds import generator
 
-from fingerfit.diagnosis.evidence import LIKELY, information, log_odds, log_odds_of_some, spare, spared, without_least
+from fingerfit.diagnosis.evidence import LIKELY, information, log_odds, log_odds_of_some, spare, without_least, worth
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.parameters import Parameter
@@ -54,7 +54,25 @@ def test_an_effect_of_which_some_numbers_are_absent_is_compared_without_them():
     assert log_odds_of_some(fall, far, known, 1.0, np.zeros(3, dtype=bool)) == pytest.approx(
         log_odds(fall, float(far @ far), known, 1.0)
     )
-    assert spared(far, known, np.ones(3, dtype=bool), 7.0) == pytest.approx(14.0 - rise)
+
+
+@pytest.mark.parametrize("spread", [1.0, 3.0])
+@pytest.mark.parametrize("choices", [1, 5])
+@pytest.mark.parametrize("optional", [True, False])
+def test_what_numbers_are_worth_is_the_fall_at_which_the_odds_for_them_are_even(rng, spread, choices, optional):
+    columns = rng.normal(size=(VALUES, 3))
+    far, known, some = rng.normal(size=3), columns.T @ columns, np.full(3, optional)
+    needed = worth(far, known, spread, some, choices)
+    assert log_odds_of_some(needed, far, known, spread, some) == pytest.approx(np.log(choices))
+
+
+def test_numbers_that_data_do_not_see_are_worth_nothing_and_places_by_the_room_that_they_had():
+    size, place = np.array([0.5, 0.0]), np.array([True, False])
+    seen = worth(size[:1], np.array([[99.0]]), 1.0, place[:1])
+    assert seen == pytest.approx(0.25 + np.log(100.0))
+    assert worth(size, np.diag([99.0, 0.0]), 1.0, place) == pytest.approx(seen)
+    assert worth(size, np.diag([99.0, 1e4 - 1.0]), 1.0, place) == pytest.approx(seen + np.log(1e4))
+    assert worth(np.zeros(0), np.zeros((0, 0)), 1.0, np.zeros(0, dtype=bool)) == 0.0
 
 
 def test_a_number_that_moves_nothing_is_left_out_first():

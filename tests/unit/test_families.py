@@ -11,8 +11,8 @@ from fingerfit.diagnosis.families import ENOUGH, SURE, by_refits, families, fami
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import EXPLAINED, Refit
 from fingerfit.diagnosis.reservations import largest_part, leave_mesh, of_family
-from fingerfit.diagnosis.second_queue import PART, imitated
-from fingerfit.diagnosis.verdict import MATTERS, Verdict, beside_probe, decide, nearest
+from fingerfit.diagnosis.second_queue import imitated
+from fingerfit.diagnosis.verdict import MATTERS, PART, Verdict, beside_probe, decide, nearest
 from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, blamed_on_mesh, most_of, to_refit, too_small
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.effect import FAMILIES
@@ -168,19 +168,22 @@ def test_where_there_is_a_refit_its_number_is_told():
 
 
 @pytest.mark.parametrize(
-    ("probe", "member", "nearest", "found"),
+    ("probe", "member", "other", "nearest", "found"),
     [
-        (0.9, ENOUGH + 0.05, "base_probe", "base_slip"),
-        (1.0, ENOUGH + 0.05, "base_probe", None),  # the probe explains the data: of no known form
-        (0.9, ENOUGH - 0.05, "base_probe", None),
-        (0.9, ENOUGH + 0.05, "base_slip", None),  # the member is named without a partner
+        (0.9, ENOUGH + 0.05, ENOUGH + 0.1, "base_probe", "base_slip"),  # of the family of the probe
+        (0.7, ENOUGH - 0.05, 0.5, "base_probe", "base_slip"),  # that leaves less
+        (0.7, ENOUGH - 0.25, 0.6, "base_probe", "tilt"),
+        (0.7, 0.1, PART + 0.05, "base_probe", "tilt"),
+        (0.7, PART - 0.05, PART - 0.05, "base_probe", None),
+        (1.0, ENOUGH + 0.05, 0.6, "base_probe", None),  # the probe explains the data: of no known form
+        (0.9, ENOUGH + 0.05, 0.6, "base_slip", None),  # the member is named without a partner
     ],
 )
-def test_a_member_may_have_a_partner_where_its_probe_does_not_explain_the_data(probe, member, nearest, found):
+def test_a_member_may_have_a_partner_where_a_probe_does_not_explain_the_data(probe, member, other, nearest, found):
     score_test, ranking = ranked(1.0, hidden=60.0)
     refits = {
         name: Refit(score_test.misfit - share * score_test.beyond_noise, score_test.freedom, 1.5, 1.5, {})
-        for name, share in (("base_probe", probe), ("base_slip", member), ("tilt", ENOUGH + 0.1))
+        for name, share in (("base_probe", probe), ("base_slip", member), ("tilt", other))
     }
     one = beside_probe(ranking, {nearest: refits[nearest]}, refits, score_test.misfit)
     assert (one and one.candidate.effect.name) == found
