@@ -123,10 +123,10 @@ def elsewhere(
 
     That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
     or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
-    off, or where another form explains nothing, to bring them nearer; then the criterion of Schwarz (1978) decides. It
-    knows the sides as data, which another form has as numbers, and between states that do as well. Beside one that
-    counts, another that leaves more of the sides is named where it is as likely by that criterion; so it is where the
-    effect that the verdict names is surely likelier than another form. A state whose pictures are clearly nearer than
+    off, or where another form explains nothing, to bring them nearer; then the misfit decides, and what the numbers are
+    worth. Sides are data of a state, and numbers of another form, which are worth what Schwarz (1978) says. Beside a
+    state that counts, another that leaves more of the sides is named where it is as likely; so it is where the effect
+    that the verdict names is surely likelier than another form. A state whose pictures are clearly nearer than
     those of another form is not excluded by it.
 
     Parameters
