@@ -31,7 +31,6 @@ from fingerfit.diagnosis.reservations import (
     perhaps,
     some_far_off,
     too_coarse,
-    traced,
     untried,
     with_blur,
 )
@@ -39,6 +38,7 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_queue import by_one_likelihood, pair_of, partner_of, refit_best
 from fingerfit.diagnosis.sides import Sides, sides_of
 from fingerfit.diagnosis.tested import in_space, test_all
+from fingerfit.diagnosis.traces import traced
 from fingerfit.diagnosis.verdict import (
     Verdict,
     beside_probe,

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 _RAYLEIGH_MEDIAN = np.sqrt(2 * np.log(2))
 """Median of a Rayleigh distribution whose channels have standard deviation 1 (Gudbjartsson and Patz 1995)."""
-_CLEAR, _CLEAR_SPREAD = 2.0, 0.56396
-"""Level of a background, in standard deviations of the noise, from which on it is told from noise by the shape of its
-distribution, and the distance of the quartiles over the median there (Rice). Below, the shape hardly differs from that
-of a magnitude without any signal. A choice (docs/decisions/0043-blur-of-the-camera.md)."""
+_BINS, _MOST = 40, 0.95
+"""Into how many bins the intensities of a background are counted, and up to which quantile: above it may be something
+that is no background. Choices."""
+_SURELY = 16.0
+"""Twice the logarithm of the likelihood ratio from which a background has a level of its own: four standard
+deviations."""
 _NORMAL_MAD = 0.6744897501960817
 """Median of the absolute value of a standard normal: its quantile of 3/4."""
 _HAAR = np.array([1.0, -1.0]) / np.sqrt(2)
@@ -54,9 +56,10 @@ def estimate_noise(values: np.ndarray, background: np.ndarray | None = None) -> 
         Picture.
     background : ndarray of bool, optional
         Where there is surely no signal: there the magnitude is Rayleigh distributed, with the median
-        sigma sqrt(2 ln 2) (Gudbjartsson and Patz 1995); or Rician, where the background has a level of its own, as that
-        of a camera has. Without it, or with fewer than `_EMPTY` pixels, the finest diagonal details of the picture are
-        used (Donoho and Johnstone 1994), by the wavelet of Daubechies (1988) with four coefficients.
+        sigma sqrt(2 ln 2) (Gudbjartsson and Patz 1995). A background with a level of its own, as that of a camera, is
+        Rician, or normal and cut off at 0; the likelihoods of these three decide. Without it, or with fewer than
+        `_EMPTY` pixels, the finest diagonal details of the picture are used (Donoho and Johnstone 1994), by the wavelet
+        of Daubechies (1988) with four coefficients.
     """
     if background is not None and background.sum() >= _EMPTY and (values[background] > 0).mean() > 0.5:
         return _of_background(values[background])
@@ -71,15 +74,70 @@ def estimate_noise(values: np.ndarray, background: np.ndarray | None = None) -> 
 
 def _of_background(values: np.ndarray) -> float:
     """Standard deviation of the noise of pixels without signal, shape (pixels,)."""
-    low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
-    spread = (high - low) / middle
-    if spread > _CLEAR_SPREAD:
-        return float(middle / _RAYLEIGH_MEDIAN)
-    # imported here: pictures of magnitudes do not need it
-    from scipy.stats import norm, rice
+    # imported here: pictures with a stated noise do not need it
+    from scipy.special import ndtr
+    from scipy.stats import rice
 
-    levels = np.geomspace(_CLEAR, 20.0, 40)
-    quartiles = np.array([rice.ppf([0.25, 0.5, 0.75], level) for level in levels])
-    distance = quartiles[:, 2] - quartiles[:, 0]
-    known = (distance / quartiles[:, 1])[::-1], distance[::-1]
-    return float((high - low) / np.interp(spread, [0.0, *known[0]], [2 * norm.ppf(0.75), *known[1]]))
+    middle, above = np.quantile(values, [0.5, ndtr(1.0)])
+    if above == middle:  # rounded to fewer values than the noise has
+        return float(values.std())
+    counts, edges = _counted(values)
+    rayleigh = float(middle / _RAYLEIGH_MEDIAN)
+    start = float(middle / (above - middle)), float(above - middle)
+    # what is 0 says nothing of a magnitude: it may have been set so, outside of the field of view
+    of_none, _ = _likeliest(counts[1:], edges[1:], rice.cdf, (0.0, rayleigh), level=False)
+    of_level, sigma = _likeliest(counts[1:], edges[1:], rice.cdf, start)
+    either, zeros = counts[1:].sum(), counts[0]
+    zeros_too = either * np.log(either / (either + zeros)) + (
+        zeros * np.log(zeros / (either + zeros)) if zeros else 0.0
+    )
+    of_normal, deviation = _likeliest(counts, edges, lambda where, level: ndtr(where - level), start)
+    of_normal -= zeros_too
+    if 2.0 * (max(of_level, of_normal) - of_none) <= _SURELY:
+        return rayleigh
+    return deviation if of_normal > of_level else sigma
+
+
+def _counted(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How many values are not above 0, and in each of the bins above that; and the borders of these.
+
+    Borders lie between values, also where they are whole numbers.
+    """
+    least, most = values[values > 0].min(), np.quantile(values, _MOST)
+    known, counts = np.unique(values[(values > 0) & (values <= max(most, least))], return_counts=True)
+    last = np.unique(np.searchsorted(np.cumsum(counts), np.linspace(0.0, counts.sum(), _BINS + 1)[1:]))
+    after = np.append(known, min(values[values > known[-1]], default=known[-1]))
+    edges = np.concatenate([[-np.inf, least / 2.0], (known[last] + after[last + 1]) / 2.0])
+    return np.histogram(values, edges)[0], edges
+
+
+def _likeliest(
+    counts: np.ndarray,
+    edges: np.ndarray,
+    distribution: Callable[[np.ndarray, float], np.ndarray],
+    start: tuple[float, float],
+    level: bool = True,
+) -> tuple[float, float]:
+    """Logarithm of the likelihood of counts at its maximum, and the standard deviation of the noise there.
+
+    Parameters
+    ----------
+    counts : ndarray, shape (bins,)
+    edges : ndarray, shape (bins + 1,)
+    distribution : callable
+        Its function of (values, level), both in standard deviations; only what lies between the edges counts.
+    start : (float, float)
+        Level in standard deviations, and standard deviation.
+    level : bool
+        Whether there is a level.
+    """
+    from scipy.optimize import minimize
+
+    def less(guess: np.ndarray) -> float:
+        below = distribution(edges / np.exp(guess[0]), float(guess[1] ** 2) if level else 0.0)
+        shares = np.diff(below) / max(below[-1] - below[0], np.finfo(float).tiny)
+        return -float(counts @ np.log(np.maximum(shares, np.finfo(float).tiny)))
+
+    begin = np.array([np.log(start[1]), np.sqrt(start[0])])[: 1 + level]
+    found = minimize(less, begin, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-3})
+    return -float(found.fun), float(np.exp(found.x[0]))

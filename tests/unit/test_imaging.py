@@ -169,18 +169,38 @@ def test_rician_noise_is_found_again(rng):
     assert estimate_noise(inside) == pytest.approx(0.03, rel=5 * 1.17 / np.sqrt(inside.size / 4))
 
 
-@pytest.mark.parametrize("level", [2.5, 5.0, 50.0, 1000.0])
-def test_the_level_of_a_background_is_not_taken_for_noise(level, rng):
-    """Of a camera, say: its black level.
+LEVELS = [1.5, 2.0, 2.5, 5.0, 50.0, 1000.0]
 
-    Five times 1.5 over the root of n: the standard error of the quartiles' distance is 1.2, and the level adds to it.
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("kind", ["normal", "cut off at 0", "Rician"])
+@pytest.mark.parametrize("step", [0.0, 1.0, 14.0])
+def test_the_level_of_a_background_is_not_taken_for_noise(level, kind, step, rng):
+    """Of a camera, say: its black level, as whole numbers or not.
+
+    Five times 1.5 over the root of n: the standard error of a standard deviation is 0.7, and the level adds to it.
+    Where a normal distribution is taken for a Rician one, 1.09 was the most of 60 seeds.
     """
     sigma, count = 35.0, 20_000
-    for values in (rng.normal(level * sigma, sigma, count), add_rician(np.full(count, level * sigma), sigma, rng)):
-        if values.min() < 0:  # no camera has a negative brightness
-            continue
-        found = estimate_noise(values.reshape(100, 200), np.ones((100, 200), dtype=bool))
-        assert found == pytest.approx(sigma, rel=5 * 1.5 / np.sqrt(count))
+    values = add_rician(np.full(count, level * sigma), sigma, rng)
+    if kind != "Rician":
+        values = rng.normal(level * sigma, sigma, count)
+    values = values if kind == "normal" else np.maximum(values, 0.0)
+    values = np.rint(values / step) * step if step else values
+    found = estimate_noise(values.reshape(100, 200), np.ones((100, 200), dtype=bool))
+    alike = kind != "Rician" and 2.0 < level < 5.0
+    assert found == pytest.approx(sigma, rel=0.15 if alike else 5 * 1.5 / np.sqrt(count))
+
+
+def test_a_border_that_was_set_to_0_is_not_taken_for_the_half_of_a_noise(rng):
+    """As many zeros as a normal background of that spread would have, 5.6 %; the median of the others moves by 5 %."""
+    values = add_rician(np.zeros(20_000), 35.0, rng)
+    values[:1120] = 0.0
+    assert estimate_noise(values, np.ones(20_000, dtype=bool)) == pytest.approx(35.0, rel=0.08)
+
+
+def test_a_background_of_one_value_has_no_noise():
+    assert estimate_noise(np.full((20, 20), 7.0), np.ones((20, 20), dtype=bool)) == 0.0
 
 
 def test_texture_is_not_taken_for_noise(rng):

@@ -14,8 +14,9 @@ from fingerfit.diagnosis.effect_form import NO_FORM, Form
 from fingerfit.diagnosis.evidence import worth
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
-from fingerfit.diagnosis.reservations import by_settings, doubted, loud_by_mesh, perhaps, too_coarse, traced
+from fingerfit.diagnosis.reservations import by_settings, doubted, loud_by_mesh, perhaps, too_coarse
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
+from fingerfit.diagnosis.traces import traced
 from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, half_explained, misses
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
 from fingerfit.model.catalogue import catalogue
@@ -682,6 +683,25 @@ def test_what_only_makes_up_for_the_mesh_is_a_trace(left, kind):
     base = Refit(100.0, 100, 2.9, 1.2, {"mu_top": 0.1}, but_mesh=left)
     named, refits = Verdict("missing", ("tilt",), "", 12.0), {"tilt": Refit(60.0, 99, 1.0, 1.0, {"mu_top": 0.1})}
     assert traced(named, score_test, [likely(20.0)], refits, base, 0.02, 20).kind == kind
+
+
+@pytest.mark.parametrize(
+    ("misfit", "explained", "common", "kind"),
+    [
+        (1200.0, 0.45, 55.0, "adequate"),  # chance leaves at most 1106: what is left has a form that nobody knows
+        (1200.0, 0.55, 55.0, "missing"),
+        (1200.0, 0.45, 40.0, "missing"),  # more than half of what the steps have in common, 55 for 27
+        (1090.0, 0.45, 55.0, "missing"),  # no more than chance
+    ],
+)
+def test_a_small_part_of_what_is_left_beyond_chance_is_a_trace(misfit, explained, common, kind):
+    score_test = SimpleNamespace(misfit=misfit, freedom=1000, common_misfit=55.0, common_freedom=27)
+    base = Refit(misfit, 1000, 1.1, 1.1, {"mu_top": 0.1})
+    left = misfit - explained * (misfit - 1000)
+    refits = {"tilt": Refit(left, 1000, 1.1, 1.1, {"mu_top": 0.12}, common_misfit=common, common_freedom=27)}
+    verdict = traced(Verdict("missing", ("tilt",), "", 12.0), score_test, [likely(20.0)], refits, base, 0.02, 20)
+    assert verdict.kind == kind
+    assert ("less than half of what is left beyond chance" in verdict.sentence) == (kind == "adequate")
 
 
 @pytest.mark.parametrize(
