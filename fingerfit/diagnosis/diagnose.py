@@ -38,7 +38,7 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_queue import by_one_likelihood, pair_of, partner_of, refit_best
 from fingerfit.diagnosis.sides import Sides, sides_of
 from fingerfit.diagnosis.tested import in_space, test_all
-from fingerfit.diagnosis.traces import traced
+from fingerfit.diagnosis.traces import small_part, traced
 from fingerfit.diagnosis.verdict import (
     Verdict,
     beside_probe,
@@ -199,6 +199,7 @@ def _diagnose(
         ended, missed = nearest(well), refits.keys() - well.keys()
         verdict = decide(score_test, ranking, ended, tests, None, held, missed)
         verdict = doubted(verdict, at_least, held if pictured else None, score_test.freedom)
+        verdict = small_part(verdict, score_test, ranking, ended, at_least)
         half = half_explained(score_test, ranking, generalising(score_test, ended, held), tests)
         # a probe has as many numbers as several effects: no partner is looked for beside it
         one = None if half and half.candidate.effect.probe else half

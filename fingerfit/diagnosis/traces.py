@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fingerfit.diagnosis.effect_form import NO_FORM, Form
+from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit, chance, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest
@@ -91,6 +92,42 @@ def traced(
                 rest = [one for one in named if one not in matter]
                 text += f"; beyond chance, but a trace that moves no constant {far}: {_titles(rest)}"
     return Verdict("adequate", (), text, verdict.threshold)
+
+
+def small_part(
+    verdict: Verdict,
+    score_test: ScoreTest,
+    ranking: Sequence[Ranked],
+    refits: Mapping[str, Refit],
+    at_least: float,
+) -> Verdict:
+    """The verdict, but *unexplained* where pictures differ by much, and what is named explains a small part of that.
+
+    Few and coarse patches may nearly all be explained while every pixel shows that something is missing (`loud`). An
+    effect that explains less of the patches than an answer must is then asked for half of the squared error beyond the
+    noise; one on the loading, which few values show, for half of what the patches leave beyond chance.
+
+    Parameters
+    ----------
+    verdict, score_test, ranking, refits
+        As for `traced`.
+    at_least : float
+        Error of the model on the fitted steps, without what the mesh is expected to make of it.
+    """
+    if not verdict.effects or not loud(at_least, score_test.freedom):
+        return verdict
+    shares = dict[str, float]()
+    for one in ranking:
+        if (name := one.candidate.effect.name) in verdict.effects:
+            refit = refits[name]
+            shares[one.candidate.effect.title] = share = (at_least**2 - refit.at_least**2) / (at_least**2 - 1.0)
+            enough = share >= LARGEST or refit.explained(score_test.misfit) >= ENOUGH
+            if enough or (one.candidate.effect.on_loading and _half(refit, score_test)):
+                return verdict
+    best = max(shares, key=shares.__getitem__)
+    text = f"unexplained: the pictures differ by {at_least:.2g} times the noise; {best} comes nearest"
+    text += f" but explains only {100 * max(shares[best], 0.0):.0f} % of their squared error beyond it"
+    return Verdict("unexplained", (), text, verdict.threshold)
 
 
 def _titles(those: Sequence[Ranked]) -> str:

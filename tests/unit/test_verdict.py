@@ -16,7 +16,7 @@ from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
 from fingerfit.diagnosis.reservations import by_settings, doubted, loud_by_mesh, perhaps, too_coarse
 from fingerfit.diagnosis.score_tests import Finding, ScoreTest
-from fingerfit.diagnosis.traces import traced
+from fingerfit.diagnosis.traces import small_part, traced
 from fingerfit.diagnosis.verdict import RIVAL, Verdict, decide, half_explained, misses
 from fingerfit.diagnosis.worth import TRIED, threshold, to_refit
 from fingerfit.model.catalogue import catalogue
@@ -702,6 +702,26 @@ def test_a_small_part_of_what_is_left_beyond_chance_is_a_trace(misfit, explained
     verdict = traced(Verdict("missing", ("tilt",), "", 12.0), score_test, [likely(20.0)], refits, base, 0.02, 20)
     assert verdict.kind == kind
     assert ("less than half of what is left beyond chance" in verdict.sentence) == (kind == "adequate")
+
+
+@pytest.mark.parametrize(
+    ("name", "at_least", "fitted", "explained", "kind"),
+    [
+        ("tilt", 1.5, 1.4, 0.6, "unexplained"),  # a fourth of the squared error beyond the noise
+        ("tilt", 1.5, 1.2, 0.3, "missing"),  # two thirds of it
+        ("tilt", 1.5, 1.4, 0.8, "missing"),  # enough of what the patches show
+        ("tilt", 1.2, 1.15, 0.3, "missing"),  # the pictures are near enough
+        ("ageing", 1.5, 1.4, 0.6, "missing"),  # few values show the loading
+        ("ageing", 1.5, 1.4, 0.4, "unexplained"),
+    ],
+)
+def test_where_pictures_differ_by_much_an_effect_must_explain_half_of_that(name, at_least, fitted, explained, kind):
+    score_test = SimpleNamespace(misfit=1200.0, freedom=1000, common_misfit=0.0, common_freedom=0)
+    refits = {name: Refit(1200.0 - 200.0 * explained, 1000, fitted, fitted, {})}
+    given = Verdict("missing", (name,), "so it is", 12.0)
+    verdict = small_part(given, score_test, [likely(20.0, name)], refits, at_least)
+    assert verdict.kind == kind
+    assert verdict == given if kind == "missing" else "explains only 23 % of their squared error" in verdict.sentence
 
 
 @pytest.mark.parametrize(
