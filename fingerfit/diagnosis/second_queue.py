@@ -16,7 +16,7 @@ from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by, spread_of
 from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
-from fingerfit.diagnosis.verdict import MATTERS, PART, RIVAL, best_of, both_explain, generalising, misses
+from fingerfit.diagnosis.verdict import BUT_FORM, MATTERS, PART, RIVAL, best_of, both_explain, generalising, misses
 from fingerfit.diagnosis.worth import to_refit, worth_a_refit
 from fingerfit.fit.jobs import solved, solved_since
 
@@ -40,7 +40,8 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
     by slopes), by more than tells refits apart, and no probe that was less likely: it would only say that there is
     something of no known form.
     But where the best one leaves more than the noise, in the pictures and in the patches, a probe of another family may
-    come nearer, and counts as a member does. A series of many numbers may imitate what has few: beside it others are
+    come nearer, and counts as a member does. A member of a family of which none has explained it is refitted where it
+    explains as much in the first pass. A series of many numbers may imitate what has few: beside it others are
     tried that were half as likely.
     A probe comes after the members of its family, and not at all where one of them explains the data, every pixel
     included. Nor do then those that only slopes speak for; they come after what explained the data in the first pass.
@@ -48,6 +49,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
     """
     # the best log odds of what explains the data, of the first pass and of slopes, which are not one measure
     explained, by_series, named = {True: -np.inf, False: -np.inf}, False, set[str]()
+    most = 0.0  # by how much the misfit falls in the first pass by what explains the data
     nearest_by, least = set[str](), np.inf  # families of what explains the data, and the least error of these
     done = dict(known or {})
     by_chance = False  # whether one of them leaves no more than chance does in patches, and hardly more in pictures
@@ -64,6 +66,10 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
         elsewhere = effect.family not in nearest_by and least > 1.0 + MATTERS and not by_chance
         if seen and not ranked.refitted and least <= 1.0 + MATTERS:
             return False
+        # what explains as much there with more numbers is of another family: how likely these are, the refit says
+        as_much = ranked.refitted and not effect.probe and ranked.finding.fall >= BUT_FORM * most > 0.0
+        if as_much and effect.family not in nearest_by:
+            return True
         share = HALF if by_series else 1.0 if effect.probe and not elsewhere else ENOUGH
         # members that not even refits may tell apart are all refitted
         alike = 0.0 if effect.probe else 0.5 * RIVAL
@@ -116,6 +122,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
                 if flat and odds > explained[first]:
                     explained[first], by_series = odds, field if first else by_series
                 nearest_by.add(effect.family)
+                most = max(most, ranked.finding.fall if first else 0.0)
                 least = min(least, refit.at_least)
             whole = not refit.missed and explains(refit) and refit.fitted <= EXPLAINED
             by_chance |= whole and refit.misfit <= chance(refit.freedom)

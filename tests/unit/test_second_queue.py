@@ -22,7 +22,7 @@ def queue(monkeypatch, odds, made):
         for name in odds
     ]
     for one, value in zip(ranking, odds.values(), strict=True):
-        one.odds = lambda _, value=value: value
+        one.odds, one.finding = lambda _, value=value: value, SimpleNamespace(fall=2.0 * value)
     without = model(0.6, 0.1)
     score_test = SimpleNamespace(misfit=misfits({"without": without}, "without")["without"], freedom=COUNT - 2)
     found = SimpleNamespace(score_test=score_test, ranking=ranking, tests=1, made=dict(made))
@@ -72,6 +72,23 @@ def test_members_that_refits_may_not_tell_apart_are_both_refitted(monkeypatch, f
     made = {name: refit(0.0) for name in names}
     found = queue(monkeypatch, dict(zip(names, (first, second), strict=True)), made)
     assert len(list(second_queue.refits_of(found, 1))) == count
+
+
+@pytest.mark.parametrize(
+    ("second", "fall", "refitted"),
+    [
+        ("interface", 0.91, True),  # as much as the best one, though with more numbers
+        ("interface", 0.89, False),
+        ("gradient", 0.91, False),  # the best one's family has explained it
+        ("geometry_probe", 0.91, False),  # it would say that there is something of no known form
+    ],
+)
+def test_another_family_that_explains_as_much_is_refitted(monkeypatch, second, fall, refitted):
+    made = {name: refit(0.0) for name in ("split_layer", second)}
+    found = queue(monkeypatch, {"split_layer": 56.0, second: 40.0}, made)
+    for one, much in zip(found.ranking, (1.0, fall), strict=True):
+        one.finding.fall = 100.0 * much
+    assert names(one for one, _ in second_queue.refits_of(found, 1)) == ["split_layer", second][: 1 + refitted]
 
 
 @pytest.mark.parametrize(("share", "space", "count"), [(0.76, False, 2), (0.74, False, 1), (0.1, True, 2)])
