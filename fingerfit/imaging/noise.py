@@ -75,7 +75,7 @@ def estimate_noise(values: np.ndarray, background: np.ndarray | None = None) -> 
 def _of_background(values: np.ndarray) -> float:
     """Standard deviation of the noise of pixels without signal, shape (pixels,)."""
     # imported here: pictures with a stated noise do not need it
-    from scipy.special import ndtr
+    from scipy.special import ndtr, xlogy
     from scipy.stats import rice
 
     middle, above = np.quantile(values, [0.5, ndtr(1.0)])
@@ -84,15 +84,13 @@ def _of_background(values: np.ndarray) -> float:
     counts, edges = _counted(values)
     rayleigh = float(middle / _RAYLEIGH_MEDIAN)
     start = float(middle / (above - middle)), float(above - middle)
-    # what is 0 says nothing of a magnitude: it may have been set so, outside of the field of view
+    # how many are 0 says nothing of a magnitude, where they may have been set so: outside of the field of view
+    either = np.array([counts[0], counts[1:].sum()])
+    any_zeros = float(xlogy(either, either / either.sum()).sum())
     of_none, _ = _likeliest(counts[1:], edges[1:], rice.cdf, (0.0, rayleigh), level=False)
     of_level, sigma = _likeliest(counts[1:], edges[1:], rice.cdf, start)
-    either, zeros = counts[1:].sum(), counts[0]
-    zeros_too = either * np.log(either / (either + zeros)) + (
-        zeros * np.log(zeros / (either + zeros)) if zeros else 0.0
-    )
     of_normal, deviation = _likeliest(counts, edges, lambda where, level: ndtr(where - level), start)
-    of_normal -= zeros_too
+    of_normal -= any_zeros
     if 2.0 * (max(of_level, of_normal) - of_none) <= _SURELY:
         return rayleigh
     return deviation if of_normal > of_level else sigma
