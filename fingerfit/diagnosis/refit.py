@@ -155,6 +155,17 @@ def loud(error: float, freedom: int) -> bool:
     return error > max(EXPLAINED, (chance(freedom) / max(freedom, 1)) ** 0.5)
 
 
+def error_explained(before: float, after: float) -> float:
+    """Share of the squared error beyond the noise that an effect explains.
+
+    Errors in units of the noise floor; the one before is above 1.
+
+    >>> error_explained(2.0, 1.0), error_explained(2.0, 2.0)
+    (1.0, 0.0)
+    """
+    return (before**2 - after**2) / (before**2 - 1.0)
+
+
 def chance(freedom: int) -> float:
     """Misfit that noise alone goes beyond but once in a hundred times (`LEVEL`)."""
     from scipy.special import chdtri

@@ -11,7 +11,7 @@ from fingerfit.core.keys import listed
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE, families, leads
 from fingerfit.diagnosis.ranking import FIRST_PASS, REFIT, Ranked
-from fingerfit.diagnosis.refit import EXPLAINED, Refit, excess, explains, loud
+from fingerfit.diagnosis.refit import EXPLAINED, Refit, error_explained, excess, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest, per_value
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict, best_of
 from fingerfit.diagnosis.worth import LARGEST, threshold
@@ -116,7 +116,7 @@ def largest_part(
     if verdict.kind != "unexplained" or best is None or error <= 1.0:
         return verdict
     one, own = best
-    share = (error**2 - own.fitted**2) / (error**2 - 1.0)
+    share = error_explained(error, own.fitted)
     beyond = own.gain(score_test.misfit) > verdict.threshold
     spread = per_value(own.level, own.freedom)
     # as in `nearest`: what leaves more in every pixel, or value, is behind, whatever its patches say

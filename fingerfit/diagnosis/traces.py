@@ -9,7 +9,7 @@ import numpy as np
 from fingerfit.diagnosis.effect_form import NO_FORM, Form
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.ranking import Ranked
-from fingerfit.diagnosis.refit import Refit, chance, explains, loud
+from fingerfit.diagnosis.refit import Refit, chance, error_explained, explains, loud
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.verdict import MATTERS, WITHIN, Verdict
 from fingerfit.diagnosis.worth import LARGEST, LIKELY_ENOUGH, odds_of_any
@@ -63,7 +63,6 @@ def traced(
         return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     matter = [one for one in named if _matters(refits[one.candidate.effect.name], base, tolerance)]
-    parts = [one for one in matter if explained and not _half(refits[one.candidate.effect.name], score_test)]
     names = _titles(named)
     far = f"by more than {100 * tolerance:g} %"
     odds = odds_of_any(matter, score_test, ranking, tests, form.limited(refits))
@@ -78,7 +77,7 @@ def traced(
         text = WITHIN if explained else f"the model leaves no more than {of_form}"
         if named and not matter:
             text += f"; beyond chance, but a trace that moves no constant {far}: {names}"
-        elif named and len(parts) == len(matter):
+        elif named and explained and not any(_half(refits[one.candidate.effect.name], score_test) for one in matter):
             text += f"; a trace, less than half of what is left beyond chance: {names}"
         elif named and odds >= LIKELY_ENOUGH:
             return verdict
@@ -120,7 +119,7 @@ def small_part(
     for one in ranking:
         if (name := one.candidate.effect.name) in verdict.effects:
             refit = refits[name]
-            shares[one.candidate.effect.title] = share = (at_least**2 - refit.at_least**2) / (at_least**2 - 1.0)
+            shares[one.candidate.effect.title] = share = error_explained(at_least, refit.at_least)
             enough = share >= LARGEST or refit.explained(score_test.misfit) >= ENOUGH
             if enough or (one.candidate.effect.on_loading and _half(refit, score_test)):
                 return verdict

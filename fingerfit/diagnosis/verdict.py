@@ -25,7 +25,8 @@ MATTERS = 0.05
 """Fall of the error, in noise floors, by which an effect matters that moves no constant."""
 BUT_FORM = 0.9
 """Share of what the best member of a family explains from which another one that no pixel tells from it may be as
-right: their forms are idealised. A choice (decision 19)."""
+right: their forms are idealised; and of what the best effect explains in the first pass, from which one of another
+family is refitted. A choice (decision 19)."""
 WITHIN = "the model explains the measurements to within their noise"
 """Of an adequate model, in words."""
 

@@ -21,7 +21,8 @@ interval."""
 TRIED = 4
 """Effects that are refitted at once."""
 LARGEST = 0.5
-"""Share of the squared error beyond the noise from which a part is the largest, whatever the others are."""
+"""Share of the squared error beyond the noise, or of a misfit beyond chance, from which a part is the largest, whatever
+the others are."""
 LARGE = 0.3
 """Share of what the best effect explains, or slopes promise, from which one may turn out to be the best. A choice."""
 FALLS_SHORT = 0.5
