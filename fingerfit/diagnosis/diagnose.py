@@ -276,8 +276,8 @@ def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> 
     if one is None or name not in found.refits:
         raise InputError("add", "effect", name, f"one that was refitted: {', '.join(found.refits) or 'here none was'}")
     wider = widened(problem, minimum(problem, last).values, one, found.refits[name].share)
-    refits = {other: refit.values for other, refit in found.refits.items()}
-    if found.outlined:
-        refits[OUTLINE] = found.outlined.values
-    known = problem.settings.model.rivals | rivals(problem.settings, name, found.verdict.effects, refits)
+    refits = found.refits | ({OUTLINE: found.outlined} if found.outlined else {})
+    intervals = {other: refit.intervals for other, refit in refits.items()}
+    known = rivals(problem.settings, name, refits[name].values, found.verdict.effects, intervals)
+    known = problem.settings.model.rivals | known
     return wider.with_settings(with_model(wider.settings, rivals=known))

@@ -3,22 +3,116 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from math import comb
 
 import numpy as np
 
 from fingerfit.diagnosis.score_tests import RANK, ScoreTest, per_value
 from fingerfit.fit.problem import InverseProblem
+from fingerfit.fit.slopes import evenly, moved
 from fingerfit.model.effect import Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.study.several import AT
 
 LIKELY = 0.5
 """Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
+QUANTILE = 1.96
+"""Of a normal distribution, for 95 %."""
 UNSEEN = 1e-6
 """Information on a number, in units of its likely size, that is as good as none."""
 ROUNDING = 1e-9
 """Singular value of the information, as a share of the largest one, up to which a direction counts as none."""
+
+
+@dataclass(frozen=True)
+class Information:
+    """What is known of an effect's own numbers where a fit has ended.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (numbers, numbers)
+        The information on them, in units of their likely sizes, once all else that is fitted follows.
+    far : ndarray, shape (numbers,)
+        How far they are from absent, in the same units; 0 for places.
+    optional : ndarray of bool, shape (numbers,)
+        Which of them the effect may be there without.
+    polynomial : bool
+        Whether these are coefficients of a polynomial by rising degree.
+    """
+
+    matrix: np.ndarray
+    far: np.ndarray
+    optional: np.ndarray
+    polynomial: bool = False
+
+    def odds(self, fall: float, spread: float) -> float:
+        """Logarithm of the odds for the effect, of which not all numbers need be there, against the model without it.
+
+        How many of the optional ones are there is as likely for each count, and so is each choice of as many; each
+        further degree of a polynomial is half as likely as the one before. Of these the ones count that `without_least`
+        goes through; the others have less evidence, so that the odds are a lower bound.
+
+        Parameters
+        ----------
+        fall, spread
+            As for `log_odds`: with all numbers.
+        """
+        count, odds = int(self.optional.sum()), list[float]()
+        for kept, rise, size in self.without_least():
+            there = int((self.optional & kept).sum())
+            if self.polynomial:
+                prior = np.log(2.0) * min(there, count - 1)
+            else:
+                prior = np.log(max(count, 1)) + np.log(comb(count, there))
+            one = log_odds(fall - rise, float(size @ size), self.matrix[np.ix_(kept, kept)], spread)
+            odds.append(one - float(prior))
+        return float(np.logaddexp.reduce(odds))
+
+    def without_least(self) -> Iterator[tuple[np.ndarray, float, np.ndarray]]:
+        """The effect with all of its numbers, then without one optional one after the other, but the last.
+
+        The least one first, of a polynomial that of the highest degree; by the linear model where its fit has ended.
+
+        Yields
+        ------
+        ndarray of bool, shape (numbers,)
+            Which numbers it still has.
+        float
+            By how much the misfit rises without the others, those that it has and the constants following.
+        ndarray, shape (kept,)
+            Its numbers then, in units of their likely sizes.
+        """
+        far, kept = self.far, np.ones(len(self.far), dtype=bool)
+        while True:
+            among, gone = self.matrix[np.ix_(kept, kept)], self.matrix[np.ix_(kept, ~kept)] @ far[~kept]
+            follows = np.linalg.lstsq(among, gone, rcond=ROUNDING)[0]
+            rise = float(far[~kept] @ self.matrix[np.ix_(~kept, ~kept)] @ far[~kept] - gone @ follows)
+            size = np.where(self.optional[kept], far[kept] + follows, far[kept])
+            yield kept.copy(), max(rise, 0.0), size
+            left = np.flatnonzero(self.optional[kept])
+            if len(left) < 2:
+                return
+            # what the misfit rises by without a number is its square over its variance
+            variance = np.diag(np.linalg.inv(among + UNSEEN * np.eye(len(among))))[left]
+            least = left[-1] if self.polynomial else left[np.argmin(size[left] ** 2 / variance)]
+            kept[np.flatnonzero(kept)[least]] = False
+
+    def worth(self, spread: float, choices: int = 1) -> float:
+        """Misfit that the numbers of a refit must explain to be worth it: what its evidence loses by them.
+
+        They end at their place, so that nothing falls any more; those that the effect does not need cost little.
+
+        Parameters
+        ----------
+        spread : float
+            As for `log_odds`.
+        choices : int
+            Of how many places that no fit can move the effect's was chosen. Each was as likely before, so that the odds
+            for it are divided by their number.
+        """
+        lost = self.odds(0.0, spread) if len(self.far) else 0.0
+        return 2.0 * spread * (float(np.log(choices)) - lost)
 
 
 def log_odds(fall: float, far: float, information: np.ndarray, spread: float) -> float:
@@ -33,7 +127,7 @@ def log_odds(fall: float, far: float, information: np.ndarray, spread: float) ->
     far : float
         Sum of squares of its numbers, in units of their likely sizes.
     information : ndarray, shape (numbers, numbers)
-        As from `information`.
+        As of `Information`.
     spread : float
         Misfit per value, at least 1: where no model explains the data, all weighs less.
     """
@@ -41,84 +135,13 @@ def log_odds(fall: float, far: float, information: np.ndarray, spread: float) ->
     return 0.5 * float(fall / spread - far - np.linalg.slogdet(certain)[1])
 
 
-def log_odds_of_some(
-    fall: float, far: np.ndarray, information: np.ndarray, spread: float, optional: np.ndarray
-) -> float:
-    """Logarithm of the odds for an effect of which not all numbers need be there, against the model without it.
-
-    How many of the optional ones are there is as likely for each count, and so is each choice of as many. Of these the
-    ones count that `without_least` goes through; the others have less evidence, so that the odds are a lower bound.
-
-    Parameters
-    ----------
-    fall, information, spread
-        As for `log_odds`: with all numbers.
-    far, optional
-        As from `information`.
-    """
-    count, odds = int(optional.sum()), list[float]()
-    for kept, rise, moved in without_least(far, information, optional):
-        prior = np.log(max(count, 1)) + np.log(comb(count, int((optional & kept).sum())))
-        one = log_odds(fall - rise, float(moved @ moved), information[np.ix_(kept, kept)], spread)
-        odds.append(one - float(prior))
-    return float(np.logaddexp.reduce(odds))
-
-
-def without_least(
-    far: np.ndarray, information: np.ndarray, optional: np.ndarray
-) -> Iterator[tuple[np.ndarray, float, np.ndarray]]:
-    """An effect with all of its numbers, then without one optional one after the other, the least first, but the last.
-
-    By the linear model where its fit has ended. Parameters as for `log_odds_of_some`.
-
-    Yields
-    ------
-    ndarray of bool, shape (numbers,)
-        Which numbers it still has.
-    float
-        By how much the misfit rises without the others, those that it has and the constants following.
-    ndarray, shape (kept,)
-        Its numbers then, in units of their likely sizes.
-    """
-    kept = np.ones(len(far), dtype=bool)
-    while True:
-        among, gone = information[np.ix_(kept, kept)], information[np.ix_(kept, ~kept)] @ far[~kept]
-        follows = np.linalg.lstsq(among, gone, rcond=ROUNDING)[0]
-        rise = float(far[~kept] @ information[np.ix_(~kept, ~kept)] @ far[~kept] - gone @ follows)
-        moved = np.where(optional[kept], far[kept] + follows, far[kept])
-        yield kept.copy(), max(rise, 0.0), moved
-        left = np.flatnonzero(optional[kept])
-        if len(left) < 2:
-            return
-        # what the misfit rises by without a number is its square over its variance
-        variance = np.diag(np.linalg.inv(among + UNSEEN * np.eye(len(among))))[left]
-        least = left[np.argmin(moved[left] ** 2 / variance)]
-        kept[np.flatnonzero(kept)[least]] = False
-
-
-def worth(far: np.ndarray, information: np.ndarray, spread: float, optional: np.ndarray, choices: int = 1) -> float:
-    """Misfit that the numbers of a refit must explain to be worth it: what its evidence loses by them.
-
-    They end at their place, so that nothing falls any more; those that the effect does not need cost little.
-
-    Parameters
-    ----------
-    far, information, spread, optional
-        As for `log_odds_of_some`.
-    choices : int
-        Of how many places that no fit can move the effect's was chosen. Each was as likely before, so that the odds for
-        it are divided by their number.
-    """
-    lost = log_odds_of_some(0.0, far, information, spread, optional) if len(far) else 0.0
-    return 2.0 * spread * (float(np.log(choices)) - lost)
-
-
 def information(
     parameters: Sequence[Parameter], values: Mapping[str, float], slopes: np.ndarray, effect: Effect | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Information on an effect's numbers in units of their likely sizes, and how far these are from absent.
+) -> Information:
+    """What is known of an effect's numbers where a fit has ended.
 
-    Sizes of an effect are as likely as half of their scale. Its place may be anywhere between its bounds.
+    Sizes of an effect are as likely as half of their scale. Its place may be anywhere between its bounds. Sizes of a
+    member are optional, but for those of a series.
 
     Parameters
     ----------
@@ -132,13 +155,9 @@ def information(
 
     Returns
     -------
-    ndarray, shape (numbers, numbers)
-        Once all else that is fitted follows; sizes and places of the effect in the order of the parameters, in a study
-        with several tests also those that a test has for itself.
-    ndarray, shape (numbers,)
-        0 for places.
-    ndarray of bool, shape (numbers,)
-        Which of them an effect may be there without: sizes of a member, but for those of a series.
+    Information
+        On sizes and places of the effect in the order of the parameters, in a study with several tests also on those
+        that a test has for itself.
     """
     absent = effect.null() if effect else {}
     scale = {effect.key(p.name): p.scale for p in effect.parameters} if effect else {}
@@ -154,7 +173,26 @@ def information(
     left = (slopes[:, own] - basis @ (basis.T @ slopes[:, own])) * likely
     away = np.array([values[parameters[n].name] - absent.get(names[n], np.nan) for n in own])
     far = np.divide(away, size, out=np.zeros(len(own)), where=size > 0)
-    return left.T @ left, far, (size > 0) & (effect is not None and not effect.probe and not effect.series)
+    optional = (size > 0) & (effect is not None and not effect.probe and not effect.series)
+    return Information(left.T @ left, far, optional, effect is not None and effect.polynomial)
+
+
+def interval95(
+    parameters: tuple[Parameter, ...], values: Mapping[str, float], slopes: np.ndarray, spread: float
+) -> dict[str, tuple[float, float]]:
+    """95 % intervals of all numbers of a refit, in their units, by slopes where it has ended; within their bounds.
+
+    Parameters
+    ----------
+    parameters, values, slopes
+        As for `information`.
+    spread : float
+        As for `log_odds`.
+    """
+    known = slopes.T @ slopes / spread + np.diag(evenly(parameters))
+    half = QUANTILE * np.sqrt(np.diag(np.linalg.inv(known)))
+    low, high = (moved(parameters, values, side * half) for side in (-1.0, 1.0))
+    return {name: (low[name], high[name]) for name in low}
 
 
 def spare(problem: InverseProblem, score_test: ScoreTest, values: Mapping[str, float]) -> list[Effect]:
@@ -174,7 +212,7 @@ def spare(problem: InverseProblem, score_test: ScoreTest, values: Mapping[str, f
     parameters, spread = problem.settings.parameters(), per_value(score_test.misfit, score_test.freedom)
     found = dict[str, float]()
     for name in list(problem.settings.model.effects)[:-1]:
-        known, far, _ = information(parameters, values, score_test.own, problem.effects[name])
-        if len(far):
-            found[name] = log_odds(float(far @ known @ far), float(far @ far), known, spread)
+        own = information(parameters, values, score_test.own, problem.effects[name])
+        if len(far := own.far):
+            found[name] = log_odds(float(far @ own.matrix @ far), float(far @ far), own.matrix, spread)
     return [problem.effects[name] for name in sorted(found, key=found.__getitem__) if found[name] < 0.0]

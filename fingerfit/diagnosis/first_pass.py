@@ -145,9 +145,8 @@ class FirstPass:
         bound = tuple(p.name for p in path.parameters if bound_of(p, values[p.name]) is not None)
         slopes = np.zeros((path.count, len(free)))
         slopes[:, free] = found.jac
-        known, far, optional = information(path.parameters, values, slopes, effect)
-        misfit = float(2.0 * found.cost)
-        return Refitted(values, misfit, found.status > 0, bound, path.run, path.count, known, far, optional)
+        known, misfit = information(path.parameters, values, slopes, effect), float(2.0 * found.cost)
+        return Refitted(values, misfit, found.status > 0, bound, path.run, path.count, known)
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Values, or columns of them, in units of their noise; those that are fitted only."""

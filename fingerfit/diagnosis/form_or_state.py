@@ -11,12 +11,12 @@ from fingerfit.core.errors import StateError
 from fingerfit.core.progress import counted, tell
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.ranking import REFIT, Ranked, said_by
-from fingerfit.diagnosis.refit import Refit, explains, per_number
+from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_pass import refit_of, with_outline
 from fingerfit.diagnosis.sides import Sides, begun
 from fingerfit.diagnosis.tested import Tested
-from fingerfit.diagnosis.verdict import Verdict, nearer
+from fingerfit.diagnosis.verdict import WORSE, Verdict, nearer
 from fingerfit.fit.jobs import solved, solved_since
 from fingerfit.model.effect import OUTLINE, STATE
 
@@ -124,10 +124,10 @@ def elsewhere(
     That is seen without any model, and whatever is fitted to a body of another shape imitates it. It has another form,
     or was pressed or swelled before that picture. A state has to explain the data, and most of how far the sides are
     off, or where another form explains nothing, to bring them nearer; then the misfit decides, and what the numbers are
-    worth. Sides are data of a state, and numbers of another form, which are worth what Schwarz (1978) says. Beside a
-    state that counts, another that leaves more of the sides is named where it is as likely; so it is where the effect
-    that the verdict names is surely likelier than another form. A state whose pictures are clearly nearer than
-    those of another form is not excluded by it.
+    worth. Sides are data of a state, and numbers of another form. Where data cannot tell these two apart, the likelier
+    one comes first, or a state whose pictures are clearly nearer. Beside a state that counts, another that leaves more
+    of the sides is named where it is as likely; so it is where the effect that the verdict names is surely likelier
+    than another form. A state whose pictures are clearly nearer than those of another form is not excluded by it.
 
     Parameters
     ----------
@@ -150,13 +150,13 @@ def elsewhere(
     possible = [(one, refit) for one, refit in states if _counts(verdict, sides, refit, stated)]
     near = near_enough(sides, form)
     able = sorted((each for each in possible if each[1].sides.off <= near), key=lambda each: _left(each[1]))
-    shaped = form.misfit - form.freedom + sides.numbers * per_number(form.freedom)
+    shaped = form.misfit - form.freedom + sides.worth
     if own is not None and explains(own):
         rivals = [shaped, *(_left(refit) for _, refit in able)]
         if _left(own) + _margin(verdict, form, own) < min(rivals):
             return _or_state(verdict, sides, own, possible, titles or {})
     if able and shaped - _left(able[0][1]) <= -_margin(verdict, form, able[0][1]):
-        able = [each for each in able if nearer(each[1], form)]
+        able = [each for each in able if _nearer_form(each[1], form)]
     if not able:
         return another
     first, best = able[0]
@@ -167,11 +167,15 @@ def elsewhere(
         alike = _left(refit) - _left(best) < _margin(verdict, refit, best)
         if alike and one.candidate.effect not in named:
             named.append(one.candidate.effect)
-    both = [(effect.name, effect.title) for effect in named]
+    both, family = [(effect.name, effect.title) for effect in named], first.candidate.effect.family
     if shaped - _left(best) < _margin(verdict, form, best):
-        # twelve numbers that happen to be those of a state would be a coincidence: the states come first
-        both.append((OUTLINE, ANOTHER))
-    return _by_sides(verdict, sides, both, first.candidate.effect.family, best)
+        # what patches of the one or the other make by chance tells nothing
+        patches = _beyond(form.misfit - form.freedom - (best.misfit - best.freedom), _by_chance(form, best))
+        if patches + sides.worth < best.sides.misfit + best.worth and not _nearer_form(best, form):
+            both, family = [(OUTLINE, ANOTHER), *both], another.family
+        else:
+            both.append((OUTLINE, ANOTHER))
+    return _by_sides(verdict, sides, both, family, best)
 
 
 def _or_state(
@@ -248,12 +252,33 @@ def _left(refit: Refit) -> float:
     return refit.misfit - refit.freedom + refit.sides.misfit + refit.worth
 
 
+def _nearer_form(state: Refit, form: Refit) -> bool:
+    """Whether a state is clearly nearer in the pictures than another form of the body, fitted and held out.
+
+    What the mesh of each makes of them is taken off: bodies of other shapes have other meshes.
+    """
+    behind = [form.at_least - state.at_least]
+    if form.held_at_least is not None and state.held_at_least is not None:
+        behind.append(form.held_at_least - state.held_at_least)
+    return min(behind) > WORSE
+
+
 def _margin(verdict: Verdict, one: ScoreTest | Refit, other: Refit) -> float:
     """By how much one of two models must leave less than the other to be surely the likelier one.
 
     Beside the threshold of the verdict it is what chance makes of the values that only one of them has.
     """
-    return verdict.threshold + SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
+    return verdict.threshold + _by_chance(one, other)
+
+
+def _by_chance(one: ScoreTest | Refit, other: Refit) -> float:
+    """Difference of their misfits that chance makes of the values that only one of two models has."""
+    return SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
+
+
+def _beyond(difference: float, chance: float) -> float:
+    """What of a difference chance does not make."""
+    return float(np.copysign(max(0.0, abs(difference) - chance), difference))
 
 
 def _refitted(found: Tested, chosen: Sequence[Ranked], threads: int) -> tuple[list[tuple[Ranked, Refit]], int]:

@@ -11,7 +11,7 @@ import numpy as np
 from fingerfit.deck.context import place_of
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.comparison import Comparison
-from fingerfit.diagnosis.evidence import log_odds_of_some
+from fingerfit.diagnosis.evidence import Information
 from fingerfit.diagnosis.score_tests import VISIBLE, Finding, ScoreTest, likeness
 from fingerfit.fit.problem import SEARCH
 from fingerfit.fit.rounds import Asked
@@ -54,12 +54,8 @@ class Refitted:
         How many were not known before.
     count : int
         Number of values that were fitted.
-    information : ndarray, shape (numbers, numbers)
-        Of the effect's own numbers once the constants follow them, each in units of its likely size.
-    far : ndarray, shape (numbers,)
-        These numbers in the same units.
-    optional : ndarray of bool, shape (numbers,)
-        Which of them the effect may be there without.
+    information : Information
+        On the effect's own numbers.
     share : float
         Of the misfit beyond the noise, what it explains.
     """
@@ -70,9 +66,7 @@ class Refitted:
     at_bound: tuple[str, ...]
     simulations: int
     count: int
-    information: np.ndarray
-    far: np.ndarray
-    optional: np.ndarray
+    information: Information
     share: float = 0.0
 
 
@@ -100,7 +94,7 @@ class Ranked:
     also: tuple[Ranked, ...] = ()
 
     def odds(self, spread: float, fall: float | None = None) -> float:
-        """Logarithm of the odds for the model with the effect against the one without it: `log_odds_of_some`.
+        """Logarithm of the odds for the model with the effect against the one without it: `Information.odds`.
 
         Where there is no refit: as BIC has it.
 
@@ -115,8 +109,7 @@ class Ranked:
         values, numbers = self.columns.shape
         if self.refitted is None:
             return 0.5 * (own / spread - numbers * float(np.log(max(values, 1))))
-        there = self.refitted
-        return log_odds_of_some(own, there.far, there.information, spread, there.optional)
+        return self.refitted.information.odds(own, spread)
 
     @property
     def size(self) -> dict[str, float]:

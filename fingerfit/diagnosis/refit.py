@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import log
 
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
@@ -32,6 +31,8 @@ class Refit:
         Errors on the fitted and on the held-out steps, in units of the noise floor; None without any of these.
     values : mapping
         Constants and numbers of the effect.
+    intervals : mapping
+        Their 95 % intervals, as from `evidence.interval95`.
     common_misfit : float
     common_freedom : int
         Of what all values of a step have in common.
@@ -84,6 +85,7 @@ class Refit:
     before: float | None = None
     numbers: int = 0
     worth: float = 0.0
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     sides: Sides = field(default_factory=Sides)
     but_mesh: tuple[float, float | None] | None = None
     absent: bool = False
@@ -130,11 +132,6 @@ class Refit:
 
     def _without(self, before: float) -> float:
         return before if self.before is None else self.before
-
-
-def per_number(freedom: int) -> float:
-    """Misfit that a number of an effect must explain to be worth it (Schwarz 1978)."""
-    return log(max(freedom, 1))
 
 
 def good(freedom: int) -> float:

@@ -12,7 +12,7 @@ from pathlib import Path
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis.comparison import Comparison, Everything, anchor_of
 from fingerfit.diagnosis.errors import errors
-from fingerfit.diagnosis.evidence import information, worth
+from fingerfit.diagnosis.evidence import information, interval95
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.first_pass import widened
 from fingerfit.diagnosis.joint import comparison_of
@@ -51,19 +51,21 @@ def refit_of(before: Comparison, one: Ranked, threads: int) -> Refit:
     fitted, held_out = errors(after)
     score_test, values = after.score_test, minimum(after.problem, after.last).values
     start = settings.model.effects[one.candidate.effect.name]
-    known = before.problem.settings.starts()
-    constants = {name: value for name, value in settings.starts().items() if name in known}
+    fitted_before = before.problem.settings.starts()
+    constants = {name: value for name, value in settings.starts().items() if name in fitted_before}
     own = misfits({"before": before.weighed, "after": after.weighed}, "after")
     effect = after.problem.effects[one.candidate.effect.name]
     nulls = {name: null for key, null in effect.null().items() for name in settings.names_of(key)}
-    told, far, optional = information(settings.parameters(), values, score_test.own, effect)
+    parameters, spread = settings.parameters(), per_value(score_test.misfit, score_test.freedom)
+    known = information(parameters, values, score_test.own, effect)
     return Refit(
         score_test.misfit, score_test.freedom, fitted, held_out, values,
         score_test.common_misfit, score_test.common_freedom,
         ended.share, start, len(after.problem.asked), ended.fall(before), constants, after.weighed,
         compared=own["after"], before=own["before"],
-        numbers=len(settings.parameters()) - len(before.problem.settings.parameters()),
-        worth=worth(far, told, per_value(score_test.misfit, score_test.freedom), optional, one.candidate.choices),
+        numbers=len(parameters) - len(before.problem.settings.parameters()),
+        worth=known.worth(spread, one.candidate.choices),
+        intervals=interval95(parameters, values, score_test.own, spread),
         sides=sides_of(after), but_mesh=errors_but_mesh(after),
         absent=bool(nulls) and all(after.base.values.get(name, null) == null for name, null in nulls.items()),
     )  # fmt: skip
@@ -191,7 +193,11 @@ def with_outline(problem: InverseProblem, last: Round, threads: int) -> tuple[Re
             end = _run(wider, threads)
             after = comparison_of(wider, end, everything)
             score_test, values = after.score_test, minimum(wider, end).values
-            found = Refit(score_test.misfit, score_test.freedom, *errors(after), values)
+            spread = per_value(score_test.misfit, score_test.freedom)
+            found = Refit(
+                score_test.misfit, score_test.freedom, *errors(after), values, but_mesh=errors_but_mesh(after),
+                intervals=interval95(wider.settings.parameters(), values, score_test.own, spread),
+            )  # fmt: skip
         except StateError:
             found = None
     problem.asked.update(wider.asked)

@@ -14,6 +14,9 @@ from fingerfit.diagnosis.ranking import Ranked, bounds_of_size
 from fingerfit.fit.rounds import Asked
 from fingerfit.imaging.outline import CORNER, SIDES, Outline
 
+LIKELY = 0.125
+"""Likely distance of a side from where it is stated, as a share of the body's extent across it: as that of a border
+between layers."""
 _PLACES = 41
 """Along a side: many more than a parabola has numbers. A choice."""
 
@@ -28,13 +31,14 @@ class Sides:
         How far a side surely lies from where the model has it, mm; 0 where all lie there.
     misfit : float
         Sum of the squared distances of their coefficients, in units of their errors.
-    numbers : int
-        Coefficients that the picture tells.
+    worth : float
+        Misfit that another form of the body, which has the sides there, must explain to be worth its numbers:
+        `worth_of_form`.
     """
 
     off: float = 0.0
     misfit: float = 0.0
-    numbers: int = 0
+    worth: float = 0.0
 
 
 def sides_of(comparison: Comparison) -> Sides:
@@ -49,9 +53,49 @@ def sides_of(comparison: Comparison) -> Sides:
             found = Sides(
                 max(found.off, farthest),
                 found.misfit + float((away[known] ** 2).sum()),
-                found.numbers + int(known.sum()),
+                found.worth + worth_of_form(away, LIKELY * _across(outline) / outline.spread),
             )
     return found
+
+
+def worth_of_form(away: np.ndarray, likely: np.ndarray) -> float:
+    """What the evidence for another form loses by its numbers: the misfit that these must explain.
+
+    Each side lies where it is stated, or elsewhere by a polynomial of the place along it; each further degree is half
+    as likely. A coefficient that is there has a normal prior of its likely size; one that is not is off by chance.
+
+    Parameters
+    ----------
+    away : ndarray, shape (sides, degrees)
+        How far out the picture has the sides, in units of their errors: Legendre coefficients; NaN where it does not
+        show a side.
+    likely : ndarray, shape (sides,)
+        Likely sizes of the coefficients, in the same units.
+
+    Examples
+    --------
+    A wider body is cheaper than one whose sides also bulge.
+
+    >>> wide = worth_of_form(np.array([[20.0, 0.0, 0.0]]), np.array([30.0]))
+    >>> bulged = worth_of_form(np.array([[20.0, 0.0, 20.0]]), np.array([30.0]))
+    >>> round(wide, 1), round(bulged, 1)
+    (9.9, 25.4)
+    """
+    worth = 0.0
+    for coefficients, size in zip(away, likely, strict=True):
+        if not np.isfinite(coefficients).all():
+            continue
+        there = coefficients**2 / (1.0 + size**2) + np.log(1.0 + size**2)
+        degrees = np.arange(len(coefficients) + 1)
+        left = [there[:n].sum() + (coefficients[n:] ** 2).sum() for n in degrees]
+        prior = np.log(2.0) * np.minimum(degrees + 1, len(coefficients))
+        worth -= 2.0 * float(np.logaddexp.reduce(-0.5 * np.array(left) - prior))
+    return worth
+
+
+def _across(outline: Outline) -> np.ndarray:
+    """Extent of the body across each side, mm, shape (4,)."""
+    return np.repeat(np.asarray(outline.high) - np.asarray(outline.low), 2)
 
 
 def begun(comparison: Comparison, everywhere: Sequence[Ranked], most: float = np.inf) -> list[Ranked]:

@@ -111,7 +111,7 @@ def refit_all(
         if tried.ranked:
             # what another process has found is a copy: it is known by its place
             places = (one, *other_places(comparison.score_test, everywhere, one))
-            begun, *also = (_with_columns(copy, places) for copy in (tried.ranked, *tried.also))
+            begun, *also = (_with_columns(copy, places) for copy in (tried.ranked, *tried.ranked.also))
             found.append(replace(begun, also=tuple(also)))
             goes_on[one.candidate.effect.name] = [
                 (_with_columns(copy.ranked, places), copy.share)
@@ -125,11 +125,36 @@ def refit_all(
     best = [n for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
     left = [(n, each) for n in best for each in goes_on[found[n].candidate.effect.name]]
     ended = side_by_side(trial.gone_on, [each for _, each in left], threads)
+    spread = spread_of(base.misfit, found, first.count)
     for (n, (begun, _)), tried in zip(left, ended, strict=True):
         problem.asked.update(tried.asked)
-        if tried.ranked and tried.misfit <= _misfit(found[n]):
-            found[n] = replace(tried.ranked, columns=begun.columns, also=found[n].also)
+        if tried.ranked:
+            there = replace(tried.ranked, columns=begun.columns)
+            found[n] = _likeliest([there, found[n], *found[n].also], spread)
     return by_odds(), run + solved_since(problem, before)
+
+
+def _likeliest(places: Sequence[Ranked], spread: float) -> Ranked:
+    """An effect at its likeliest place, and as ``also`` at others where no fit can move it that are nearly as likely.
+
+    In each layer, at each border or side that refit counts which leaves least; between these the odds decide, since
+    some need fewer of the effect's numbers than others.
+
+    Parameters
+    ----------
+    places : sequence of Ranked
+        Refitted.
+    spread : float
+        As for `Ranked.odds`.
+    """
+    firsts = list[Ranked]()
+    for one in sorted(places, key=_misfit):
+        if all(elsewhere(one, other) for other in firsts):
+            firsts.append(one)
+    odds = [one.odds(spread) for one in firsts]
+    best, *others = sorted(range(len(firsts)), key=lambda n: -odds[n])
+    also = tuple(replace(firsts[n], also=()) for n in others if odds[best] - odds[n] < SURE)
+    return replace(firsts[best], also=also)
 
 
 @dataclass(frozen=True)
@@ -139,7 +164,6 @@ class _Tried:
     ranked: Ranked | None
     asked: frozenset[str]
     share: float
-    also: tuple[Ranked, ...] = ()
     why: str = ""
     rivals: tuple[_Tried, ...] = ()
     """Those from other starts that may go on as well."""
@@ -171,26 +195,24 @@ class _Trial:
     """Fall that slopes must promise for a second start."""
 
     def begun(self, one: Ranked) -> _Tried:
-        """The first moves at the best place, and at others that these cannot come to; the best of all.
+        """The first moves at the best place, and at others that these cannot come to; the likeliest of all.
 
-        Where it leaves more than chance, the better half of those in one layer, at one border or side may go on: a few
-        moves do not tell whose minimum is the lowest.
+        A few moves do not tell whose minimum is the lowest: others may go on as well. In another layer, at another
+        border or side these are all that are nearly as likely; in the same one, where more than chance is left, the
+        better half.
         """
         score_test = self.first.comparison.score_test
         tried = [self._begun(place) for place in (one, *other_places(score_test, self.everywhere, one))]
-        best, *others = sorted(tried, key=lambda there: there.misfit)
         asked = frozenset().union(*(there.asked for there in tried))
-        if best.ranked is None:
-            return replace(best, asked=asked)
-        also, rivals = list[Ranked](), list[_Tried]()
-        for there in others:
-            if there.ranked and not elsewhere(there.ranked, best.ranked):
-                rivals.append(there)
-            # the odds of two places are half of the difference of their misfits, where one explains the data
-            elif there.ranked and there.misfit < best.misfit + 2.0 * SURE:
-                also.append(there.ranked)
-        half = rivals[: len(rivals) // 2] if best.misfit > chance(self.base.count) else []
-        return replace(best, asked=asked, also=tuple(also), rivals=tuple(half))
+        ended = [(there.ranked, there) for there in sorted(tried, key=lambda there: there.misfit) if there.ranked]
+        if not ended:
+            return replace(tried[0], asked=asked)
+        found = [ranked for ranked, _ in ended]
+        best = _likeliest(found, spread_of(self.base.misfit, found, self.base.count))
+        same = [there for ranked, there in ended if not elsewhere(ranked, best)]
+        also = [there for ranked, there in ended if any(ranked.candidate is one.candidate for one in best.also)]
+        half = same[1 : 1 + (len(same) - 1) // 2] if same[0].misfit > chance(self.base.count) else []
+        return replace(same[0], ranked=best, asked=asked, rivals=(*half, *also))
 
     def _begun(self, one: Ranked) -> _Tried:
         """The first moves, from the nearest start that has a solution."""

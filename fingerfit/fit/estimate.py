@@ -79,7 +79,7 @@ def estimate_of(
         "study": settings.study,
         "model": settings.model.full_name,
         "solver": last.solver,
-        "parameters": as_json(_with_rivals(found, problem), parameters, point),
+        "parameters": as_json(_with_rivals(found, problem, values), parameters, point),
         "correlation": {
             "names": names,
             "matrix": np.round(found.correlation, 4).tolist(),
@@ -163,16 +163,18 @@ def _early(problem: InverseProblem, last: Round, best: Minimum) -> list[str]:
     return [f"{text} {100 * best.move:.0f} % away, which its last steps missed; try other starting values"]
 
 
-def _with_rivals(found: Uncertainty, problem: InverseProblem) -> Uncertainty:
+def _with_rivals(found: Uncertainty, problem: InverseProblem, values: Mapping[str, float]) -> Uncertainty:
     """Uncertainty whose intervals hold those that the models would have that the data cannot tell from this one.
 
-    Theirs are taken to be as wide as its own.
+    Theirs are taken to be as wide as its own at least, which knows more of the mesh.
     """
     ends = found.interval.copy()
     for n, p in enumerate(problem.settings.parameters()):
-        rivals = [one[p.name] for one in problem.settings.model.rivals.values() if p.name in one]
-        away = [1.0 if p.log else 0.0, *rivals]
-        ends[n] = _away(p, ends[n, 0], min(away)), _away(p, ends[n, 1], max(away))
+        for away in (one[p.name] for one in problem.settings.model.rivals.values() if p.name in one):
+            middle = float(np.sqrt(away[0] * away[1]) if p.log else np.mean(away))
+            low, high = (_away(p, values[p.name], far) for far in away)
+            ends[n, 0] = min(ends[n, 0], low, _away(p, found.interval[n, 0], middle))
+            ends[n, 1] = max(ends[n, 1], high, _away(p, found.interval[n, 1], middle))
     return replace(found, interval=ends)
 
 
@@ -185,7 +187,10 @@ def _rival_remarks(problem: InverseProblem, values: Mapping[str, float]) -> list
     """A sentence on each model that the data could not tell from this one, with its constants."""
     parameters, found = {p.name: p for p in problem.settings.parameters()}, []
     for model, away in problem.settings.model.rivals.items():
-        told = [f"{name} {_away(parameters[name], values[name], far):.4g}" for name, far in away.items()]
+        told = [
+            f"{name} {' to '.join(f'{_away(parameters[name], values[name], far):.4g}' for far in ends)}"
+            for name, ends in away.items()
+        ]
         text = f"these data cannot tell this model from {model}, which has {', '.join(told)}"
         found.append(f"{text}: the intervals reach that far")
     return found

@@ -149,6 +149,9 @@ class Effect:
         Whether it stands for its whole family: numbers that can imitate any of its members, known or not.
     series : str
         The scanned number that says how many of its parameters it has, the first ones; empty where it has all of them.
+    polynomial : bool
+        Whether its parameters are coefficients of a polynomial by rising degree: each one is likely only where those
+        of lower degrees are there.
     """
 
     name: str
@@ -177,6 +180,7 @@ class Effect:
     family: str = ""
     probe: bool = False
     series: str = ""
+    polynomial: bool = False
 
     def first(self, count: float) -> Effect:
         """The same with the first few of its parameters, where they are a series; else as it is."""

@@ -177,6 +177,11 @@ class EffectKeys(Strict):
         description="The scanned number, of one value, that says how many of its parameters a model has, the first"
         " ones; the diagnosis finds out how many.",
     )
+    polynomial: bool = Field(
+        default=False,
+        description="true where its parameters are coefficients of a polynomial by rising degree, each half as likely"
+        " to be there as the one before.",
+    )
     told: dict[str, Line] | None = Field(
         default=None, description="Words for scanned numbers; {value}, {percent} or {layer} in them stand for a number."
     )
@@ -254,6 +259,7 @@ def read_effect(path: Path) -> Effect:
         family=given.family or FAMILY_OF.get(given.acts, given.acts),
         probe=given.probe,
         series=given.series or "",
+        polynomial=given.polynomial,
     )
 
 

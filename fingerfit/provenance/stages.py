@@ -161,17 +161,20 @@ def warm(settings: Settings, where: Path | str = CONFIG) -> Settings:
     return with_model(wider, rivals=_rivals(settings) | settings.model.rivals)
 
 
-def _rivals(settings: Settings) -> dict[str, dict[str, float]]:
+def _rivals(settings: Settings) -> dict[str, dict[str, tuple[float, float]]]:
     """Models that the diagnoses on the way to this one could not tell from it, as ``model.rivals`` has them."""
-    found, effects = dict[str, dict[str, float]](), settings.model.effects
+    found, effects = dict[str, dict[str, tuple[float, float]]](), settings.model.effects
     for count, last in enumerate(effects):
         parent = with_model(settings, effects={name: effects[name] for name in list(effects)[:count]})
         path = model_folder(parent) / "diagnosis.json"
         record = read_record(path, "ranking", "effects") if path.exists() else {"ranking": [], "effects": []}
-        refits = {entry["effect"]: entry["refit"]["parameters"] for entry in record["ranking"] if entry.get("refit")}
+        refits = {entry["effect"]: entry["refit"] for entry in record["ranking"] if entry.get("refit")}
         if record.get("outlined"):
-            refits[OUTLINE] = record["outlined"]["parameters"]
-        found |= rivals(parent, last, record["effects"], refits)
+            refits[OUTLINE] = record["outlined"]
+        if last in refits:
+            # older versions kept none
+            intervals = {name: refit["intervals"] for name, refit in refits.items() if "intervals" in refit}
+            found |= rivals(parent, last, refits[last]["parameters"], record["effects"], intervals)
     return found
 
 

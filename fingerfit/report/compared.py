@@ -7,6 +7,7 @@ AIC and BIC, say nothing about which of two models is better (`fingerfit.diagnos
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import log
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ import numpy as np
 
 from fingerfit.core.files import read_npz, write_npz
 from fingerfit.diagnosis.likelihood import Left, Weighed, by_likelihood_of
-from fingerfit.diagnosis.refit import per_number
 from fingerfit.diagnosis.score_tests import Known
 
 RESIDUAL = "residual.npz"
@@ -54,7 +54,7 @@ def compared(study: Path, models: Sequence[str], last: Weighed) -> dict[str, dic
 
 def criteria(misfit: float, freedom: int, count: int) -> dict[str, float]:
     """AIC and BIC of a model with so many fitted numbers (Akaike 1974; Schwarz 1978)."""
-    return {"aic": misfit + 2 * count, "bic": misfit + count * per_number(freedom + count)}
+    return {"aic": misfit + 2 * count, "bic": misfit + count * log(max(freedom + count, 1))}
 
 
 def by_the_last(rungs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

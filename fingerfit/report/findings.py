@@ -242,6 +242,7 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
                     "explained": min(1.0, refit.explained(found.score_test.misfit)),
                     "error": {"fitted": refit.fitted, "held_out": refit.held_out},
                     "parameters": {name: float(value) for name, value in refit.values.items()},
+                    "intervals": {name: list(ends) for name, ends in refit.intervals.items()},
                     "at_bound": at_bounds(effect, refit.values),
                     "missed": refit.missed,
                     "start": dict(refit.start),
@@ -273,7 +274,11 @@ def write_diagnosis(found: Diagnosis, path: Path) -> dict[str, Any]:
         ],
         "left_out": found.left_out,
         "unsolved": [{"title": title, "why": why} for title, why in found.unsolved.items()],
-        "outlined": {"parameters": dict(found.outlined.values)} if found.outlined else None,
+        "outlined": found.outlined
+        and {
+            "parameters": dict(found.outlined.values),
+            "intervals": {name: list(ends) for name, ends in found.outlined.intervals.items()},
+        },
         "spare": [effect.name for effect in found.spare],
         "add": f"fingerfit add {verdict.effects[0]}" if verdict.effects else "",
         "simulations": found.run,

@@ -66,11 +66,11 @@ class ModelSettings(Model, Keys):
         " effect's own need be given. If all numbers of the last one are given, the model without it is not fitted"
         " first.",
     )
-    rivals: dict[str, dict[str, float]] = Field(
+    rivals: dict[str, dict[str, tuple[float, float]]] = Field(
         default_factory=dict,
-        description="Other models that the data cannot tell from this one: for each constant the factor (with log:"
-        " false the difference) between that model and this one. The 95 % intervals reach that far. The workflow writes"
-        " them from the diagnosis of the model with one effect less.",
+        description="Other models that the data cannot tell from this one: for each constant both ends of its 95 %"
+        " interval in that model, as factors of its value in this one (with log: false as differences). The 95 %"
+        " intervals reach that far. The workflow writes them from the diagnosis of the model with one effect less.",
     )
 
     @model_validator(mode="after")
@@ -300,13 +300,12 @@ def _strange_rivals(settings: Settings, where: Path | str) -> list[FingerfitErro
     for model, away in settings.model.rivals.items():
         field = f"model.rivals.{model}."
         problems += [unknown_key(where, field, name, tuple(known)) for name in away if name not in known]
-        problems += [
-            InputError(
-                where, f"{field}{name}", far, "above 0, a factor of a constant that is searched in the logarithm"
-            )
-            for name, far in away.items()
-            if name in known and known[name].log and far <= 0
-        ]
+        for name, (low, high) in away.items():
+            if not low <= high:
+                problems.append(InputError(where, f"{field}{name}", [low, high], "a lower end and a higher one"))
+            elif name in known and known[name].log and low <= 0:
+                expected = "above 0, factors of a constant that is searched in the logarithm"
+                problems.append(InputError(where, f"{field}{name}", [low, high], expected))
     return problems
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fingerfit.model.effect import Effect
+from fingerfit.model.parameters import Parameter
 from fingerfit.settings.config import Settings, load_settings
 from fingerfit.study.several import AT
 
@@ -65,8 +66,12 @@ def with_model(settings: Settings, **keys: Any) -> Settings:
 
 
 def rivals(
-    settings: Settings, effect: str, named: Sequence[str], refits: Mapping[str, Mapping[str, float]]
-) -> dict[str, dict[str, float]]:
+    settings: Settings,
+    effect: str,
+    values: Mapping[str, float],
+    named: Sequence[str],
+    intervals: Mapping[str, Mapping[str, Sequence[float]]],
+) -> dict[str, dict[str, tuple[float, float]]]:
     """Models whose last effect the data could not tell from this one, and how far from it they have the constants.
 
     Parameters
@@ -75,10 +80,12 @@ def rivals(
         Of the model without any of these effects.
     effect : str
         The one that is added.
+    values : mapping
+        Of all numbers, as its refit has them.
     named : sequence of str
         Effects that the diagnosis of that model named.
-    refits : mapping
-        Values of all numbers by effect, where each was refitted.
+    intervals : mapping
+        95 % intervals of all numbers by effect, where each was refitted.
 
     Returns
     -------
@@ -86,17 +93,17 @@ def rivals(
         By name of the model, as ``model.rivals`` of config.yaml has them; empty where `effect` is the only one, or none
         of them.
     """
-    if effect not in named or effect not in refits:
+    if effect not in named:
         return {}
+
+    def away(p: Parameter, ends: Sequence[float]) -> tuple[float, float]:
+        low, high = (end / values[p.name] if p.log else end - values[p.name] for end in ends)
+        return low, high
+
+    others = {other: intervals[other] for other in named if other != effect and other in intervals}
     return {
-        f"{settings.model.full_name}+{other}": {
-            p.name: refits[other][p.name] / refits[effect][p.name]
-            if p.log
-            else refits[other][p.name] - refits[effect][p.name]
-            for p in settings.parameters()
-        }
-        for other in named
-        if other != effect and other in refits
+        f"{settings.model.full_name}+{other}": {p.name: away(p, ends[p.name]) for p in settings.parameters()}
+        for other, ends in others.items()
     }
 
 

@@ -247,14 +247,19 @@ def test_a_field_that_is_added_by_hand_has_the_modes_that_were_said(config, tmp_
 
 
 def diagnosed(folder, model, named, outlined=None, **refits):
-    """A diagnosis on the way, with the values of `mu_top` of the effects that were refitted, and with other sides."""
-    ranking = [
-        {"effect": name, "refit": {"parameters": {"mu_top": value, "mu_bottom": 0.06, "compressibility.loss": 0.02}}}
-        for name, value in refits.items()
-    ]
+    """A diagnosis on the way, with the values of `mu_top` of the effects that were refitted, and with other sides.
+
+    Intervals are from nine to eleven tenths of these.
+    """
+
+    def refit(**values):
+        return {"parameters": values, "intervals": {name: [0.9 * v, 1.1 * v] for name, v in values.items()}}
+
+    own = {"mu_bottom": 0.06, "compressibility.loss": 0.02}
+    ranking = [{"effect": name, "refit": refit(mu_top=value, **own)} for name, value in refits.items()]
     data = {"ranking": ranking, "effects": named}
     if outlined:
-        data["outlined"] = {"parameters": {"mu_top": outlined, "mu_bottom": 0.06}}
+        data["outlined"] = refit(mu_top=outlined, mu_bottom=0.06)
     keep_json(folder / f"results/study/{model}/diagnosis.json", data)
 
 
@@ -275,14 +280,13 @@ def test_models_that_could_not_be_told_from_it_stay_with_a_model(config, tmp_pat
     keep_json(tmp_path / "results/study/base+compressibility/estimate.json", {"parameters": parameters})
     # an effect that is added though others were named has no rivals of its own; those of the first one stay
     assert stages.warm(load_settings(config)).model.rivals == {
-        "base+skin": {"mu_top": pytest.approx(1.5), "mu_bottom": pytest.approx(1.0)}
+        "base+skin": {"mu_top": pytest.approx((1.35, 1.65)), "mu_bottom": pytest.approx((0.9, 1.1))}
     }
     diagnosed(tmp_path, "base+compressibility", ["inclusion"], inclusion=0.03, relaxation=0.02)
     assert list(stages.warm(load_settings(config)).model.rivals) == ["base+skin"]
     diagnosed(tmp_path, "base+compressibility", ["ageing", "inclusion"], inclusion=0.04, ageing=0.02)
-    assert stages.warm(load_settings(config)).model.rivals["base+compressibility+ageing"]["mu_top"] == pytest.approx(
-        0.5
-    )
+    found = stages.warm(load_settings(config)).model.rivals["base+compressibility+ageing"]
+    assert found["mu_top"] == pytest.approx((0.45, 0.55))
 
 
 def test_another_outline_is_a_rival_of_a_state_that_moves_the_sides(config, tmp_path):
@@ -290,7 +294,10 @@ def test_another_outline_is_a_rival_of_a_state_that_moves_the_sides(config, tmp_
     write_text(config, with_effects(effects="  effects:\n    compressibility: {loss: 0.01}\n"))
     parameters = {"mu_top": {"value": 0.031}, "mu_bottom": {"value": 0.062}}
     keep_json(tmp_path / "results/study/base/estimate.json", {"parameters": parameters})
-    for named, known in ((["compressibility", OUTLINE], {"mu_top": pytest.approx(1.2), "mu_bottom": 1.0}), ([], None)):
+    for named, known in (
+        (["compressibility", OUTLINE], {"mu_top": pytest.approx((1.08, 1.32)), "mu_bottom": pytest.approx((0.9, 1.1))}),
+        ([], None),
+    ):
         diagnosed(tmp_path, "base", named, outlined=0.036, compressibility=0.03)
         rivals = stages.warm(load_settings(config)).model.rivals
         assert rivals == ({"base+outline": known} if known else {})

@@ -157,7 +157,7 @@ def test_what_each_test_has_for_itself_goes_with_its_effect(config, before, afte
 
 
 def test_what_is_wrong_without_the_effect_is_told(config):
-    rivals = "  rivals: {base+skin: {force_gain.gain: 0.1}}\n"
+    rivals = "  rivals: {base+skin: {force_gain.gain: [0.1, 0.2]}}\n"
     config.write_text(layout(rivals + SLIP + GAIN))
     with pytest.raises(Problems, match=r"^config.yaml: model.rivals.base\+skin.force_gain.gain: found an unknown key"):
         remove_effect(config, "force_gain")

@@ -188,23 +188,25 @@ def test_intervals_reach_to_the_models_that_the_data_cannot_tell_from_this_one(t
     alone = fitted(tmp_path / "alone", monkeypatch)
     own = alone["parameters"]["mu"]
     (tmp_path / "among").mkdir()
-    rivals = {"base+skin": {"mu": 0.8}, "base+band": {"mu": 1.5}}
+    # one is known as well as this model at best, the other worse
+    rivals = {"base+skin": {"mu": [0.8, 0.8]}, "base+band": {"mu": [0.5, 4.5]}}
     among = fitted(tmp_path / "among", monkeypatch, {"rivals": rivals})
     entry = among["parameters"]["mu"]
     assert entry["value"] == own["value"]
     low, high = own["interval95"]
-    assert entry["interval95"] == pytest.approx([0.8 * low, 1.5 * high])
+    assert entry["interval95"] == pytest.approx([min(0.8 * low, 0.5 * own["value"]), 4.5 * own["value"]])
+    assert 1.5 * high < 4.5 * own["value"]
     told = [remark for remark in among["remarks"] if "cannot tell" in remark]
     assert len(told) == 2
     assert told[1] == (
-        f"these data cannot tell this model from base+band, which has mu {1.5 * own['value']:.4g}:"
-        " the intervals reach that far"
+        f"these data cannot tell this model from base+band, which has mu {0.5 * own['value']:.4g} to"
+        f" {4.5 * own['value']:.4g}: the intervals reach that far"
     )
     assert not any("cannot tell" in remark for remark in alone["remarks"])
 
 
 def test_a_rival_on_one_side_leaves_the_other_end_where_it_is(tmp_path, monkeypatch):
-    linear = {"rivals": {"base+skin": {"mu": -0.004}}, "parameters": {"mu": {**MU, "log": False}}}
+    linear = {"rivals": {"base+skin": {"mu": [-0.004, -0.004]}}, "parameters": {"mu": {**MU, "log": False}}}
     (tmp_path / "alone").mkdir()
     low, high = fitted(tmp_path / "alone", monkeypatch, {**linear, "rivals": {}})["parameters"]["mu"]["interval95"]
     (tmp_path / "among").mkdir()
@@ -215,8 +217,12 @@ def test_a_rival_on_one_side_leaves_the_other_end_where_it_is(tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("away", "message"),
     [
-        ({"mu_tip": 1.1}, "mu_tip: found an unknown key; expected one of mu"),
-        ({"mu": 0.0}, "mu: found 0.0; expected above 0, a factor of a constant that is searched in the logarithm"),
+        ({"mu_tip": [1.0, 1.1]}, "mu_tip: found an unknown key; expected one of mu"),
+        (
+            {"mu": [0.0, 1.0]},
+            "mu: found [0.0, 1.0]; expected above 0, factors of a constant that is searched in the logarithm",
+        ),
+        ({"mu": [1.2, 1.1]}, "mu: found [1.2, 1.1]; expected a lower end and a higher one"),
     ],
 )
 def test_rivals_are_told_by_constants_and_factors_that_there_are(tmp_path, monkeypatch, away, message):

@@ -1,12 +1,13 @@
 """Evidence for effects: against numbers integrated one by one; which effects a model may do without."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from seeds import generator
 
-from fingerfit.diagnosis.evidence import LIKELY, information, log_odds, log_odds_of_some, spare, without_least, worth
+from fingerfit.diagnosis.evidence import LIKELY, Information, information, interval95, log_odds, spare
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.model.catalogue import catalogue
 from fingerfit.model.parameters import Parameter
@@ -39,7 +40,7 @@ def test_an_effect_of_which_some_numbers_are_absent_is_compared_without_them():
     # two numbers of about one standard error
     left = columns @ [0.8, 0.03, -0.03] + rest - columns @ np.linalg.lstsq(columns, rest, rcond=None)[0]
     far, known = np.linalg.lstsq(columns, left, rcond=None)[0], columns.T @ columns
-    for kept, rise, moved in without_least(far, known, np.ones(3, dtype=bool)):
+    for kept, rise, moved in Information(known, far, np.ones(3, dtype=bool)).without_least():
         own = np.linalg.lstsq(columns[:, kept], left, rcond=None)[0]
         assert moved == pytest.approx(own)
         after = left - columns[:, kept] @ own
@@ -49,11 +50,10 @@ def test_an_effect_of_which_some_numbers_are_absent_is_compared_without_them():
     # one of three counts, and one of three choices of one number: less what two numbers more would have cost
     (only,) = own
     alone = log_odds(fall - rise, only**2, known[:1, :1], 1.0) - 2 * np.log(3)
-    both = log_odds_of_some(fall, far, known, 1.0, np.ones(3, dtype=bool))
+    both = Information(known, far, np.ones(3, dtype=bool)).odds(fall, 1.0)
     assert log_odds(fall, float(far @ far), known, 1.0) < alone < both < alone + 0.2
-    assert log_odds_of_some(fall, far, known, 1.0, np.zeros(3, dtype=bool)) == pytest.approx(
-        log_odds(fall, float(far @ far), known, 1.0)
-    )
+    needed = Information(known, far, np.zeros(3, dtype=bool)).odds(fall, 1.0)
+    assert needed == pytest.approx(log_odds(fall, float(far @ far), known, 1.0))
 
 
 @pytest.mark.parametrize("spread", [1.0, 3.0])
@@ -61,26 +61,33 @@ def test_an_effect_of_which_some_numbers_are_absent_is_compared_without_them():
 @pytest.mark.parametrize("optional", [True, False])
 def test_what_numbers_are_worth_is_the_fall_at_which_the_odds_for_them_are_even(rng, spread, choices, optional):
     columns = rng.normal(size=(VALUES, 3))
-    far, known, some = rng.normal(size=3), columns.T @ columns, np.full(3, optional)
-    needed = worth(far, known, spread, some, choices)
-    assert log_odds_of_some(needed, far, known, spread, some) == pytest.approx(np.log(choices))
+    known = Information(columns.T @ columns, rng.normal(size=3), np.full(3, optional))
+    assert known.odds(known.worth(spread, choices), spread) == pytest.approx(np.log(choices))
 
 
 def test_numbers_that_data_do_not_see_are_worth_nothing_and_places_by_the_room_that_they_had():
     size, place = np.array([0.5, 0.0]), np.array([True, False])
-    seen = worth(size[:1], np.array([[99.0]]), 1.0, place[:1])
+    seen = Information(np.array([[99.0]]), size[:1], place[:1]).worth(1.0)
     assert seen == pytest.approx(0.25 + np.log(100.0))
-    assert worth(size, np.diag([99.0, 0.0]), 1.0, place) == pytest.approx(seen)
-    assert worth(size, np.diag([99.0, 1e4 - 1.0]), 1.0, place) == pytest.approx(seen + np.log(1e4))
-    assert worth(np.zeros(0), np.zeros((0, 0)), 1.0, np.zeros(0, dtype=bool)) == 0.0
+    assert Information(np.diag([99.0, 0.0]), size, place).worth(1.0) == pytest.approx(seen)
+    assert Information(np.diag([99.0, 1e4 - 1.0]), size, place).worth(1.0) == pytest.approx(seen + np.log(1e4))
+    assert Information(np.zeros((0, 0)), np.zeros(0), np.zeros(0, dtype=bool)).worth(1.0) == 0.0
 
 
 def test_a_number_that_moves_nothing_is_left_out_first():
-    known = np.diag([900.0, 0.0, 400.0])
-    left = [
-        list(np.flatnonzero(kept)) for kept, *_ in without_least(np.array([0.1, 1.9, 0.2]), known, np.ones(3, bool))
-    ]
-    assert left == [[0, 1, 2], [0, 2], [2]]
+    known = Information(np.diag([900.0, 0.0, 400.0]), np.array([0.1, 1.9, 0.2]), np.ones(3, bool))
+    assert [list(np.flatnonzero(kept)) for kept, *_ in known.without_least()] == [[0, 1, 2], [0, 2], [2]]
+
+
+def test_a_polynomial_loses_its_highest_degree_first_and_each_further_one_is_half_as_likely():
+    """A number that is as good as absent changes nothing but the prior: 1/2 for one degree, 1/4 for two and for three."""
+    plain = Information(np.diag([900.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]), np.ones(3, bool))
+    known = replace(plain, polynomial=True)
+    assert [list(np.flatnonzero(kept)) for kept, *_ in known.without_least()] == [[0, 1, 2], [0, 1], [0]]
+    alone = log_odds(900.0, 1.0, plain.matrix[:1, :1], 1.0)
+    assert known.odds(900.0, 1.0) == pytest.approx(alone)
+    line = replace(known, matrix=np.diag([900.0, 900.0, 0.0]), far=np.array([1.0, 1.0, 0.0]))
+    assert line.odds(1800.0, 1.0) == pytest.approx(2.0 * alone - np.log(2.0))
 
 
 @pytest.mark.parametrize(
@@ -93,7 +100,20 @@ def test_sizes_of_a_member_are_optional_but_no_places_nor_those_of_a_probe(name,
     numbers = [Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0)]
     numbers += [Parameter(key, "1", -1.0, 1.0, 0.0, False, 1.0) for key in keys]
     slopes = generator(4).normal(size=(VALUES, len(numbers)))
-    assert list(information(numbers, dict.fromkeys(keys, 0.3), slopes, effect)[2]) == optional
+    assert list(information(numbers, dict.fromkeys(keys, 0.3), slopes, effect).optional) == optional
+
+
+def test_intervals_of_a_refit_are_as_wide_as_its_slopes_say_and_within_the_bounds():
+    """One constant that the data see well, one that they do not see; a misfit of four per value doubles the width."""
+    mu = Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0)
+    share = Parameter("base_slip.share", "1", 0.0, 1.0, 0.3, False, 0.5)
+    slopes = np.zeros((VALUES, 2))
+    slopes[0, 0] = 40.0
+    for spread in (1.0, 4.0):
+        found = interval95((mu, share), {"mu": 0.1, "base_slip.share": 0.3}, slopes, spread)
+        half = 1.96 * np.sqrt(spread) / 40.0
+        assert found["mu"] == pytest.approx((0.1 * np.exp(-half), 0.1 * np.exp(half)), rel=1e-3)
+        assert found["base_slip.share"] == pytest.approx((0.0, 0.3 + 1.96 / np.sqrt(12.0)), abs=1e-3)
 
 
 def model(effects, slopes, values, per_test=()):
@@ -135,9 +155,10 @@ def test_numbers_that_each_test_has_for_itself_are_those_of_the_effect(unity):
     numbers = [Parameter("mu", "MPa", 0.01, 1.0, 0.1, True, 1.0)]
     numbers += [Parameter(f"force_gain.gain@{test}", "1", -0.3, 0.3, 0.0, False, unity) for test in ("wide", "narrow")]
     at = {"mu": 0.1, "force_gain.gain@wide": 0.1, "force_gain.gain@narrow": 0.05}
-    known, far, _ = information(numbers, at, slopes * [1.0, unity, unity], EFFECTS["force_gain"])
-    assert known == pytest.approx(np.eye(2) * (LIKELY * scale * 40.0) ** 2)
-    assert far == pytest.approx(np.array([0.1, 0.05]) / (LIKELY * scale))
+    known = information(numbers, at, slopes * [1.0, unity, unity], EFFECTS["force_gain"])
+    assert known.matrix == pytest.approx(np.eye(2) * (LIKELY * scale * 40.0) ** 2)
+    assert known.far == pytest.approx(np.array([0.1, 0.05]) / (LIKELY * scale))
+    assert not known.polynomial
 
 
 @pytest.mark.parametrize("small", [0.3 / 40.0, 0.5], ids=["almost absent", "there"])

@@ -7,6 +7,7 @@ import pytest
 from test_verdict import TESTS, VALUES, World
 
 from fingerfit.diagnosis import tested
+from fingerfit.diagnosis.evidence import Information
 from fingerfit.diagnosis.families import ENOUGH, SURE, by_refits, families, family_told, nominated
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import EXPLAINED, Refit
@@ -247,7 +248,8 @@ def test_odds_are_those_of_the_integrated_likelihood(rng):
     joint = np.eye(world.size) + columns @ columns.T
     wanted = 0.5 * (residual @ residual - residual @ np.linalg.solve(joint, residual) - np.linalg.slogdet(joint)[1])
     one = world.ranking(world.score_test(0 * world.signal(0)), tilt=columns)[0]
-    fitted = Refitted({}, 0.0, True, (), 0, 1, information, size, np.zeros(2, dtype=bool))
+    known = Information(information, size, np.zeros(2, dtype=bool))
+    fitted = Refitted({}, 0.0, True, (), 0, 1, known)
     one = replace(one, finding=replace(one.finding, fall=fall), refitted=fitted)
     left = float(size @ size) / np.linalg.eigvalsh(information)[0]
     assert one.odds(1.0) == pytest.approx(wanted, rel=1e-9, abs=left)
@@ -326,8 +328,8 @@ def test_the_largest_part_is_named_where_its_family_leads(error, rival, kind):
 
 def first_pass(ranking, share, surprise=0.0):
     """The ranking with refits of the first pass that explain a share of what there is."""
-    far, optional = np.array([surprise**0.5]), np.zeros(1, dtype=bool)
-    refit = Refitted({}, float(VALUES), True, (), 4, VALUES, np.zeros((1, 1)), far, optional, share)
+    known = Information(np.zeros((1, 1)), np.array([surprise**0.5]), np.zeros(1, dtype=bool))
+    refit = Refitted({}, float(VALUES), True, (), 4, VALUES, known, share)
     return [replace(one, refitted=refit) for one in ranking]
 
 

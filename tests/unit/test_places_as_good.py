@@ -10,6 +10,7 @@ from test_verdict import VALUES, World
 from fingerfit.core.errors import StateError
 from fingerfit.diagnosis import second_pass, tested
 from fingerfit.diagnosis.candidates import Candidate
+from fingerfit.diagnosis.evidence import Information
 from fingerfit.diagnosis.families import ENOUGH, SURE
 from fingerfit.diagnosis.ranking import Ranked, Refitted
 from fingerfit.diagnosis.refit import Refit
@@ -26,7 +27,8 @@ def at_border(border, fall=PROMISED):
     columns = World().basis[:, 3:7]
     wide = np.full(4, np.inf)
     finding = replace(score_test.test(columns, -wide, wide), fall=fall)
-    refitted = Refitted({}, 1000.0 - fall, True, (), 1, VALUES, np.zeros((4, 4)), np.zeros(4), np.zeros(4, bool))
+    known = Information(np.zeros((4, 4)), np.zeros(4), np.zeros(4, bool))
+    refitted = Refitted({}, 1000.0 - fall, True, (), 1, 1000, known)
     return Ranked(Candidate(EFFECT, {"interface.border": float(border)}), finding, columns, refitted)
 
 
@@ -85,5 +87,20 @@ def test_places_are_as_good_where_their_odds_do_not_tell(monkeypatch, behind, co
     monkeypatch.setattr("fingerfit.diagnosis.trials.other_places", lambda *_: [other, at_border(2, PROMISED - 1.0)])
     trial = _Trial(SimpleNamespace(comparison=SimpleNamespace(score_test=None)), best.refitted)
     begun = trial.begun(best)
-    assert begun.ranked is best
-    assert [one is other for one in begun.also] == [True] * count
+    assert begun.ranked.candidate is best.candidate
+    assert [one.candidate for one in begun.ranked.also] == [other.candidate] * count
+    assert [one.ranked for one in begun.rivals] == [other] * count
+
+
+def test_a_place_that_needs_fewer_numbers_may_be_likelier_than_one_that_leaves_less(monkeypatch):
+    """By odds of four numbers against one, each known to a thirtieth of its likely size."""
+    many, few = at_border(2), at_border(1, PROMISED - 8.0)
+    some = np.full(4, True)
+    many, few = (
+        replace(one, refitted=replace(one.refitted, information=Information(900.0 * np.eye(4), far, some, True)))
+        for one, far in ((many, np.full(4, 0.5)), (few, np.array([0.5, 0.0, 0.0, 0.0])))
+    )
+    monkeypatch.setattr(_Trial, "_begun", lambda _, one: _Tried(one, frozenset(), 1.0))
+    monkeypatch.setattr("fingerfit.diagnosis.trials.other_places", lambda *_: [few])
+    begun = _Trial(SimpleNamespace(comparison=SimpleNamespace(score_test=None)), many.refitted).begun(many)
+    assert begun.ranked.candidate is few.candidate

@@ -8,6 +8,7 @@ import pytest
 from seeds import generator
 from test_verdict import VALUES, World
 
+from fingerfit.diagnosis.evidence import Information
 from fingerfit.diagnosis.ranges import EXCLUDED, left_out, not_excluded, parts_of_data, ranges, with_effects
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import Refit
@@ -94,9 +95,8 @@ def falls_by(fall, converged=True, found=None):
     score_test = world.score_test(0.0 * world.signal(0))
     (one,) = world.ranking(score_test, tilt=np.sqrt(fall) * world.signal(0))
     one = replace(one, finding=replace(one.finding, fall=fall))
-    refitted = Refitted(
-        {"mu": 1.5}, float(VALUES), converged, (), 0, VALUES, np.zeros((1, 1)), np.zeros(1), np.zeros(1, bool)
-    )
+    known = Information(np.zeros((1, 1)), np.zeros(1), np.zeros(1, bool))
+    refitted = Refitted({"mu": 1.5}, float(VALUES), converged, (), 0, VALUES, known)
     ranking = [replace(one, refitted=refitted)]
     refits = {} if found is None else {"tilt": Refit(200.0, VALUES, 1.0, 1.0, {"mu": 1.2}, fall=found)}
     return ranking, refits, not_excluded(ranking, score_test, refits, TESTS)

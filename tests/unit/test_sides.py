@@ -13,7 +13,7 @@ from fingerfit.diagnosis.form_or_state import elsewhere, refuted, strained
 from fingerfit.diagnosis.ranking import Ranked
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.score_tests import Finding
-from fingerfit.diagnosis.sides import Sides, begun, sides_of
+from fingerfit.diagnosis.sides import Sides, begun, sides_of, worth_of_form
 from fingerfit.diagnosis.verdict import Verdict
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.patches import Patches, Reader
@@ -148,11 +148,13 @@ def test_solutions_are_read_where_the_first_picture_has_the_body(flattened):
 
 
 def refit(misfit, off=0.0, away=0.0):
-    return Refit(misfit, 1000, 1.0, None, {}, numbers=1, sides=Sides(off, away, 12))
+    return Refit(misfit, 1000, 1.0, None, {}, numbers=1, sides=Sides(off, away))
 
 
-FORM = 1200.0 - 12 * np.log(1000)
-"""Misfit of another form that is worth 1200 with its twelve numbers."""
+WORTH = 80.0
+"""Misfit that another form must explain to be worth its numbers."""
+FORM = 1200.0 - WORTH
+"""Misfit of another form that leaves 1200 with what its numbers are worth."""
 
 
 @pytest.mark.parametrize(
@@ -162,21 +164,44 @@ FORM = 1200.0 - 12 * np.log(1000)
         ([refit(1000.0, off=0.3)], ("outline",)),
         ([refit(2000.0)], ("outline",)),
         ([refit(1000.0)], ("preload",)),
-        ([refit(1190.0)], ("preload", "outline")),
-        ([refit(1000.0, off=0.1, away=190.0)], ("preload", "outline")),
+        ([refit(1195.0)], ("preload", "outline")),
+        ([refit(1205.0)], ("outline", "preload")),
+        ([refit(1000.0, off=0.1, away=195.0)], ("preload", "outline")),
         ([refit(1230.0)], ("outline",)),
         ([refit(1000.0, off=0.3), refit(1010.0)], ("preload",)),
     ],
-    ids=["none", "sides elsewhere", "unexplained", "better", "alike", "sides alike", "worse", "second"],
+    ids=["none", "sides elsewhere", "unexplained", "better", "alike", "form alike", "sides alike", "worse", "second"],
 )
 def test_another_form_or_a_state(states, named):
+    """Those that cannot be told apart are named together, the likelier one first."""
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
     form = refit(FORM)
-    found = elsewhere(given, Sides(LOWER, 500.0, 12), form, [(ranked("preload", "preload"), one) for one in states])
+    found = elsewhere(given, Sides(LOWER, 500.0, WORTH), form, [(ranked("preload", "preload"), one) for one in states])
     assert found.effects == named
     assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
     assert "0.6 mm" in found.sentence
     assert found.family == ("state" if named[0] == "preload" else "geometry")
+
+
+@pytest.mark.parametrize(("worth", "named"), [(35.0, ("preload", "outline")), (25.0, ("outline", "preload"))])
+@pytest.mark.parametrize("more", [-40.0, 40.0])
+def test_what_patches_make_by_chance_does_not_say_which_of_both_comes_first(more, worth, named):
+    """900 values, of which the state has 100 more: chance makes up to 3 (2 x 100)^1/2. It leaves 30 of the sides."""
+    given = Verdict("missing", ("skin",), "missing: skin", 30.0, "structure")
+    form, state = replace(refit(900.0 + more), freedom=900), refit(1000.0, off=0.1, away=30.0)
+    assert elsewhere(given, Sides(LOWER, 500.0, worth), form, [(ranked("preload", "preload"), state)]).effects == named
+
+
+def test_what_another_form_is_worth_against_sides_integrated_over_their_coefficients():
+    """One side with two coefficients: none, the first one, or both are there."""
+    away, size, fine = np.array([2.5, -0.4]), 4.0, np.linspace(-30.0, 30.0, 6001)
+    density = np.exp(-0.5 * (fine / size) ** 2) / size / np.sqrt(2.0 * np.pi)
+    there = [np.sum(density * np.exp(-0.5 * (one - fine) ** 2)) * (fine[1] - fine[0]) for one in away]
+    absent = np.exp(-0.5 * away**2)
+    found = 0.5 * absent.prod() + 0.25 * there[0] * absent[1] + 0.25 * there[0] * there[1]
+    assert worth_of_form(away[None], np.array([size])) == pytest.approx(-2.0 * np.log(found))
+    unseen = np.array([away, [np.nan, np.nan]])
+    assert worth_of_form(unseen, np.array([size, size])) == pytest.approx(-2.0 * np.log(found))
 
 
 @pytest.mark.parametrize(
@@ -187,7 +212,7 @@ def test_a_state_that_is_nearer_in_the_pictures_is_named_beside_the_one_that_pat
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
     best, other = replace(refit(1000.0), held_out=1.0), replace(refit(1090.0), fitted=errors[0], held_out=errors[1])
     states = [(ranked("preload", "preload"), best), (ranked("prestretch", "prestretch"), other)]
-    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states)
+    found = elsewhere(given, Sides(LOWER, 500.0, WORTH), refit(2000.0), states)
     assert (found.effects, found.family) == (named, "state")
     assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
     assert "0.6 mm" in found.sentence
@@ -198,7 +223,7 @@ def test_states_that_explain_as_much_are_named_together(misfit, named):
     """As much: by less than the threshold, 10 here; the one that explains most comes first."""
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
     states = [(ranked("preload", "preload"), refit(1000.0)), (ranked("prestretch", "prestretch"), refit(misfit))]
-    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states)
+    found = elsewhere(given, Sides(LOWER, 500.0, WORTH), refit(2000.0), states)
     assert found.effects == named
 
 
@@ -208,9 +233,9 @@ def test_a_state_that_is_as_likely_with_the_sides_it_leaves_is_not_excluded(away
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
     other = refit(1000.0, off=LOWER / 2, away=away)
     states = [(ranked("prestretch", "prestretch"), other), (ranked("preload", "preload"), refit(1000.0))]
-    assert elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states).effects == named
+    assert elsewhere(given, Sides(LOWER, 500.0, WORTH), refit(2000.0), states).effects == named
     # alone it leaves too much to count
-    assert elsewhere(given, Sides(LOWER, 500.0, 12), refit(1100.0), states[:1]).effects == ("outline",)
+    assert elsewhere(given, Sides(LOWER, 500.0, WORTH), refit(1100.0), states[:1]).effects == ("outline",)
 
 
 @pytest.mark.parametrize(
@@ -223,7 +248,7 @@ def test_a_state_that_is_nearer_in_the_pictures_than_another_form_comes_first(er
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
     state = replace(refit(1230.0), fitted=errors[0], held_out=errors[1])
     form = replace(refit(FORM), held_out=1.0)
-    found = elsewhere(given, Sides(LOWER, 500.0, 12), form, [(ranked("preload", "preload"), state)])
+    found = elsewhere(given, Sides(LOWER, 500.0, WORTH), form, [(ranked("preload", "preload"), state)])
     assert found.effects == named
 
 
@@ -231,7 +256,7 @@ def test_a_state_that_is_nearer_in_the_pictures_than_another_form_comes_first(er
 def test_where_another_form_explains_nothing_a_state_may_leave_the_sides_far_off(away, named):
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
     states = [(ranked("preload", "preload"), refit(1000.0, 0.3, away))]
-    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states)
+    found = elsewhere(given, Sides(LOWER, 500.0, WORTH), refit(2000.0), states)
     assert found.effects == named
     assert ("0.3 mm from where this model has it" in found.sentence) == (named == ("preload",))
 
@@ -240,7 +265,7 @@ def test_where_another_form_explains_nothing_a_state_may_leave_the_sides_far_off
 def test_a_state_that_explains_no_more_than_the_model_without_it_is_none(misfit, named):
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
     states = [(ranked("preload", "preload"), refit(1000.0, LOWER, 490.0))]
-    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(2000.0), states, None, refit(misfit))
+    found = elsewhere(given, Sides(LOWER, 500.0, WORTH), refit(2000.0), states, None, refit(misfit))
     assert found.effects == named
 
 
@@ -252,7 +277,9 @@ def test_a_state_that_explains_no_more_than_the_model_without_it_is_none(misfit,
 def test_what_surely_explains_more_than_a_state_comes_first(own, named):
     """What the sides are off by counts for it, too."""
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
-    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(FORM), [(ranked("preload", "preload"), refit(1000.0))], own)
+    found = elsewhere(
+        given, Sides(LOWER, 500.0, WORTH), refit(FORM), [(ranked("preload", "preload"), refit(1000.0))], own
+    )
     assert found.effects == named
     assert "0.6 mm" in found.sentence
 
@@ -271,7 +298,7 @@ def test_a_state_that_leaves_some_of_the_sides_counts_where_another_form_is_out(
     """The other form leaves 200, the skin -150: a state is judged against that, with what it leaves of the sides."""
     given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
     states, own, titles = [(ranked("preload", "preload"), state)], refit(600.0, 0.6, 250.0), {"skin": "skin"}
-    found = elsewhere(given, Sides(LOWER, 500.0, 12), refit(FORM), states, own, titles=titles)
+    found = elsewhere(given, Sides(LOWER, 500.0, WORTH), refit(FORM), states, own, titles=titles)
     assert found.effects == named
     assert found.kind == ("missing" if len(named) == 1 else "indistinguishable")
     assert found.family == ("state" if named[0] == "preload" else "structure")
@@ -280,7 +307,7 @@ def test_a_state_that_leaves_some_of_the_sides_counts_where_another_form_is_out(
     also = replace(given, effects=("skin", "preload"))
     found = elsewhere(
         also,
-        Sides(LOWER, 500.0, 12),
+        Sides(LOWER, 500.0, WORTH),
         refit(FORM),
         states,
         own,
@@ -301,7 +328,7 @@ def test_a_shape_that_explains_less_than_the_stated_one_was_no_shape_at_rest(sho
 )
 def test_a_body_that_was_strained_in_no_known_way(misfit, kind, named):
     given = Verdict("missing", ("outline",), "missing: sides", 10.0, "geometry")
-    found = strained(given, Sides(LOWER, 500.0, 12), (ranked("state_probe", "preload"), refit(misfit)))
+    found = strained(given, Sides(LOWER, 500.0, WORTH), (ranked("state_probe", "preload"), refit(misfit)))
     assert (found.kind, found.effects, found.family) == (kind, named, "state")
     assert "0.6 mm" in found.sentence
-    assert strained(given, Sides(LOWER, 500.0, 12), None).kind == "unexplained"
+    assert strained(given, Sides(LOWER, 500.0, WORTH), None).kind == "unexplained"

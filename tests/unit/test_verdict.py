@@ -11,7 +11,7 @@ from seeds import generator
 
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.effect_form import NO_FORM, Form
-from fingerfit.diagnosis.evidence import worth
+from fingerfit.diagnosis.evidence import Information
 from fingerfit.diagnosis.ranking import Ranked, alike, confusions, summary
 from fingerfit.diagnosis.refit import EXPLAINED, LEVEL, Refit, excess, explains
 from fingerfit.diagnosis.reservations import by_settings, doubted, loud_by_mesh, perhaps, too_coarse
@@ -171,9 +171,9 @@ def test_a_place_that_was_chosen_from_many_has_to_earn_it(world, choices, first)
     """Of five places each was as likely before: odds of exp(1.5), which is 4.5, are not enough for the best of them."""
     score_test = world.score_test(40 * (world.signal(0) + world.signal(1)))
     ranking = world.ranking(score_test, tilt=world.signal(0), skin=world.signal(1))
-    number = np.array([0.1]), np.array([[900.0]]), 1.0, np.array([True])
-    chosen = Refit(VALUES, VALUES, 1.0, 1.0, {}, numbers=1, worth=worth(*number, choices))
-    plain = Refit(VALUES + 3.0, VALUES, 1.0, 1.0, {}, numbers=1, worth=worth(*number))
+    number = Information(np.array([[900.0]]), np.array([0.1]), np.array([True]))
+    chosen = Refit(VALUES, VALUES, 1.0, 1.0, {}, numbers=1, worth=number.worth(1.0, choices))
+    plain = Refit(VALUES + 3.0, VALUES, 1.0, 1.0, {}, numbers=1, worth=number.worth(1.0))
     verdict = decide(score_test, ranking, {"tilt": chosen, "skin": plain}, TESTS)
     assert verdict.effects == (first, {"tilt": "skin", "skin": "tilt"}[first])
 

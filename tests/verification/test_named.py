@@ -98,7 +98,7 @@ def test_it_is_named(case, tmp_path):
         number, value = next(iter(hidden[effect.name].items()))
         # four standard errors: two numbers of one law can stand for each other
         scale = next(p.scale for p in effect.parameters if p.name == number)
-        certain = refit.information + np.eye(len(refit.information))  # likely sizes are known, too
+        certain = refit.information.matrix + np.eye(len(refit.information.far))  # likely sizes are known, too
         chance = 4.0 * LIKELY * scale * np.linalg.inv(certain)[0, 0] ** 0.5
         found = refit.values[effect.key(number)]
         assert found == pytest.approx(value, abs=0.3 * abs(value) + chance)
