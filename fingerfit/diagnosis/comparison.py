@@ -44,7 +44,7 @@ TOGETHER = {2: 32, 3: 8}
 """Answers to first order that have their models in memory at once, in the plane and in space, at most. A choice: where
 materials relax, each such part solves the known deck once more."""
 CHANCE = 3.0
-"""Standard deviations of a load that chance makes: 997 of 1000 loads are within. A choice (decision 19)."""
+"""Standard deviations of a load that chance makes: 997 of 1000 loads are within. A choice (decision 49)."""
 
 Everything = Data | Sequence[Data]
 """What was measured, in one test or in several."""

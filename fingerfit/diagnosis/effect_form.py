@@ -18,7 +18,7 @@ from fingerfit.study.several import AT
 
 FORM = 0.1
 """Share of a member's signal by which its form may be off from what is there in a model that is adequate: a choice
-(decision 19)."""
+(decision 48)."""
 MOST = (1.0 - ENOUGH) ** 0.5
 """The same at most: an effect is an answer where it explains three quarters of a misfit. A probe, which has no form of
 its own, may always be off by so much; what is named beside an effect must explain what that cannot."""

@@ -15,7 +15,7 @@ GOOD = 1.25
 """Misfit per degree of freedom up to which a model is adequate, unless chance alone allows more."""
 EXPLAINED = 1.25
 """Error in units of the noise floor up to which every pixel counts as explained, beside the patches; beyond it no model
-is adequate, unless chance alone allows more. A choice (decision 19)."""
+is adequate, unless chance alone allows more. A choice (decision 49)."""
 
 
 @dataclass(frozen=True)

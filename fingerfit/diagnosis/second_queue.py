@@ -21,7 +21,7 @@ from fingerfit.diagnosis.worth import to_refit, worth_a_refit
 from fingerfit.fit.jobs import solved, solved_since
 
 HALF = 0.5
-"""Share of a series' log odds from which what has fewer numbers is refitted beside it. A choice (decision 19)."""
+"""Share of a series' log odds from which what has fewer numbers is refitted beside it. A choice (decision 50)."""
 
 
 def refit_best(found: Tested, refits: dict[str, Refit], threads: int) -> int:

@@ -26,7 +26,7 @@ MATTERS = 0.05
 BUT_FORM = 0.9
 """Share of what the best member of a family explains from which another one that no pixel tells from it may be as
 right: their forms are idealised; and of what the best effect explains in the first pass, from which one of another
-family is refitted. A choice (decision 19)."""
+family is refitted. A choice (decisions 49 and 50)."""
 WITHIN = "the model explains the measurements to within their noise"
 """Of an adequate model, in words."""
 

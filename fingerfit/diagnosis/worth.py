@@ -27,7 +27,7 @@ LARGE = 0.3
 """Share of what the best effect explains, or slopes promise, from which one may turn out to be the best. A choice."""
 FALLS_SHORT = 0.5
 """Share of `LARGEST` that the best effect of the first pass must explain, where the pictures are near enough for it to
-see all: its refit may explain twice as much. A choice, made after one case (decision 19)."""
+see all: its refit may explain twice as much. A choice, made after one case (decision 50)."""
 
 
 def threshold(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, columns: int = 1) -> float:
