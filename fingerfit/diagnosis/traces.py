@@ -29,12 +29,12 @@ def traced(
 
     With many values everything is beyond chance. An effect matters when it moves a constant by more than the tolerance,
     or lowers the error on held-out steps (on fitted ones, where there are no others) by more than `MATTERS`. What is
-    named and matters is likely when the odds that one of it is there, against the model that explains the data without
-    it, are more than `LIKELY_ENOUGH`; before it was seen, each of those that were tested had an equal share of what
-    speaks for any of them. What speaks for it is only what the form of the effects that the model has does not explain
-    (`Form`), and a model explains the data also where it leaves no more than that form and noise. Beside effects of the
-    model that leaves more, what acts on the body or on pictures is a trace as well where nothing of it both matters and
-    is likely. Where pictures differ by much (`loud`), nothing is.
+    named, matters, and explains enough (below) is likely when the odds that one of it is there, against the model that
+    explains the data without it, are more than `LIKELY_ENOUGH`; before it was seen, each of those that were tested had
+    an equal share of what speaks for any of them. What speaks for it is only what the form of the effects that the
+    model has does not explain (`Form`), and a model explains the data also where it leaves no more than that form and
+    noise. Beside effects of the model that leaves more, what acts on the body or on pictures is a trace as well where
+    nothing of it both matters and is likely. Where pictures differ by much (`loud`), nothing is.
 
     Where a model explains the data, but leaves more than chance does, there is an error of unknown form: what explains
     less than half of that may be another part of the same error, and is a trace.
@@ -63,10 +63,11 @@ def traced(
         return verdict
     named = [one for one in ranking if one.candidate.effect.name in verdict.effects]
     matter = [one for one in named if _matters(refits[one.candidate.effect.name], base, tolerance)]
+    large = [one for one in matter if not explained or _half(refits[one.candidate.effect.name], score_test)]
     names = _titles(named)
     far = f"by more than {100 * tolerance:g} %"
-    odds = odds_of_any(matter, score_test, ranking, tests, form.limited(refits))
-    before = odds_of_any(matter, score_test, ranking, tests, refits)
+    odds = odds_of_any(large, score_test, ranking, tests, form.limited(refits))
+    before = odds_of_any(large, score_test, ranking, tests, refits)
     of_form = "what the form of its own effects may be off by"
     if not explained and not form.explains:
         if odds >= LIKELY_ENOUGH or not form.beside or not all(_is_quiet(one, refits, base) for one in named):
@@ -77,16 +78,14 @@ def traced(
         text = WITHIN if explained else f"the model leaves no more than {of_form}"
         if named and not matter:
             text += f"; beyond chance, but a trace that moves no constant {far}: {names}"
-        elif named and explained and not any(_half(refits[one.candidate.effect.name], score_test) for one in matter):
+        elif named and not large:
             text += f"; a trace, less than half of what is left beyond chance: {names}"
         elif named and odds >= LIKELY_ENOUGH:
             return verdict
         elif before >= LIKELY_ENOUGH:
             text += f"; a trace, hardly more than {of_form}: {names}"
         elif named:
-            text += (
-                f"; a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {_titles(matter)}"
-            )
+            text += f"; a trace, with odds of only {np.exp(odds):.2g} to 1 for it after {tests} tests: {_titles(large)}"
             if len(matter) < len(named):
                 rest = [one for one in named if one not in matter]
                 text += f"; beyond chance, but a trace that moves no constant {far}: {_titles(rest)}"

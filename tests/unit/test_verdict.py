@@ -704,6 +704,20 @@ def test_a_small_part_of_what_is_left_beyond_chance_is_a_trace(misfit, explained
     assert ("less than half of what is left beyond chance" in verdict.sentence) == (kind == "adequate")
 
 
+@pytest.mark.parametrize(("odds", "kind"), [((8.0, 2.0), "adequate"), ((2.0, 8.0), "indistinguishable")])
+def test_odds_of_what_explains_a_small_part_do_not_count_for_another_one(odds, kind):
+    """Of 200 beyond the noise friction explains 55 %, tilt 45 %; 20 to 1 is asked of what explains half."""
+    score_test = SimpleNamespace(misfit=1200.0, freedom=1000, common_misfit=0.0, common_freedom=0)
+    base, names = Refit(1200.0, 1000, 1.1, 1.1, {"mu_top": 0.1}), ("tilt", "friction")
+    refits = {
+        name: Refit(1200.0 - 200.0 * share, 1000, 1.1, 1.1, {"mu_top": 0.12})
+        for name, share in zip(names, (0.45, 0.55), strict=True)
+    }
+    ranking = [likely(np.log(20.0) + one, name) for one, name in zip(odds, names, strict=True)]
+    named = Verdict("indistinguishable", names, "", 12.0)
+    assert traced(named, score_test, ranking, refits, base, 0.02, 20).kind == kind
+
+
 @pytest.mark.parametrize(
     ("name", "at_least", "fitted", "explained", "kind"),
     [
