@@ -62,7 +62,7 @@ class Information:
         for kept, rise, size in self.without_least():
             there = int((self.optional & kept).sum())
             if self.polynomial:
-                prior = np.log(2.0) * min(there, count - 1)
+                prior = np.log(2.0) * min(there, max(count - 1, 0))
             else:
                 prior = np.log(max(count, 1)) + np.log(comb(count, there))
             one = log_odds(fall - rise, float(size @ size), self.matrix[np.ix_(kept, kept)], spread)
@@ -214,5 +214,5 @@ def spare(problem: InverseProblem, score_test: ScoreTest, values: Mapping[str, f
     for name in list(problem.settings.model.effects)[:-1]:
         own = information(parameters, values, score_test.own, problem.effects[name])
         if len(far := own.far):
-            found[name] = log_odds(float(far @ own.matrix @ far), float(far @ far), own.matrix, spread)
+            found[name] = own.odds(float(far @ own.matrix @ far), spread)
     return [problem.effects[name] for name in sorted(found, key=found.__getitem__) if found[name] < 0.0]

@@ -88,6 +88,8 @@ def test_a_polynomial_loses_its_highest_degree_first_and_each_further_one_is_hal
     assert known.odds(900.0, 1.0) == pytest.approx(alone)
     line = replace(known, matrix=np.diag([900.0, 900.0, 0.0]), far=np.array([1.0, 1.0, 0.0]))
     assert line.odds(1800.0, 1.0) == pytest.approx(2.0 * alone - np.log(2.0))
+    probe = replace(line, optional=np.zeros(3, bool))
+    assert probe.odds(1800.0, 1.0) == pytest.approx(2.0 * alone)
 
 
 @pytest.mark.parametrize(
