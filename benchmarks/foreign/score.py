@@ -27,6 +27,7 @@ FAMILY = {
     "coarse_mesh": "numerics",
     "compressibility": "material",
     "contrast_drift": "observation",
+    "curved_indenter": "indenter",
     "debonding": "base",
     "displacement_gain": "loading",
     "distorted_in_space": "observation",

@@ -88,7 +88,7 @@ def loading_steps(
                 "period": None,
                 "temperature": warm[0],
                 "aside": _goes_aside(mesh, _aside(study, None, begun), names, present, values),
-                "deeper": _deeper(mesh, names, present, values),
+                "deeper": _deeper(mesh, {**names, "down": 0.0}, present, values),
             }
         )
     for k, (step, known) in enumerate(zip(study.steps, study.course, strict=True), 1):
@@ -103,7 +103,7 @@ def loading_steps(
         aside = _aside(study, step, entry["displacement"])
         shared = {**names, "share": abs(getattr(step, control) or 0.0) / (largest or 1.0)}
         entry["aside"] = _goes_aside(mesh, aside, shared, present, values)
-        entry["deeper"] = _deeper(mesh, names, present, values)
+        entry["deeper"] = _deeper(mesh, {**names, "down": step.displacement or 0.0}, present, values)
         steps.append(entry)
     return steps
 
@@ -127,7 +127,8 @@ def _deeper(
     if not any("deeper" in effect.changes for effect in present):
         return []
     top, indenter = mesh.node_sets["TOP"], mesh.node_sets["INDENTER"][0]
-    places = under_indenter(mesh, np.array([indenter, *top]))
+    places: dict[str, Any] = under_indenter(mesh, np.array([indenter, *top]))
+    places |= {"width": float(np.ptp(mesh.points[top, 0]))}
     found = changed_by("deeper", np.zeros(1 + len(top)), {**names, **places}, present, values)
     found = np.broadcast_to(found, 1 + len(top))
     return [(int(node) + 1, float(one)) for node, one in zip(top, found[1:] - found[0], strict=True)]

@@ -170,6 +170,7 @@ def _diagnose(
         found = replace(found, tests=1)
     tests, pictured = found.tests, all(len(test.data.picture_step) for test in found.comparison.every)
     halves, ended = set[str](), dict[str, Refit]()
+    bright = {one.candidate.effect.name for one in ranking if one.candidate.effect.on_brightness}
     outline = found.outline
     verdict = decide(score_test, ranking, {}, tests, held_out=held)
     unexplained = not explains(score_test)
@@ -196,7 +197,7 @@ def _diagnose(
         run += refit_best(found, refits, threads)
         refits = by_one_likelihood({**pair, **refits}, found.comparison.weighed)
         well = {name: refit for name, refit in refits.items() if not refit.missed}
-        ended, missed = nearest(well), refits.keys() - well.keys()
+        ended, missed = nearest(well, bright), refits.keys() - well.keys()
         verdict = decide(score_test, ranking, ended, tests, None, held, missed)
         verdict = doubted(verdict, at_least, held if pictured else None, score_test.freedom)
         verdict = small_part(verdict, score_test, ranking, ended, at_least)

@@ -95,7 +95,7 @@ def refit_all(
     seen, found, run = list[Ranked](), list[Ranked](), base.simulations
     for one in ranking:
         effect = one.candidate.effect
-        blind = effect.acts == NUMERICS or set(effect.observes) == {"intensity"}
+        blind = effect.acts == NUMERICS or effect.on_brightness
         there = first.promised(one) if quiet and not blind else one
         spoken_for = (not (sloped or quiet) or there.odds(1.0) > 0.0) and family in ("", effect.family)
         (seen if spoken_for and not blind else found).append(there)

@@ -218,19 +218,25 @@ def misses(score_test: ScoreTest, refit: Refit, at_least: float) -> bool:
     return refit.at_least > at_least + _worse(score_test)
 
 
-def nearest(refits: Mapping[str, Refit]) -> dict[str, Refit]:
+def nearest(refits: Mapping[str, Refit], bright: Collection[str] = ()) -> dict[str, Refit]:
     """Refits that no other one is nearer than, by `MATTERS` of what it leaves: fitted steps tell, others can veto.
 
     The misfit knows patches that could be registered, the error every pixel. What the mesh of a refit makes of it does
     not count against it: patches have that in their covariance. One with a number for each step comes near on those
     that were fitted, and says nothing of the others.
+
+    Those on the brightness alone, `bright` by name, and those that move places are no rivals: both may be there, and
+    how near the one comes says nothing of the other. Each kind is looked at by itself.
     """
 
     def is_nearer(one: Refit, other: Refit) -> bool:
         matters = MATTERS * max(1.0, one.fitted)
         return other.at_least > one.fitted + matters and not max(_behind(one, other)) > matters
 
-    return {name: refit for name, refit in refits.items() if not any(is_nearer(one, refit) for one in refits.values())}
+    def alike(name: str) -> list[Refit]:
+        return [one for other, one in refits.items() if (other in bright) == (name in bright)]
+
+    return {name: refit for name, refit in refits.items() if not any(is_nearer(one, refit) for one in alike(name))}
 
 
 def generalising(score_test: ScoreTest, refits: Mapping[str, Refit], held_out: float | None) -> dict[str, Refit]:

@@ -206,6 +206,11 @@ class Effect:
         return bool(self.observes) and not (self.changes or self.part or self.fills or self.replaces)
 
     @property
+    def on_brightness(self) -> bool:
+        """Whether it changes the brightness of pictures and nothing else."""
+        return self.observes_alone and set(self.observes) == {"intensity"}
+
+    @property
     def observes_response(self) -> bool:
         """Whether it changes how force or displacement is read."""
         return not {"force", "displacement"}.isdisjoint(self.observes)

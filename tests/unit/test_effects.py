@@ -41,9 +41,11 @@ IN_THE_DECK = sorted(set(EFFECTS) - UNSEEN_BY_THE_DECK - OF_A_FINGERTIP - IN_SPA
 
 
 def study(control="force", values=FORCES):
-    """The phantom with a time at each step."""
+    """The phantom with a time at each step, and the way of an indenter that is pushed by a force."""
     found = phantom(control, list(values))
     steps = tuple(replace(step, time=10.0 * step.number) for step in found.steps)
+    if control == "force":
+        steps = tuple(replace(step, displacement=0.02 * step.force) for step in steps)
     return replace(found, steps=steps)
 
 
@@ -436,9 +438,19 @@ def test_the_probe_of_the_base_gives_way_downwards_as_the_bed_does(tmp_path):
     for folder in ("bed", "probe"):
         (tmp_path / folder).mkdir()
     bed = solve(deck({"soft_bed.share": 0.2, "soft_bed.side": 0.0}), tmp_path / "bed")
-    probe = solve(deck({"base_probe.down_left": 0.2, "base_probe.down_right": 0.2}), tmp_path / "probe")
+    downwards = {f"base_probe.down_{where}": 0.2 for where in ("left", "middle", "right")}
+    probe = solve(deck(downwards), tmp_path / "probe")
     assert np.abs(bed.displacement[-1, MESH.node_sets["BOTTOM"], 1]).max() > 0.1
     assert probe.displacement == pytest.approx(bed.displacement, abs=1e-6)
+
+
+def test_the_probe_of_the_base_bends_as_a_plate_on_two_bars(tmp_path):
+    side = MESH.node_sets["BOTTOM"]
+    down = -solve(deck({"base_probe.down_middle": 0.3}), tmp_path).displacement[-1, side, 1]
+    by_place = down[np.argsort(MESH.points[side, 0])]
+    assert by_place == pytest.approx(by_place[::-1], abs=1e-6)
+    assert by_place.argmax() == len(side) // 2
+    assert by_place[0] < 0.01 * by_place.max()
 
 
 @pytest.mark.parametrize(("name", "edge"), [("base_friction", "BOTTOM"), ("indenter_friction", "TOP")])
@@ -579,6 +591,31 @@ def test_the_pressure_under_a_curved_indenter_adds_up_to_the_force(curve, tmp_pa
     side, x = MESH.node_sets["TOP"], MESH.points[MESH.node_sets["TOP"], 0] - 6.0
     deep = -outcome.displacement[-1, side, 1]
     assert deep == pytest.approx(deep[np.abs(x).argmin()] + curve * x**2, abs=1e-6)
+
+
+@pytest.mark.parametrize("crown", [0.3, -0.3])
+def test_an_indenter_that_is_not_flat_touches_first_where_it_is_lowest(crown, tmp_path):
+    """Elsewhere by the distance later: not at all at the first step, where it has come down by less at an edge."""
+    way = np.array([0.2, 0.4])
+    outcome = solve(deck({"curved_indenter.crown": crown}, of=study("displacement", way)), tmp_path)
+    side = MESH.node_sets["TOP"]
+    share = ((MESH.points[side, 0] - 6.0) / 6.0) ** 2
+    rise = 0.3 * (share if crown > 0 else 1.0 - share)
+    assert -outcome.displacement[:, side, 1] == pytest.approx(np.maximum(way[:, None] - rise, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("crown", [0.3, -0.3])
+def test_a_force_bends_the_body_as_a_curved_indenter_is(crown, tmp_path):
+    """Read is the way of the face since it touched; of a hollow one the middle has gone less far."""
+    outcome = solve(deck({"curved_indenter.crown": crown}), tmp_path)
+    side = MESH.node_sets["TOP"]
+    x, deep = MESH.points[side, 0] - 6.0, -outcome.displacement[-1, side, 1]
+    assert deep - deep[np.abs(x).argmin()] == pytest.approx(-crown * (x / 6.0) ** 2, abs=1e-6)
+    assert -outcome.reaction[:, 1] == pytest.approx(FORCES, rel=1e-6)
+    seen = observation(curved_indenter__crown=crown)
+    assert seen.response(np.array([1.0, 2.0]), "displacement") == pytest.approx(
+        [1.0 + max(-crown, 0.0), 2.0 + max(-crown, 0.0)]
+    )
 
 
 def test_an_indenter_that_is_deeper_as_a_whole_is_read_less_deep(tmp_path, plain):

@@ -277,6 +277,14 @@ def test_a_refit_whose_pictures_are_worse_is_no_answer():
     assert set(nearest(refits | coarse)) == {"tilt", "onset", "skin", "bed"}
 
 
+def test_a_brightness_that_changes_is_no_rival_of_what_moves_places():
+    """An exposure that jumps explains most of the patches, a base that bends most of the pixels: both are there."""
+    refits = {"bed": Refit(4100.0, 480, 1.34, None, {}), "bias_field": Refit(1800.0, 480, 1.60, None, {})}
+    worse = {"skin": Refit(4300.0, 480, 1.50, None, {}), "drift": Refit(4700.0, 480, 1.71, None, {})}
+    assert set(nearest(refits | worse)) == {"bed"}
+    assert set(nearest(refits | worse, {"bias_field", "drift"})) == {"bed", "bias_field"}
+
+
 @pytest.mark.parametrize(
     ("error", "rival", "kind"), [(3.0, 0.3, "missing"), (4.5, 0.3, "unexplained"), (3.0, 0.999, "unexplained")]
 )
