@@ -17,7 +17,7 @@ from fingerfit.diagnosis.refit import EXPLAINED, Refit, chance, explains
 from fingerfit.diagnosis.second_pass import ended_of, refit_anywhere
 from fingerfit.diagnosis.tested import Tested, in_space, test_all
 from fingerfit.diagnosis.verdict import BUT_FORM, MATTERS, PART, RIVAL, best_of, both_explain, generalising, misses
-from fingerfit.diagnosis.worth import to_refit, worth_a_refit
+from fingerfit.diagnosis.worth import falls_short, to_refit, worth_a_refit
 from fingerfit.fit.jobs import solved, solved_since
 
 HALF = 0.5
@@ -42,7 +42,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
     But where the best one leaves more than the noise, in the pictures and in the patches, a probe of another family may
     come nearer, and counts as a member does. A member of a family of which none has explained it is refitted where it
     explains as much in the first pass. A series of many numbers may imitate what has few: beside it others are
-    tried that were half as likely.
+    tried that were half as likely. No effect that explains far too little in the first pass (`falls_short`).
     A probe comes after the members of its family, and not at all where one of them explains the data, every pixel
     included. Nor do then those that only slopes speak for; they come after what explained the data in the first pass.
     At last those that take the places of lost refits: `instead_of`.
@@ -61,7 +61,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
 
     def worth_it(ranked: Ranked) -> bool:
         effect = ranked.candidate.effect
-        if effect.probe and effect.family in named:
+        if (effect.probe and effect.family in named) or falls_short(ranked, found.score_test, found.but_mesh[0]):
             return False
         elsewhere = effect.family not in nearest_by and least > 1.0 + MATTERS and not by_chance
         if seen and not ranked.refitted and least <= 1.0 + MATTERS:

@@ -26,8 +26,8 @@ the others are."""
 LARGE = 0.3
 """Share of what the best effect explains, or slopes promise, from which one may turn out to be the best. A choice."""
 FALLS_SHORT = 0.5
-"""Share of `LARGEST` that the best effect of the first pass must explain, where the pictures are near enough for it to
-see all: its refit may explain twice as much. A choice, made after one case (decision 50)."""
+"""Share of `LARGEST` that an effect must explain in the first pass to be refitted, where the pictures are near enough
+for it to see all: its refit may explain twice as much. A choice, made after single cases (decision 50)."""
 
 
 def threshold(score_test: ScoreTest, ranking: Sequence[Ranked], tests: int, columns: int = 1) -> float:
@@ -142,9 +142,16 @@ def too_small(score_test: ScoreTest, ranking: Sequence[Ranked], error: float) ->
         Of the model on the fitted steps, in units of the noise floor: where it is `loud` the first pass does not see
         all.
     """
-    shares = [one.refitted.share for one in ranking if one.refitted]
-    seen = bool(shares) and not loud(error, score_test.freedom) and not explains(score_test)
-    return seen and max(shares) < FALLS_SHORT * LARGEST
+    tried = [one for one in ranking if one.refitted]
+    return bool(tried) and all(falls_short(one, score_test, error) for one in tried)
+
+
+def falls_short(one: Ranked, score_test: ScoreTest, error: float) -> bool:
+    """Whether the first pass sees all that a model leaves, which is more than the noise, and an effect explains so
+    little of it there that no refit would make it the largest part. Parameters as for `too_small`.
+    """
+    sees_all = not loud(error, score_test.freedom) and not explains(score_test)
+    return sees_all and one.refitted is not None and one.refitted.share < FALLS_SHORT * LARGEST
 
 
 def most_of(ranking: Sequence[Ranked]) -> float:

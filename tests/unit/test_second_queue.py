@@ -91,6 +91,24 @@ def test_another_family_that_explains_as_much_is_refitted(monkeypatch, second, f
     assert names(one for one, _ in second_queue.refits_of(found, 1)) == ["split_layer", second][: 1 + refitted]
 
 
+@pytest.mark.parametrize(
+    ("share", "error", "explains", "refitted"),
+    [
+        (0.24, 1.2, False, False),
+        (0.26, 1.2, False, True),  # a refit that explains twice as much is half of it
+        (0.24, 1.3, False, True),  # the first pass does not see all that pictures show
+        (0.24, 1.2, True, True),  # of what is no more than chance there are no shares
+    ],
+)
+def test_what_explains_far_too_little_in_the_first_pass_is_not_refitted(monkeypatch, share, error, explains, refitted):
+    made = {name: refit(0.3) for name in ("gradient", "tilt")}
+    found = queue(monkeypatch, dict.fromkeys(made, 50.0), made)
+    found.but_mesh = error, error
+    found.ranking[1].refitted.share = share
+    monkeypatch.setattr("fingerfit.diagnosis.worth.explains", lambda _: explains)
+    assert names(one for one, _ in second_queue.refits_of(found, 1)) == ["gradient", "tilt"][: 1 + refitted]
+
+
 @pytest.mark.parametrize(("share", "space", "count"), [(0.76, False, 2), (0.74, False, 1), (0.1, True, 2)])
 def test_effects_that_only_slopes_speak_for_are_compared_by_slopes(monkeypatch, share, space, count):
     """Not in space, where all effects are such ones. What the first pass refitted is compared by another measure."""
