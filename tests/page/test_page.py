@@ -591,6 +591,22 @@ def test_effects_that_config_yaml_leaves_out_are_told():
     assert part["next"].endswith("Not tried, as diagnosis in config.yaml says: a, b, c, d, e and 3 more.")
 
 
+def test_effects_that_cannot_be_told_from_those_of_an_adequate_model_are_told_above_its_constants():
+    """Not those that were added as well."""
+    named = {"ranking": [{"effect": n, "title": f"effect {n}"} for n in "abc"], "effects": list("abc")}
+
+    def said(*effects):
+        rungs = [{"verdict": "indistinguishable", "error": {"fitted": 2.0}, "effects": []}]
+        rungs += [{"verdict": "adequate", "error": {"fitted": 1.0}, "effects": list(effects)}]
+        models = [Model("m", rung, None, found, {}) for rung, found in zip(rungs, (named, {}), strict=True)]
+        return headline(Inputs("study", {}, models, []))["next"]
+
+    assert "These measurements cannot tell effect a from effect b or effect c: the intervals reach" in said("a")
+    assert "These measurements cannot tell effect a and effect c from effect b:" in said("a", "c")
+    assert "cannot tell" not in said("d")
+    assert "cannot tell" not in said("a", "b", "c")
+
+
 def test_a_model_with_as_many_constants_as_measured_values_is_said_to_be_untested(tmp_path):
     """It fits whatever was measured: no word of a failure, no list of candidates that are all 0."""
     sample.write(tmp_path / "study", done=False)

@@ -151,6 +151,20 @@ def unsolved(diagnosis: dict[str, Any]) -> str:
     return f" Tried, but without an answer of the solver, so that it does not count: {'; '.join(told)}." if told else ""
 
 
+def _as_good(inputs: Inputs) -> str:
+    """Which effects the measurements cannot tell from those of the model."""
+    there, told = set(inputs.models[-1].rung.get("effects") or []), ""
+    for model in inputs.models[:-1]:
+        named = titles(model.diagnosis)
+        as_good = [str(name) for name in model.diagnosis.get("effects") or []]
+        added = [named.get(name, name) for name in as_good if name in there]
+        others = [named.get(name, name) for name in as_good if name not in there]
+        if added and others:
+            told += f" These measurements cannot tell {' and '.join(added)} from {' or '.join(others)}:"
+            told += " the intervals reach to those that the constants have with each."
+    return told
+
+
 def headline(inputs: Inputs) -> dict[str, Any]:
     """What was found and what to do next."""
     last = inputs.models[-1]
@@ -170,6 +184,7 @@ def headline(inputs: Inputs) -> dict[str, Any]:
         "adequate": (
             f"The model “{last.name}” explains the measurements as well as their noise allows.",
             "Nothing needs to be added: take the constants with their intervals from the table below."
+            + _as_good(inputs)
             + _not_shown(last.diagnosis),
         ),
         "missing": (
