@@ -17,6 +17,7 @@ from fingerfit.diagnosis.second_pass import refit_of, with_outline
 from fingerfit.diagnosis.sides import Sides, begun
 from fingerfit.diagnosis.tested import Tested
 from fingerfit.diagnosis.verdict import WORSE, Verdict, nearer
+from fingerfit.diagnosis.worth import LARGEST
 from fingerfit.fit.jobs import solved, solved_since
 from fingerfit.model.effect import OUTLINE, STATE
 
@@ -128,6 +129,7 @@ def elsewhere(
     one comes first, or a state whose pictures are clearly nearer. Beside a state that counts, another that leaves more
     of the sides is named where it is as likely; so it is where the effect that the verdict names is surely likelier
     than another form. A state whose pictures are clearly nearer than those of another form is not excluded by it.
+    Where neither explains the data, a state that surely is likelier than another form is the largest part.
 
     Parameters
     ----------
@@ -158,7 +160,12 @@ def elsewhere(
     if able and shaped - _left(able[0][1]) <= -_margin(verdict, form, able[0][1]):
         able = [each for each in able if _nearer_form(each[1], form)]
     if not able:
-        return another
+        part = _largest_part(states, sides, form, stated) if stated is not None else None
+        if part is None or shaped - _left(part[1]) < _margin(verdict, form, part[1]):
+            return another
+        effect = part[0].candidate.effect
+        found = _by_sides(verdict, sides, [(effect.name, effect.title)], effect.family, part[1])
+        return replace(found, sentence=f"{found.sentence}; more is missing")
     first, best = able[0]
     # patches say the one and pixels another: these data cannot tell them apart
     named = [*(one.candidate.effect for one, refit in able if nearer(refit, best)), first.candidate.effect]
@@ -250,6 +257,21 @@ def _left(refit: Refit) -> float:
     Each refit has its own values, and some that another one has not.
     """
     return refit.misfit - refit.freedom + refit.sides.misfit + refit.worth
+
+
+def _largest_part(
+    states: Sequence[tuple[Ranked, Refit]], sides: Sides, form: Refit, stated: ScoreTest
+) -> tuple[Ranked, Refit] | None:
+    """Where another form does not explain the data: the state that does not either, but explains most of them.
+
+    It must bring the sides nearer, and the pictures nearer than that form does.
+    """
+    part = [
+        (one, refit)
+        for one, refit in states
+        if refit.sides.misfit < sides.misfit and _nearer_form(refit, form) and refit.explained(stated.misfit) >= LARGEST
+    ]
+    return None if explains(form) else min(part, key=lambda each: _left(each[1]), default=None)
 
 
 def _nearer_form(state: Refit, form: Refit) -> bool:

@@ -218,6 +218,30 @@ def test_a_state_that_is_nearer_in_the_pictures_is_named_beside_the_one_that_pat
     assert "0.6 mm" in found.sentence
 
 
+@pytest.mark.parametrize(
+    ("misfit", "error", "away", "form", "named"),
+    [
+        (1500.0, 2.1, 40.0, 2200.0, "lens"),
+        (1500.0, 2.5, 40.0, 2200.0, "outline"),  # no nearer in the pictures
+        (1800.0, 2.1, 40.0, 2200.0, "outline"),  # less than half of what is beyond the noise, 1400
+        (1500.0, 2.1, 600.0, 2200.0, "outline"),  # it leaves more of the sides
+        (1500.0, 2.1, 40.0, 1400.0, "outline"),  # another form leaves no more
+    ],
+)
+def test_where_neither_a_state_nor_another_form_explains_the_data_the_likelier_is_the_largest_part(
+    misfit, error, away, form, named
+):
+    """A body of linear elements seen through a lens: what both leave is the error of the mesh."""
+    given = Verdict("missing", ("skin",), "missing: skin", 10.0, "structure")
+    stated = SimpleNamespace(misfit=2400.0, freedom=1000, common_misfit=0.0, common_freedom=0)
+    one = replace(refit(misfit, off=0.1, away=away), fitted=error, held_out=error)
+    other = replace(refit(form), fitted=2.5, held_out=2.5)
+    found = elsewhere(given, Sides(LOWER, 500.0, WORTH), other, [(ranked("lens", "lens"), one)], stated=stated)
+    assert found.effects == (named,)
+    assert ("more is missing" in found.sentence) == (named == "lens")
+    assert found.family == {"lens": "observation", "outline": "geometry"}[named]
+
+
 @pytest.mark.parametrize(("misfit", "named"), [(1008.0, ("preload", "prestretch")), (1012.0, ("preload",))])
 def test_states_that_explain_as_much_are_named_together(misfit, named):
     """As much: by less than the threshold, 10 here; the one that explains most comes first."""
