@@ -61,7 +61,7 @@ class Refit:
     numbers : int
         How many numbers of the effect were fitted.
     worth : float
-        Misfit that they must explain to be worth it: as from `evidence.worth`.
+        Misfit that they must explain to be worth it: as from `Information.worth`.
     sides : Sides
         Where the picture before compression has the sides of the body, against the model.
     but_mesh : (float, float or None), optional
