@@ -157,11 +157,11 @@ def elsewhere(
         rivals = [shaped, *(_left(refit) for _, refit in able)]
         if _left(own) + _margin(verdict, form, own) < min(rivals):
             return _or_state(verdict, sides, own, possible, titles or {})
-    if able and shaped - _left(able[0][1]) <= -_margin(verdict, form, able[0][1]):
+    if able and _ahead(able[0][1], form, sides) <= -verdict.threshold:
         able = [each for each in able if _nearer_form(each[1], form)]
     if not able:
         part = _largest_part(states, sides, form, stated) if stated is not None else None
-        if part is None or shaped - _left(part[1]) < _margin(verdict, form, part[1]):
+        if part is None or _ahead(part[1], form, sides) < verdict.threshold:
             return another
         effect = part[0].candidate.effect
         found = _by_sides(verdict, sides, [(effect.name, effect.title)], effect.family, part[1])
@@ -175,10 +175,8 @@ def elsewhere(
         if alike and one.candidate.effect not in named:
             named.append(one.candidate.effect)
     both, family = [(effect.name, effect.title) for effect in named], first.candidate.effect.family
-    if shaped - _left(best) < _margin(verdict, form, best):
-        # what patches of the one or the other make by chance tells nothing
-        patches = _beyond(form.misfit - form.freedom - (best.misfit - best.freedom), _by_chance(form, best))
-        if patches + sides.worth < best.sides.misfit + best.worth and not _nearer_form(best, form):
+    if (ahead := _ahead(best, form, sides)) < verdict.threshold:
+        if ahead < 0.0 and not _nearer_form(best, form):
             both, family = [(OUTLINE, ANOTHER), *both], another.family
         else:
             both.append((OUTLINE, ANOTHER))
@@ -298,9 +296,14 @@ def _by_chance(one: ScoreTest | Refit, other: Refit) -> float:
     return SURELY * float(np.sqrt(2.0 * abs(one.freedom - other.freedom)))
 
 
-def _beyond(difference: float, chance: float) -> float:
-    """What of a difference chance does not make."""
-    return float(np.copysign(max(0.0, abs(difference) - chance), difference))
+def _ahead(state: Refit, form: Refit, sides: Sides) -> float:
+    """By how much a state leaves less than another form, with what sides say of the one and cost the other.
+
+    What chance makes of the patches that only one of them has tells nothing.
+    """
+    patches = form.misfit - form.freedom - (state.misfit - state.freedom)
+    beyond = float(np.copysign(max(0.0, abs(patches) - _by_chance(form, state)), patches))
+    return beyond + sides.worth - state.sides.misfit - state.worth
 
 
 def _refitted(found: Tested, chosen: Sequence[Ranked], threads: int) -> tuple[list[tuple[Ranked, Refit]], int]:

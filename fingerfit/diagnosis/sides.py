@@ -79,7 +79,7 @@ def worth_of_form(away: np.ndarray, likely: np.ndarray) -> float:
     >>> wide = worth_of_form(np.array([[20.0, 0.0, 0.0]]), np.array([30.0]))
     >>> bulged = worth_of_form(np.array([[20.0, 0.0, 20.0]]), np.array([30.0]))
     >>> round(wide, 1), round(bulged, 1)
-    (9.9, 25.4)
+    (10.0, 25.5)
     """
     worth = 0.0
     for coefficients, size in zip(away, likely, strict=True):

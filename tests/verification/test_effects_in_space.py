@@ -118,7 +118,7 @@ def test_a_soft_bed_gives_way_as_far_as_it_says(tmp_path):
 
 def test_the_probe_of_the_base_can_be_its_members(tmp_path):
     everywhere = {f"base_probe.{place}": 0.4 for place in ("left", "left_half", "middle", "right_half", "right")}
-    down = {f"base_probe.down_{place}": 0.1 for place in ("left", "right")}
+    down = {f"base_probe.down_{place}": 0.1 for place in ("left", "middle", "right")}
     assert solve(everywhere, tmp_path) == pytest.approx(solve({"base_slip.share": 0.4}, tmp_path), abs=1e-7)
     bed = {"soft_bed.share": 0.1, "soft_bed.side": 0.0}
     assert solve(down, tmp_path) == pytest.approx(solve(bed, tmp_path), abs=1e-7)

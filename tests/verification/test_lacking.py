@@ -126,6 +126,7 @@ def test_the_diagnosis_says_so(tmp_path, monkeypatch):
         # of forces alone these cannot be tested either
         ("band of another stiffness", "pictures or measured points"),
         ("mesh too coarse", "a finer mesh"),
+        ("indenter that is not flat", "pictures or measured points"),
         ("wrong scale of the displacement sensor", "pictures or measured points"),
         ("inclusion of any size and shape", "pictures or measured points"),
         ("inclusion in the plane", "pictures or measured points"),
@@ -151,6 +152,7 @@ def test_what_was_not_measured_is_no_candidate_but_told(tmp_path):
     assert {title: str(error.found) for title, error in untestable(problem).items()} == {
         "band of another stiffness": "pictures or measured points",
         "mesh too coarse": "a finer mesh",
+        "indenter that is not flat": "pictures or measured points",
         "wrong scale of the displacement sensor": "pictures or measured points",
         "inclusion of any size and shape": "pictures or measured points",
         "inclusion in the plane": "pictures or measured points",

@@ -35,7 +35,7 @@ SIZES = {
     **LENGTHS,
     "preload.force": FORCE, "force_offset.offset": FORCE, "force_drift.drift": FORCE, "guide_friction.most": FORCE,
     "loading_probe.load": FORCE, "loading_probe.midway": FORCE,
-    "indenter_probe.curve": 1 / LARGER, "indenter_probe.lowered": LARGER,
+    "indenter_probe.curve": 1 / LARGER, "indenter_probe.lowered": LARGER, "curved_indenter.crown": LARGER,
 }  # fmt: skip
 """Factors on numbers of effects; those that are not here have none."""
 PLACES = {
