@@ -9,6 +9,7 @@ from math import comb
 import numpy as np
 
 from fingerfit.diagnosis.score_tests import RANK, ScoreTest, per_value
+from fingerfit.fit.intervals import NORMAL
 from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.slopes import evenly, moved
 from fingerfit.model.effect import Effect
@@ -17,8 +18,6 @@ from fingerfit.study.several import AT
 
 LIKELY = 0.5
 """Likely size of an effect's number: its standard deviation before anything was measured, as a share of its scale."""
-QUANTILE = 1.96
-"""Of a normal distribution, for 95 %."""
 UNSEEN = 1e-6
 """Information on a number, in units of its likely size, that is as good as none."""
 ROUNDING = 1e-9
@@ -190,7 +189,7 @@ def interval95(
         As for `log_odds`.
     """
     known = slopes.T @ slopes / spread + np.diag(evenly(parameters))
-    half = QUANTILE * np.sqrt(np.diag(np.linalg.inv(known)))
+    half = NORMAL * np.sqrt(np.diag(np.linalg.inv(known)))
     low, high = (moved(parameters, values, side * half) for side in (-1.0, 1.0))
     return {name: (low[name], high[name]) for name in low}
 

@@ -16,7 +16,7 @@ from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_pass import refit_of, with_outline
 from fingerfit.diagnosis.sides import Sides, begun
 from fingerfit.diagnosis.tested import Tested
-from fingerfit.diagnosis.verdict import WORSE, Verdict, nearer
+from fingerfit.diagnosis.verdict import Verdict, nearer
 from fingerfit.diagnosis.worth import LARGEST
 from fingerfit.fit.jobs import solved, solved_since
 from fingerfit.model.effect import OUTLINE, STATE
@@ -277,10 +277,8 @@ def _nearer_form(state: Refit, form: Refit) -> bool:
 
     What the mesh of each makes of them is taken off: bodies of other shapes have other meshes.
     """
-    behind = [form.at_least - state.at_least]
-    if form.held_at_least is not None and state.held_at_least is not None:
-        behind.append(form.held_at_least - state.held_at_least)
-    return min(behind) > WORSE
+    own, other = (replace(one, fitted=one.at_least, held_out=one.held_at_least) for one in (state, form))
+    return nearer(own, other)
 
 
 def _margin(verdict: Verdict, one: ScoreTest | Refit, other: Refit) -> float:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from fingerfit.core.described import described
+from fingerfit.core.described import described, wanted
 from fingerfit.core.errors import FingerfitError, InputError, Problems
 from fingerfit.core.files import read_record
 from fingerfit.core.keys import read_yaml, unknown_key
@@ -66,11 +66,13 @@ class ModelSettings(Model, Keys):
         " effect's own need be given. If all numbers of the last one are given, the model without it is not fitted"
         " first.",
     )
-    rivals: dict[str, dict[str, tuple[float, float]]] = Field(
-        default_factory=dict,
-        description="Other models that the data cannot tell from this one: for each constant both ends of its 95 %"
-        " interval in that model, as factors of its value in this one (with log: false as differences). The 95 %"
-        " intervals reach that far. The workflow writes them from the diagnosis of the model with one effect less.",
+    rivals: dict[str, dict[str, Annotated[tuple[float, float], wanted("both ends of an interval: [0.9, 1.2]")]]] = (
+        Field(
+            default_factory=dict,
+            description="Other models that the data cannot tell from this one: for each constant both ends of its 95 %"
+            " interval in that model, as factors of its value in this one (with log: false as differences). The 95 %"
+            " intervals reach that far. The workflow writes them from the diagnosis of the model with one effect less.",
+        )
     )
 
     @model_validator(mode="after")

@@ -222,6 +222,7 @@ def test_a_rival_on_one_side_leaves_the_other_end_where_it_is(tmp_path, monkeypa
             {"mu": [0.0, 1.0]},
             "mu: found [0.0, 1.0]; expected above 0, factors of a constant that is searched in the logarithm",
         ),
+        ({"mu": 1.1}, "mu: found 1.1; expected both ends of an interval: [0.9, 1.2]"),
         ({"mu": [1.2, 1.1]}, "mu: found [1.2, 1.1]; expected a lower end and a higher one"),
     ],
 )
