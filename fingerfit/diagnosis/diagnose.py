@@ -37,7 +37,7 @@ from fingerfit.diagnosis.reservations import (
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.second_queue import by_one_likelihood, pair_of, partner_of, refit_best
 from fingerfit.diagnosis.sides import Sides, sides_of
-from fingerfit.diagnosis.tested import in_space, test_all
+from fingerfit.diagnosis.tested import test_all
 from fingerfit.diagnosis.traces import small_part, traced
 from fingerfit.diagnosis.verdict import (
     Verdict,
@@ -204,7 +204,7 @@ def _diagnose(
         half = half_explained(score_test, ranking, generalising(score_test, ended, held), tests)
         # a probe has as many numbers as several effects: no partner is looked for beside it
         one = None if half and half.candidate.effect.probe else half
-        if one is None and not in_space(problem):  # there it takes hours
+        if one is None:
             one = beside_probe(ranking, ended, generalising(score_test, well, held), score_test.misfit)
         if one is not None and not (probed or one.candidate.effect.name in halves):
             name = one.candidate.effect.name

@@ -56,7 +56,6 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     # in space a refit takes as much memory as several volumes: there its simulations are what is made beside each other
     problem = found.comparison.problem
-    flat = not in_space(problem)
     beside, each, by = 1, threads, said_by(REFIT, problem.settings.model.effects)
 
     def worth_it(ranked: Ranked) -> bool:
@@ -118,8 +117,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
             if not refit.missed and (explains(refit) or refit.explained(found.score_test.misfit) >= ENOUGH):
                 field = bool(effect.series) and effect.probe
                 first, odds = bool(ranked.refitted), ranked.odds(spread)
-                # in space slopes are all there is, and too rough for that
-                if flat and odds > explained[first]:
+                if odds > explained[first]:
                     explained[first], by_series = odds, field if first else by_series
                 nearest_by.add(effect.family)
                 most = max(most, ranked.finding.fall if first else 0.0)
@@ -136,7 +134,7 @@ def refits_of(found: Tested, threads: int, known: Mapping[str, Refit] | None = N
             tell(f"{by}: {effect.name} ({effect.title}) {said}; {ran} run")
             yield ranked, refit
         # the first one often makes all others needless, which would hold it up
-        beside, each = (threads, 1) if flat else (1, threads)
+        beside, each = (1, threads) if in_space(problem) else (threads, 1)
         if not left:
             left = [one for one in instead_of(found, tried, done) if worth_it(one)]
 

@@ -17,7 +17,7 @@ from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.sides import Sides, sides_of
-from fingerfit.diagnosis.trials import rank_again, refit_all
+from fingerfit.diagnosis.trials import affordable, refit_all
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH, InverseProblem
@@ -128,14 +128,11 @@ def test_all(
     everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
     unsolved = _unsolved(problem, found, everywhere)
     ranking = best_places(everywhere)
-    if in_space(problem):
-        ranking, more = rank_again(comparison, score_test, ranking, len(found), threads)
-    else:
-        # a body of another shape is fitted before anything else, but for the state it may be in
-        another = outline.off and not explains(score_test) and problem.settings.tries(OUTLINE)
-        first = STATE if another else ""
-        sloped = explains(score_test)
-        ranking, more = refit_all(comparison, ranking, threads, sloped, everywhere, first, unsolved)
+    # a body of another shape is fitted before anything else, but for the state it may be in
+    another = outline.off and not explains(score_test) and problem.settings.tries(OUTLINE)
+    first, sloped = STATE if another else "", explains(score_test)
+    starts = affordable(problem)
+    ranking, more = refit_all(comparison, ranking, threads, sloped, everywhere, first, unsolved, starts)
     run += more
     return Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking, outline, unsolved=unsolved)
 

@@ -1,12 +1,12 @@
 """The first pass of all candidates, beside each other: a few moves of each, and all of those that come nearest.
 
-In space, where a move costs much, one simulation more of the best ones stands for it.
+Where simulations are long, as of large meshes in space, only those that slopes promise most of.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from fingerfit.diagnosis.ranking import (
     FIRST_PASS,
     Ranked,
     Refitted,
-    bounds_of_size,
     elsewhere,
     other_places,
     said_by,
@@ -28,21 +27,20 @@ from fingerfit.diagnosis.ranking import (
 )
 from fingerfit.diagnosis.refit import chance
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
-from fingerfit.diagnosis.worth import LARGE, SEEN, threshold
-from fingerfit.fit.jobs import solve_missing, solved, solved_since
-from fingerfit.fit.problem import InverseProblem
-from fingerfit.fit.rounds import Asked
+from fingerfit.diagnosis.worth import LARGE
+from fingerfit.fit.jobs import solved, solved_since
+from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.fit.slopes import moved
 from fingerfit.model.effect import NUMERICS
 from fingerfit.solvers.contract import BY_PATH, IN_TIME
+from fingerfit.solvers.cost import expected_seconds
 
 FIRST_MOVES, FEWEST = 4, 6
 """After the first few moves only a third of the candidates goes on, but so many at least (successive halving: Jamieson
 and Talwalkar 2016)."""
-SECOND = 6
-"""Effects that are looked at again before any is refitted, in space."""
-MOST = 1.5
-"""Largest size of an effect that is looked at again, as a multiple of the one that slopes predict. A choice."""
+LONGEST = 1200.0
+"""Seconds of one processor that the first moves of all starts may take together, as expected: ten minutes on two. A
+choice (decision 50)."""
 ROUNDING = 1e-9
 """Of a step: a predicted size below it is what rounding leaves of a number that changes nothing, of either sign."""
 NEARER = (1.0, 0.25, -0.25)
@@ -57,6 +55,7 @@ def refit_all(
     everywhere: Sequence[Ranked] = (),
     family: str = "",
     unsolved: dict[str, str] | None = None,
+    starts: float = np.inf,
 ) -> tuple[list[Ranked], int]:
     """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
 
@@ -77,6 +76,8 @@ def refit_all(
         Of which alone candidates are refitted.
     unsolved : dict, optional
         Is told, by title, why effects do not count whose simulations the solver ended without an answer.
+    starts : float
+        How many are made at most: each effect's best place, the likeliest effects by slopes first, then others.
 
     Returns
     -------
@@ -104,17 +105,19 @@ def refit_all(
         spread = spread_of(base.misfit, found, first.count)
         return sorted(found, key=lambda one: -one.odds(spread))
 
-    trial = _Trial(first, base, everywhere, LARGE * max((one.finding.fall for one in seen), default=0.0))
+    seen, left_out, places = _within(starts, seen, everywhere, comparison.score_test)
+    found += left_out
+    trial = _Trial(first, base, places, LARGE * max((one.finding.fall for one in seen), default=0.0))
     goes_on = dict[str, list[tuple[Ranked, float]]]()
     for one, tried in zip(seen, side_by_side(trial.begun, seen, threads), strict=True):
         problem.asked.update(tried.asked)
         if tried.ranked:
             # what another process has found is a copy: it is known by its place
-            places = (one, *other_places(comparison.score_test, everywhere, one))
-            begun, *also = (_with_columns(copy, places) for copy in (tried.ranked, *tried.ranked.also))
+            here = (one, *places[one.candidate.effect.name])
+            begun, *also = (_with_columns(copy, here) for copy in (tried.ranked, *tried.ranked.also))
             found.append(replace(begun, also=tuple(also)))
             goes_on[one.candidate.effect.name] = [
-                (_with_columns(copy.ranked, places), copy.share)
+                (_with_columns(copy.ranked, here), copy.share)
                 for copy in (tried, *tried.rivals)
                 if copy.ranked and not (copy.ranked.refitted and copy.ranked.refitted.converged)
             ]
@@ -132,6 +135,28 @@ def refit_all(
             there = replace(tried.ranked, columns=begun.columns)
             found[n] = _likeliest([there, found[n], *found[n].also], spread)
     return by_odds(), run + solved_since(problem, before)
+
+
+def affordable(problem: InverseProblem) -> float:
+    """How many starts of the first pass take `LONGEST` together, by the expected time of a simulation; at least 6."""
+    solver, meshes = problem.settings.solver, [test.meshes[SEARCH] for test in problem.every]
+    return max(FEWEST, LONGEST / FIRST_MOVES / sum(expected_seconds(solver, m.dim, len(m.points)) for m in meshes))
+
+
+def _within(
+    starts: float, seen: Sequence[Ranked], everywhere: Sequence[Ranked], score_test: ScoreTest
+) -> tuple[list[Ranked], list[Ranked], dict[str, list[Ranked]]]:
+    """The effects of so many starts, those that are left out, and by name the further places where each is begun."""
+    spread = spread_of(score_test.misfit, seen, score_test.freedom)
+    likely = sorted(seen, key=lambda one: -one.odds(spread))[: int(min(starts, len(seen)))]
+    names, more = {one.candidate.effect.name for one in likely}, starts - len(likely)
+    places = dict[str, list[Ranked]]()
+    for one in likely:
+        there = other_places(score_test, everywhere, one)
+        places[one.candidate.effect.name] = there[: int(min(more, len(there)))]
+        more -= len(places[one.candidate.effect.name])
+    chosen, left_out = ([one for one in seen if (one.candidate.effect.name in names) is each] for each in (True, False))
+    return chosen, left_out, places
 
 
 def _likeliest(places: Sequence[Ranked], spread: float) -> Ranked:
@@ -190,7 +215,8 @@ class _Trial:
 
     first: FirstPass
     base: Refitted
-    everywhere: Sequence[Ranked] = ()
+    places: Mapping[str, Sequence[Ranked]] = field(default_factory=dict)
+    """Further places where an effect is begun, by its name."""
     large: float = 0.0
     """Fall that slopes must promise for a second start."""
 
@@ -201,8 +227,7 @@ class _Trial:
         border or side these are all that are nearly as likely; in the same one, where more than chance is left, the
         better half.
         """
-        score_test = self.first.comparison.score_test
-        tried = [self._begun(place) for place in (one, *other_places(score_test, self.everywhere, one))]
+        tried = [self._begun(place) for place in (one, *self.places.get(one.candidate.effect.name, ()))]
         asked = frozenset().union(*(there.asked for there in tried))
         ended = [(there.ranked, there) for there in sorted(tried, key=lambda there: there.misfit) if there.ranked]
         if not ended:
@@ -285,46 +310,6 @@ def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
         side = size if abs(size) > ROUNDING * abs(p.step) else p.step
         steps.append(np.clip(share * np.copysign(p.step, side), p.lower - p.null, p.upper - p.null))
     return replace(one, finding=replace(one.finding, size=np.array(steps)))
-
-
-def rank_again(
-    comparison: Comparison, score_test: ScoreTest, ranking: list[Ranked], tests: int, threads: int = 1
-) -> tuple[list[Ranked], int]:
-    """Ranking by one simulation more of the best effects, each at its predicted size, the constants following.
-
-    Slopes rank large effects badly. In space, where a refit costs tens of simulations, it pays to ask once more.
-
-    Returns
-    -------
-    list of Ranked
-        The best first; falls and sizes as predicted from the model solved again.
-    int
-        Simulations that were not known before.
-    """
-    problem, limit = comparison.problem, threshold(score_test, ranking, tests)
-    chosen = {
-        number: _at_size(comparison, score_test, one)
-        for number, one in enumerate(ranking[:SECOND])
-        if one.candidate.asked and one.finding.fall > limit and one.finding.visible > SEEN
-    }
-    run = solve_missing(problem, list(chosen.values()), threads)
-    found, null = list(ranking), comparison.read(comparison.anchor)
-    for number, asked in chosen.items():
-        one, there = ranking[number], comparison.read(asked)
-        if there is None or null is None:
-            continue
-        again = score_test.test((there - null)[comparison.residual.kept][:, None], np.zeros(1), np.array([MOST]))
-        size = np.clip(one.finding.size * again.size[0], *bounds_of_size(one.candidate.effect))
-        found[number] = replace(one, finding=replace(one.finding, fall=again.fall, size=size))
-    return sorted(found, key=lambda one: -one.finding.fall), run
-
-
-def _at_size(comparison: Comparison, score_test: ScoreTest, one: Ranked) -> Asked:
-    """The simulation of an effect at its predicted size, with the constants where they would follow it."""
-    effect = one.candidate.effect
-    values = _following(comparison, score_test, one.columns @ one.finding.size, comparison.base.values)
-    size = {effect.key(name): value for name, value in one.size.items()}
-    return comparison.problem.ask({**values, **one.candidate.place, **size}, f"{effect.name} again")
 
 
 def _following(

@@ -15,7 +15,7 @@ from fingerfit.diagnosis.families import ENOUGH, SURE
 from fingerfit.diagnosis.ranking import Ranked, Refitted
 from fingerfit.diagnosis.refit import Refit
 from fingerfit.diagnosis.second_pass import refit_anywhere
-from fingerfit.diagnosis.trials import _Trial, _Tried
+from fingerfit.diagnosis.trials import _Trial, _Tried, _within
 from fingerfit.model.catalogue import catalogue
 
 EFFECT = catalogue()["interface"]
@@ -84,9 +84,8 @@ def test_places_are_as_good_where_their_odds_do_not_tell(monkeypatch, behind, co
     """The other one at the same border, from another start, is none."""
     best, other = at_border(2), at_border(1, PROMISED - behind)
     monkeypatch.setattr(_Trial, "_begun", lambda _, one: _Tried(one, frozenset(), 1.0))
-    monkeypatch.setattr("fingerfit.diagnosis.trials.other_places", lambda *_: [other, at_border(2, PROMISED - 1.0)])
-    trial = _Trial(SimpleNamespace(comparison=SimpleNamespace(score_test=None)), best.refitted)
-    begun = trial.begun(best)
+    places = {"interface": [other, at_border(2, PROMISED - 1.0)]}
+    begun = _Trial(None, best.refitted, places).begun(best)
     assert begun.ranked.candidate is best.candidate
     assert [one.candidate for one in begun.ranked.also] == [other.candidate] * count
     assert [one.ranked for one in begun.rivals] == [other] * count
@@ -101,6 +100,25 @@ def test_a_place_that_needs_fewer_numbers_may_be_likelier_than_one_that_leaves_l
         for one, far in ((many, np.full(4, 0.5)), (few, np.array([0.5, 0.0, 0.0, 0.0])))
     )
     monkeypatch.setattr(_Trial, "_begun", lambda _, one: _Tried(one, frozenset(), 1.0))
-    monkeypatch.setattr("fingerfit.diagnosis.trials.other_places", lambda *_: [few])
-    begun = _Trial(SimpleNamespace(comparison=SimpleNamespace(score_test=None)), many.refitted).begun(many)
+    begun = _Trial(None, many.refitted, {"interface": [few]}).begun(many)
     assert begun.ranked.candidate is few.candidate
+
+
+@pytest.mark.parametrize(
+    ("starts", "tried", "further"),
+    [(np.inf, "abc", [2, 1, 2]), (6, "abc", [2, 1, 0]), (3, "abc", [0, 0, 0]), (2, "ab", [0, 0])],
+)
+def test_so_many_starts_are_made_the_likeliest_effects_by_slopes_first(monkeypatch, starts, tried, further):
+    """First the best place of each effect, then the further ones of the likeliest."""
+
+    def promised(name, fall):
+        return replace(at_border(2, fall), candidate=Candidate(replace(EFFECT, name=name), {}), refitted=None)
+
+    every = [promised("b", 200.0), promised("c", 100.0), promised("a", 300.0)]
+    others = {"a": [1, 2], "b": [1], "c": [1, 2]}
+    monkeypatch.setattr("fingerfit.diagnosis.trials.other_places", lambda _, __, one: others[one.candidate.effect.name])
+    seen, left_out, places = _within(starts, every, [], SimpleNamespace(misfit=1000.0, freedom=1000))
+    assert "".join(sorted(one.candidate.effect.name for one in seen)) == tried
+    assert [len(places[name]) for name in tried] == further
+    assert len(left_out) == 3 - len(tried)
+    assert all(places[name] == others[name][: len(places[name])] for name in tried)
