@@ -66,7 +66,9 @@ class CameraBlur:
         return f"{self.size / self.pixel:.2f} pixels ({self.size:.2g} mm)"
 
 
-def camera_blur(data: Data, made: Synthesis, patches: Patches, seed: int = 1) -> CameraBlur:
+def camera_blur(
+    data: Data, made: Synthesis, patches: Patches, steps: np.ndarray | None = None, seed: int = 1
+) -> CameraBlur:
     """Estimate the blur of pictures in the plane.
 
     Parameters
@@ -75,6 +77,8 @@ def camera_blur(data: Data, made: Synthesis, patches: Patches, seed: int = 1) ->
     made : Synthesis
         Of the fitted model, without any blur.
     patches : Patches
+    steps : ndarray of int, optional
+        Indices of the steps whose pictures tell, as those that the fit used; all when left out.
     seed : int
         Of the noise whose part in the estimate is taken off: the second derivatives of a picture go with its noise.
 
@@ -86,7 +90,9 @@ def camera_blur(data: Data, made: Synthesis, patches: Patches, seed: int = 1) ->
     frame = Picture.before(data)
     count, rng = len(patches.centre), np.random.default_rng(seed)
     along, square = np.zeros(count), np.zeros(count)
-    for way, synthesized, measured in zip(made.maps, made.prediction.pictures, data.measured, strict=True):
+    told = np.ones(len(data.picture_step), dtype=bool) if steps is None else np.isin(data.picture_step, steps)
+    for n in np.flatnonzero(told):
+        way, synthesized, measured = made.maps[n], made.prediction.pictures[n], data.measured[n]
         fit = register(synthesized, measured, owners_of(data, frame, way, patches), count)
         left = _moved_back(measured, fit) - synthesized
         for share, difference, picture in [(1.0, left, synthesized), *_noise(data, way, rng)]:

@@ -15,7 +15,7 @@ from fingerfit.diagnosis.camera_blur import CameraBlur, camera_blur
 from fingerfit.diagnosis.candidates import Candidate
 from fingerfit.diagnosis.likelihood import Weighed
 from fingerfit.diagnosis.observing import change_seen
-from fingerfit.diagnosis.residual import Residual, common_modes, residual_of
+from fingerfit.diagnosis.residual import Residual, common_modes, of_fit, residual_of
 from fingerfit.diagnosis.rough import rough_covariance
 from fingerfit.diagnosis.score_tests import Known, ScoreTest
 from fingerfit.fit.finer import as_on_finer_mesh, on_finer_mesh
@@ -89,12 +89,13 @@ class Comparison:
         self.blur: CameraBlur | None = None
         self.data, made = everything, self._made(everything)
         if find_blur and everything.before.ndim == 2 and not everything.blur:  # none is stated
-            self.blur = camera_blur(everything, made, self.patches)
+            self.blur = camera_blur(everything, made, self.patches, problem.data.picture_step)
             if self.blur.sure:
                 self.data = replace(everything, blur=self.blur.size)
                 made = self._made(self.data)
         self.prediction = made.prediction
         self.residual: Residual = residual_of(self.data, made.prediction, made.maps, self.patches)
+        self.kept: np.ndarray = self.residual.kept & of_fit(self.residual, self.data, problem.data)
         self.places = self.residual.places, self.residual.place_patch
         seen = problem.seen(self.base.values)
         self._readers = {name: self.reader(mesh, seen) for name, mesh in problem.meshes.items()}
@@ -170,7 +171,7 @@ class Comparison:
     def own(self, slope: Slope | None = None) -> np.ndarray:
         """Slopes of the model's own numbers, shape (kept, parameters): as from `column`."""
         columns = [self.column(parameter, slope) for parameter in self.problem.settings.parameters()]
-        return np.stack(columns, axis=1)[self.residual.kept]
+        return np.stack(columns, axis=1)[self.kept]
 
     def column(self, parameter: Parameter, slope: Slope | None = None) -> np.ndarray:
         """Derivative of all values by the search coordinate of a fitted number, shape (all,).
@@ -196,12 +197,12 @@ class Comparison:
         best = best_values(self.last)
         step = step_of(name, by_role, self.problem.settings.parameters(), best)
         found = difference(ahead, behind, lambda: self.read(self.problem.ask(best)), step)
-        return np.zeros(len(self.residual.kept)) if found is None else found
+        return np.zeros(len(self.kept)) if found is None else found
 
-    def nuisance(self, slope: Slope | None = None) -> np.ndarray:
+    def nuisance(self, slope: Slope | None = None, kept: np.ndarray | None = None) -> np.ndarray:
         """Signals of unknown size with standard deviation 1, shape (kept, 2 steps).
 
-        Of each step that of the noise of the prescribed quantity, then that of the mesh.
+        Of each step that of the noise of the prescribed quantity, then that of the mesh; of other values if `kept`.
         """
         data, columns = self.data, []
         control = (slope or self.slope)("control")
@@ -209,19 +210,7 @@ class Comparison:
             only = self._at_step(step)
             columns.append(control * self.data.control_share[step] * only)
             columns.append(self.mesh_signal * only)
-        return np.stack(columns, axis=1)[self.residual.kept]
-
-    def control_covariance(self) -> np.ndarray:
-        """What the noise of the prescribed quantity does, independent from step to step, shape (kept, kept)."""
-        columns = self.nuisance()[:, 0::2]
-        return columns @ columns.T
-
-    def step_of(self) -> np.ndarray:
-        """Index of the step that each value of the residual belongs to, shape (kept,)."""
-        whole = np.zeros(len(self.residual.kept), dtype=int)
-        for step in range(len(self.data.step)):
-            whole[self._at_step(step) > 0] = step
-        return whole[self.residual.kept]
+        return np.stack(columns, axis=1)[self.kept if kept is None else kept]
 
     @cached_property
     def floor(self) -> np.ndarray:
@@ -261,12 +250,10 @@ class Comparison:
         if slope is None:
             return np.zeros(len(self.data.picture_step)), np.zeros(len(self.data.picture_step))
         noise = self.data.control_share[self.data.picture_step]
-        size, off = self.residual.inside(slope), []
-        for left, along, way in zip(
-            self.data.measured - self.prediction.pictures, slope, self.residual.fits, strict=True
-        ):
-            along = along.ravel()[way.pixel]
-            off.append(float(left.ravel()[way.pixel] @ along) / max(float(along @ along), np.finfo(float).tiny))
+        size, off = (
+            self.residual.inside(slope),
+            self.residual.times(slope, self.data.measured - self.prediction.pictures),
+        )
         return size * noise, np.divide(off, noise, out=np.zeros_like(size), where=noise > 0)
 
     def pictures(self, asked: Asked | None) -> np.ndarray | None:
@@ -295,33 +282,45 @@ class Comparison:
             asked, changed = self.finer
             coarse, fine = self.read(self.problem.ask(asked.values, ANCHOR)), self._readers[SEARCH].read(changed)
         if coarse is None or fine is None:
-            return np.zeros(len(self.residual.kept))
+            return np.zeros(len(self.kept))
         return (fine - coarse) * left_over(self.problem, self.mesh)
 
-    def mesh_covariance(self) -> np.ndarray:
-        """Error of the mesh as a random field, shape (kept, kept): its size is that of `mesh_signal`."""
-        return self.rough_covariance(self.mesh_signal)
+    def rough_covariance(self, signal: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
+        """Of an error as large as a signal, shape (all,), whose pattern is known only roughly; `kept` as above."""
+        height, kept = float(np.ptp(self.problem.meshes[SEARCH].body[:, -1])), self.kept if kept is None else kept
+        return rough_covariance(self.residual.value.shape, self.patches.centre, height, signal, kept)
 
-    def rough_covariance(self, signal: np.ndarray) -> np.ndarray:
-        """Of an error that is as large as a signal, shape (all,), and has a pattern that is known only roughly."""
-        height = float(np.ptp(self.problem.meshes[SEARCH].body[:, -1]))
-        return rough_covariance(self.residual, self.patches.centre, height, signal)
+    @cached_property
+    def vector(self) -> np.ndarray:
+        """What the model leaves of the values that choose, shape (kept,): displacements (mm), brightness, N or mm."""
+        return self.whole[self.kept]
+
+    @property
+    def whole(self) -> np.ndarray:
+        """What it leaves of all that was measured, held-out steps included, shape (all,); NaN where not known."""
+        return self.residual.whole
+
+    @cached_property
+    def noise(self) -> np.ndarray:
+        """Covariance of the noise, shape (kept, kept)."""
+        chosen = self.kept[self.residual.kept]
+        return self.residual.covariance[np.ix_(chosen, chosen)]
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Of the noise and of the error of the mesh, shape (kept, kept)."""
-        return self.residual.covariance + self.mesh_covariance()
+        """Of the noise, and of the error of the mesh as a random field of its size, shape (kept, kept)."""
+        return self.noise + self.rough_covariance(self.mesh_signal)
 
     @cached_property
     def score_test(self) -> ScoreTest:
         """ScoreTest of what the model leaves."""
-        return ScoreTest(self.residual.vector, self.covariance, self.own(), self.nuisance(), self.common(), self.known)
+        return ScoreTest(self.vector, self.covariance, self.own(), self.nuisance(), self.common(), self.known)
 
     @cached_property
     def weighed(self) -> Weighed:
         """What the model leaves, for comparisons with other models."""
-        residual = self.residual
-        return Weighed(residual.kept, residual.vector, self.own(), self.covariance, self.nuisance(), known=self.known)
+        left = self.kept, self.vector, self.own(), self.covariance, self.nuisance()
+        return Weighed(*left, known=self.known, whole=self.whole)
 
     @property
     def known(self) -> Known:
@@ -331,7 +330,7 @@ class Comparison:
 
     def common(self) -> np.ndarray:
         """What all values of a step have in common, shape (kept, modes)."""
-        return common_modes(self.residual, self.data, self.slope("control"))
+        return common_modes(self.residual, self.data, self.slope("control"), self.kept)
 
     @property
     def everything(self) -> Everything:
@@ -355,7 +354,7 @@ class Comparison:
         """
         effect, columns = candidate.effect, []
         if effect.signal == MESH_ERROR:
-            return self.mesh_signal[:, None][self.residual.kept]
+            return self.mesh_signal[:, None][self.kept]
         if effect.observes_alone:
             columns = [self.observed(effect, candidate.place, p.name) for p in effect.parameters]
         else:
@@ -366,7 +365,7 @@ class Comparison:
                 if effect.observes:  # it changes the deck and what is seen of its solution
                     found = found + self.observed(effect, candidate.place, parameter.name)
                 columns.append(found)
-        return np.stack(columns, axis=1)[self.residual.kept]
+        return np.stack(columns, axis=1)[self.kept]
 
     def observed(self, effect: Effect, values: Mapping[str, float], name: str) -> np.ndarray:
         """Slope of an effect on the observation by one of its parameters, of all values, shape (all,).
@@ -375,7 +374,7 @@ class Comparison:
         """
         name, _, test = name.partition(AT)
         if self.problem.test and (test not in ("", self.problem.test) or self.problem.lacks(effect)):
-            return np.zeros(len(self.residual.kept))
+            return np.zeros(len(self.kept))
         # a place that the fit moves has bounds in place of a step
         steps = {place: 0.01 * (high - low) for place, (low, high) in effect.refine.items()}
         step = (steps | {p.name: p.step for p in effect.parameters})[name]

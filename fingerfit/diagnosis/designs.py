@@ -234,7 +234,7 @@ def _designs_of(comparison: Comparison) -> list[Design]:
 
 def _tests(comparison: Comparison) -> list[tuple[Comparison, slice]]:
     """The tests of a study, and which values of the residual of all of them are theirs."""
-    ends = np.cumsum([0, *(len(test.residual.vector) for test in comparison.every)]).tolist()
+    ends = np.cumsum([0, *(len(test.vector) for test in comparison.every)]).tolist()
     return [(test, slice(*ends[n : n + 2])) for n, test in enumerate(comparison.every)]
 
 
@@ -261,14 +261,13 @@ def _with_half(problem: InverseProblem) -> InverseProblem:
 
 def _with_response(comparison: Comparison) -> Comparison:
     """The comparison as if the response had been measured, with a noise of `GOOD`; what was is not known."""
-    whole, residual = copy.copy(comparison), comparison.residual
-    kept = residual.kept.copy()
-    kept[residual.value.size :][: len(comparison.data.step)] = True
+    whole, kept = copy.copy(comparison), comparison.kept.copy()
+    kept[comparison.residual.value.size :][: len(comparison.data.step)] = True
     along, _ = comparison.data.split(comparison.prediction.response)
-    there, noise = residual.kept[kept], GOOD * np.abs(along).max()
+    there, noise = comparison.kept[kept], GOOD * np.abs(along).max()
     covariance = noise**2 * np.eye(len(there))
-    covariance[np.ix_(there, there)] = residual.covariance
-    whole.residual = replace(residual, kept=kept, covariance=covariance)
+    covariance[np.ix_(there, there)] = comparison.noise
+    whole.kept, whole.noise = kept, covariance
     return whole
 
 
@@ -330,10 +329,12 @@ class _Shown:
         """Covariance of noise and mesh, slopes of the constants, and signals of unknown size."""
         design = self.design
         comparison = _with_response(self.comparison) if design.response else self.comparison
-        residual = comparison.residual
-        pictures = np.flatnonzero(residual.kept) < residual.value.size
+        pictures = np.flatnonzero(comparison.kept) < comparison.residual.value.size
         scale = np.where(pictures, design.pictures, design.forces)
-        covariance = residual.covariance * np.outer(scale, scale) + comparison.mesh_covariance() * design.error**2
+        covariance = (
+            comparison.noise * np.outer(scale, scale)
+            + comparison.rough_covariance(comparison.mesh_signal) * design.error**2
+        )
         slope = self._slope if design.study else comparison.slope
         own, unknown = comparison.own(slope), comparison.nuisance(slope)
         # columns of the prescribed quantity and of the mesh take turns
@@ -370,7 +371,7 @@ class _Shown:
         sides = self._sides.get(name, (None, None))
         ahead, behind = (self.comparison.read(asked) if asked else None for asked in sides)
         found = difference(ahead, behind, lambda: self.comparison.read(self._null))
-        return np.zeros(len(self.comparison.residual.kept)) if found is None else found
+        return np.zeros(len(self.comparison.kept)) if found is None else found
 
 
 def _unloading(study: Study) -> Study:

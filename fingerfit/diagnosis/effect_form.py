@@ -85,7 +85,7 @@ def _of_pictures(effect: Effect) -> bool:
 def _covariance(comparison: Comparison, effects: Sequence[Effect]) -> np.ndarray:
     """Covariance of errors that are as large as the signals of these effects, shape (kept, kept)."""
     tests, own = comparison.every, comparison.weighed.own
-    ends = np.cumsum([len(test.residual.vector) for test in tests])
+    ends = np.cumsum([len(test.vector) for test in tests])
     whole = np.zeros((len(own), len(own)))
     for effect in effects:
         parts = np.split(_signal(comparison, effect, own), ends[:-1])
@@ -106,7 +106,7 @@ def _signal(comparison: Comparison, effect: Effect, own: np.ndarray) -> np.ndarr
 
 
 def _everywhere(test: Comparison, part: np.ndarray) -> np.ndarray:
-    """Values of a test that are known, among all of them; 0 elsewhere."""
-    whole = np.zeros(len(test.residual.kept))
-    whole[test.residual.kept] = part
+    """Values of a test that choose, among all of them; 0 elsewhere."""
+    whole = np.zeros(len(test.kept))
+    whole[test.kept] = part
     return whole

@@ -51,8 +51,8 @@ def are_fitted(problem: InverseProblem, data: Data, steps: np.ndarray) -> np.nda
 
 def _errors_by_step(comparison: Comparison) -> tuple[float, float | None]:
     residual = comparison.residual
-    fitted = are_fitted(comparison.problem, comparison.data, comparison.step_of())
-    noise = residual.covariance + comparison.control_covariance()
+    fitted, by_control = comparison.kept[residual.kept], comparison.nuisance(kept=residual.kept)[:, 0::2]
+    noise = residual.covariance + by_control @ by_control.T
     found = []
     for chosen in (fitted, ~fitted):
         own = np.linalg.cholesky(noise[np.ix_(chosen, chosen)])

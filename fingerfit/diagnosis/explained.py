@@ -31,23 +31,23 @@ def explained(comparison: Comparison, one: Ranked, refit: Refit | None = None) -
 
     Returns
     -------
-    ndarray, shape (kept,)
-        In the units of the residual; NaN where the refit does not know it.
+    ndarray, shape (all,)
+        In the units of the residual; NaN where it is not known, and by slopes for what the fit did not use.
     str
         ``refit``; ``first pass``; or ``slopes``, where there is neither.
     """
-    residual = comparison.residual
+    left = refit.weighed.whole if refit is not None and refit.weighed is not None else None
     # a body of another shape has patches elsewhere
-    if refit is not None and refit.weighed is not None and refit.weighed.kept.shape == residual.kept.shape:
-        left = np.full(len(residual.kept), np.nan)
-        left[refit.weighed.kept] = refit.weighed.vector
-        return residual.vector - left[residual.kept], REFIT
+    if left is not None and left.shape == comparison.whole.shape:
+        return comparison.whole - left, REFIT
     if one.refitted is not None:
-        whole = _by_first_pass(comparison, one)
-        if whole is not None:
-            return whole[residual.kept], FIRST_PASS
+        changed = _by_first_pass(comparison, one)
+        if changed is not None:
+            return np.where(np.isfinite(comparison.whole), changed, np.nan), FIRST_PASS
     signal = one.columns @ one.finding.size
-    return signal + comparison.own() @ comparison.score_test.follow(signal), SLOPES
+    whole = np.full(len(comparison.kept), np.nan)
+    whole[comparison.kept] = signal + comparison.own() @ comparison.score_test.follow(signal)
+    return whole, SLOPES
 
 
 def _by_first_pass(comparison: Comparison, one: Ranked) -> np.ndarray | None:

@@ -71,18 +71,16 @@ class FirstPass:
     """
 
     def __init__(self, comparison: Comparison, threads: int = 1) -> None:
-        self.comparison, self.threads, residual = comparison, threads, comparison.residual
+        self.comparison, self.threads = comparison, threads
         anchor = comparison.read(comparison.anchor)
         if anchor is None:
             raise StateError("the estimate has no solution on the search mesh")
-        whole = np.zeros(len(residual.kept))
-        whole[residual.kept] = residual.vector
-        self.rows = residual.kept & _followed(comparison)
-        self._left, self._anchor = whole, anchor
-        self._inside = inside = self.rows[residual.kept]
+        self.rows = comparison.kept & _followed(comparison)
+        self._left, self._anchor = np.where(comparison.kept, comparison.whole, 0.0), anchor
+        self._inside = inside = self.rows[comparison.kept]
         covariance, nuisance = comparison.covariance[np.ix_(inside, inside)], comparison.nuisance()[inside]
         # of a model without numbers of its own: they are fitted here, not projected away
-        self._weights = ScoreTest(residual.vector[inside], covariance, np.zeros((self.count, 0)), nuisance)
+        self._weights = ScoreTest(comparison.vector[inside], covariance, np.zeros((self.count, 0)), nuisance)
 
     @cached_property
     def known(self) -> dict[str, np.ndarray]:
@@ -94,7 +92,7 @@ class FirstPass:
     @cached_property
     def _score_test(self) -> ScoreTest:
         comparison, inside = self.comparison, self._inside
-        return self._weights.of_another(comparison.residual.vector[inside], comparison.own()[inside], comparison.known)
+        return self._weights.of_another(comparison.vector[inside], comparison.own()[inside], comparison.known)
 
     def promised(self, one: Ranked) -> Ranked:
         """An effect with what slopes predict of the values that are fitted here alone."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,14 +16,6 @@ from fingerfit.fit.rounds import Asked, Round
 from fingerfit.model.effect import Effect
 from fingerfit.model.parameters import Parameter
 from fingerfit.study.data import Data
-
-
-@dataclass(frozen=True)
-class JointResidual:
-    """Which values of all tests are known, shape (all,), and these, shape (kept,)."""
-
-    kept: np.ndarray
-    vector: np.ndarray
 
 
 class JointComparison(Comparison):
@@ -54,9 +45,7 @@ class JointComparison(Comparison):
             )
             for n, (test, data) in enumerate(zip(problem.every, everything, strict=True))
         )
-        kept, known = ([getattr(one.residual, name) for one in self._tests] for name in ("kept", "vector"))
-        joined: Any = JointResidual(np.concatenate(kept), np.concatenate(known))
-        self.residual = joined
+        self.kept = np.concatenate([test.kept for test in self._tests])
 
     @property
     def every(self) -> tuple[Comparison, ...]:
@@ -88,18 +77,21 @@ class JointComparison(Comparison):
         """Slope of displacements and response by a constant, shape (all,)."""
         return np.concatenate([test.slope(name) for test in self._tests])
 
-    def nuisance(self, slope: Slope | None = None) -> np.ndarray:
+    def nuisance(self, slope: Slope | None = None, kept: np.ndarray | None = None) -> np.ndarray:
         """Signals of unknown size with standard deviation 1: those of each test for itself."""
         _no_other(slope)
+        if kept is not None:
+            raise only_of_each("nuisances of other values")
         return diagonal([test.nuisance() for test in self._tests])
 
     def common(self) -> np.ndarray:
         """What all values of a step of a test have in common."""
         return diagonal([test.common() for test in self._tests])
 
-    def step_of(self) -> np.ndarray:
-        """Index of the step, in its own test, that each value belongs to."""
-        return np.concatenate([test.step_of() for test in self._tests])
+    @property
+    def whole(self) -> np.ndarray:
+        """What the model leaves of all that was measured in the tests, shape (all,)."""
+        return np.concatenate([test.whole for test in self._tests])
 
     @property
     def covariance(self) -> np.ndarray:  # type: ignore[override]

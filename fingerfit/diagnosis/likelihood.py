@@ -21,7 +21,7 @@ class Left:
     Parameters
     ----------
     kept : ndarray of bool, shape (all,)
-        Which values are known.
+        Which values are known, and of steps that the fit used.
     vector : ndarray, shape (kept,)
     own : ndarray, shape (kept, parameters)
         Slopes of the model's own numbers.
@@ -42,10 +42,13 @@ class Weighed(Left):
     ----------
     covariance : ndarray, shape (kept, kept)
     nuisance : ndarray, shape (kept, nuisances)
+    whole : ndarray, shape (all,), optional
+        What it leaves of all that was measured, held-out steps included; NaN where not known.
     """
 
     covariance: np.ndarray
     nuisance: np.ndarray
+    whole: np.ndarray | None = field(default=None, kw_only=True)
 
 
 def by_likelihood_of(reference: Weighed, models: Mapping[str, Left]) -> dict[str, ScoreTest]:

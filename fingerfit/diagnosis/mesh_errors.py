@@ -101,7 +101,7 @@ def by_finer_mesh(comparison: Comparison, score_test: ScoreTest, threads: int = 
     whole = joined(changes)
     if whole is None or not whole.any():
         return 0.0, what, run
-    columns = whole[comparison.residual.kept][:, None]
+    columns = whole[comparison.kept][:, None]
     fall, left = score_test.test(columns, np.zeros(1), np.full(1, MOST)).fall, excess(score_test)
     part = f"explains {min(100, 100 * fall / left):.0f} %" if left > 1.0 else f"lowers the misfit by {fall:.3g}"
     tell(f"{what} {part}")

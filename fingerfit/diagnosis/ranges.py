@@ -144,7 +144,7 @@ def left_out(comparison: Comparison) -> tuple[np.ndarray, int]:
         In search coordinates, by the slopes at the estimate.
     count : int
     """
-    nuisance, own, vector = comparison.nuisance(), comparison.own(), comparison.residual.vector
+    nuisance, own, vector = comparison.nuisance(), comparison.own(), comparison.vector
     covariance, parts = comparison.covariance + nuisance @ nuisance.T, parts_of_data(comparison)
     known = comparison.known
     found = []
@@ -175,4 +175,4 @@ def _parts(comparison: Comparison) -> np.ndarray:
     data = comparison.data
     later = 2 ** centre.shape[1] + data.response_step * PARTS // max(len(data.step), 1)
     whole = np.concatenate([np.broadcast_to(corner[None, :, None], shape).ravel(), later])
-    return np.asarray(whole[comparison.residual.kept])
+    return np.asarray(whole[comparison.kept])

@@ -61,13 +61,37 @@ class Residual:
         """All known values, shape (kept,)."""
         return flat(self.value, self.response)[self.kept]
 
+    @property
+    def whole(self) -> np.ndarray:
+        """All values, shape (all,); NaN where not known."""
+        return np.where(self.kept, flat(self.value, self.response), np.nan)
+
     def inside(self, pictures: np.ndarray) -> np.ndarray:
         """Root mean square of differences of pictures inside the body, shape (pictures,)."""
         both = zip(pictures, self.fits, strict=True)
         return np.array([np.sqrt(np.mean(picture.ravel()[way.pixel] ** 2)) for picture, way in both])
 
+    def times(self, pictures: np.ndarray, left: np.ndarray) -> np.ndarray:
+        """How many times each picture is in what is left of it inside the body, by least squares, shape (pictures,)."""
+        found = []
+        for picture, rest, way in zip(pictures, left, self.fits, strict=True):
+            own = picture.ravel()[way.pixel]
+            found.append(float(rest.ravel()[way.pixel] @ own) / max(float(own @ own), np.finfo(float).tiny))
+        return np.array(found)
 
-def common_modes(residual: Residual, data: Data, control: np.ndarray) -> np.ndarray:
+
+def of_fit(residual: Residual, data: Data, fitted: Data) -> np.ndarray:
+    """Which values of all data are of `fitted`, those that a fit compares, bool, shape (all,).
+
+    Where there are pictures, the response of every step is.
+    """
+    pictures = np.isin(data.picture_step, fitted.picture_step)
+    points = np.isin(np.unique(data.points_step), fitted.points_step)
+    fields = np.concatenate([pictures, points])[:, None, None]
+    return np.concatenate([np.broadcast_to(fields, residual.value.shape).ravel(), np.isfinite(fitted.response[0])])
+
+
+def common_modes(residual: Residual, data: Data, control: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """What all values of a step have in common, shape (kept, modes).
 
     Of each step the slope by the prescribed quantity, a displacement of everything along each axis, and the
@@ -80,6 +104,8 @@ def common_modes(residual: Residual, data: Data, control: np.ndarray) -> np.ndar
         Tells which values are of which step.
     control : ndarray, shape (all,)
         Slope by the prescribed quantity.
+    kept : ndarray of bool, shape (all,)
+        The values that are asked for.
     """
     columns, entries = [], residual.value.shape
     for step in range(len(data.step)):
@@ -90,8 +116,8 @@ def common_modes(residual: Residual, data: Data, control: np.ndarray) -> np.ndar
             columns += [
                 flat(here * np.ones((*entries[:2], 1)) * one, 0.0 * response) for one in np.eye(entries[2])[:-1]
             ]
-    kept = np.stack(columns, axis=1)[residual.kept]
-    return kept[:, np.abs(kept).max(axis=0, initial=0.0) > 0]
+    modes = np.stack(columns, axis=1)[kept]
+    return modes[:, np.abs(modes).max(axis=0, initial=0.0) > 0]
 
 
 def residual_of(

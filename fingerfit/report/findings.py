@@ -44,28 +44,35 @@ def write_compare(comparison: Comparison, path: Path) -> None:
     In a study with several tests each has its own, as ``force@wide``, and ``tests`` are their names.
     """
     if len(comparison.every) == 1:
-        write_npz(path, _compared(comparison, comparison.score_test.spread))
+        write_npz(path, _compared(comparison))
         return
     names, found = [test.problem.test for test in comparison.every], dict[str, np.ndarray]()
-    for name, test, spread in zip(
-        names, comparison.every, by_test(comparison, comparison.score_test.spread), strict=True
-    ):
-        found |= {f"{key}{array_ending(name)}": values for key, values in _compared(test, spread).items()}
+    for name, test in zip(names, comparison.every, strict=True):
+        found |= {f"{key}{array_ending(name)}": values for key, values in _compared(test).items()}
     write_npz(path, {TESTS: np.array(names), **found})
 
 
-def by_test(comparison: Comparison, known: np.ndarray) -> list[np.ndarray]:
-    """A vector like the residual of all tests, shape (kept,), in its parts."""
-    counts = [len(test.residual.vector) for test in comparison.every]
-    return np.split(known, np.cumsum(counts)[:-1])
+def by_test(comparison: Comparison, whole: np.ndarray) -> list[np.ndarray]:
+    """All values of all tests, shape (all,), in its parts."""
+    counts = [len(test.kept) for test in comparison.every]
+    return np.split(whole, np.cumsum(counts)[:-1])
 
 
-def _compared(comparison: Comparison, spread: np.ndarray) -> dict[str, np.ndarray]:
-    problem, data, residual = comparison.problem, comparison.data, comparison.residual
+def _spread(comparison: Comparison) -> np.ndarray:
+    """Standard deviation of each value by all of its noise and its mesh, shape (all,); NaN where not known."""
+    known = comparison.residual.kept
+    own = comparison.residual.covariance + comparison.rough_covariance(comparison.mesh_signal, known)
+    whole = np.full(len(known), np.nan)
+    whole[known] = np.sqrt(np.diag(own) + (comparison.nuisance(kept=known) ** 2).sum(axis=1))
+    return whole
+
+
+def _compared(comparison: Comparison) -> dict[str, np.ndarray]:
+    problem, data = comparison.problem, comparison.data
     outcome = problem.outcome(comparison.base)
     mesh = in_first_picture(problem.meshes[comparison.mesh], outcome)
     steps = data.entry_step[: shown(comparison)]
-    left, noise = (parts_left(comparison, known) for known in (residual.vector, spread))
+    left, noise = (parts_left(comparison, whole) for whole in (comparison.whole, _spread(comparison)))
     error, floor = comparison.error, comparison.floor
     if not len(data.picture_step):  # of measured points: displacements, mm
         error, floor = (np.array([_typical(one) for one in each[DISPLACEMENT]]) for each in (left, noise))
@@ -149,13 +156,13 @@ def shown(comparison: Comparison) -> int:
     return len(comparison.data.picture_step) or len(comparison.residual.value)
 
 
-def parts_left(comparison: Comparison, known: np.ndarray) -> dict[str, np.ndarray]:
-    """A vector like the residual by its parts, with NaN for what was not measured.
+def parts_left(comparison: Comparison, whole: np.ndarray) -> dict[str, np.ndarray]:
+    """All values by their parts, with NaN for what was not measured.
 
     Parameters
     ----------
     comparison : Comparison
-    known : ndarray, shape (kept,)
+    whole : ndarray, shape (all,)
 
     Returns
     -------
@@ -164,8 +171,6 @@ def parts_left(comparison: Comparison, known: np.ndarray) -> dict[str, np.ndarra
         ``response``, shape (steps,), N or mm.
     """
     residual = comparison.residual
-    whole = np.full(residual.kept.shape, np.nan)
-    whole[residual.kept] = known
     fields = whole[: residual.value.size].reshape(residual.value.shape)[: shown(comparison)]
     brightness = fields[: len(comparison.data.picture_step), :, -1]
     along, _ = comparison.data.split(whole[residual.value.size :])

@@ -149,5 +149,5 @@ def test_a_blur_without_deformation_is_not_to_be_seen():
 def test_without_pictures_there_is_none():
     data, made, patches = photographed(0.25, generator(3))
     nothing = replace(made, prediction=replace(made.prediction, pictures=made.prediction.pictures[:0]), maps=[])
-    found = camera_blur(replace(data, measured=data.measured[:0]), nothing, patches)
+    found = camera_blur(replace(data, measured=data.measured[:0], picture_step=data.picture_step[:0]), nothing, patches)
     assert not found.sure and not found.by_optics

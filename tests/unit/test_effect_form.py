@@ -30,8 +30,8 @@ def world(signal, names=("tilt",), left=None, effects=EFFECTS):
         parameters=lambda: parameters, model=SimpleNamespace(effects=dict.fromkeys(names), parameters={"mu": None})
     )
     vector = np.zeros(COUNT) if left is None else left
-    weighed = Weighed(np.ones(COUNT, dtype=bool), vector, own, NOISE**2 * np.eye(COUNT), np.zeros((COUNT, 0)))
-    residual = SimpleNamespace(value=np.zeros(SHAPE), kept=np.ones(COUNT, dtype=bool), vector=vector)
+    kept = np.ones(COUNT, dtype=bool)
+    weighed = Weighed(kept, vector, own, NOISE**2 * np.eye(COUNT), np.zeros((COUNT, 0)))
     found = SimpleNamespace(
         problem=SimpleNamespace(
             settings=settings,
@@ -39,12 +39,13 @@ def world(signal, names=("tilt",), left=None, effects=EFFECTS):
         ),
         base=SimpleNamespace(values={p.name: p.scale for p in parameters}),
         patches=SimpleNamespace(centre=np.stack([np.arange(PATCHES) + 0.5, np.full(PATCHES, 2.0)], axis=1)),
-        residual=residual,
+        kept=kept,
+        vector=vector,
         weighed=weighed,
         common=lambda: np.ones((COUNT, 1)),
     )
     found.every = (found,)
-    found.rough_covariance = lambda signal: rough_covariance(residual, found.patches.centre, 4.0, signal)
+    found.rough_covariance = lambda signal: rough_covariance(SHAPE, found.patches.centre, 4.0, signal, kept)
     return found
 
 

@@ -121,7 +121,7 @@ def test_a_prior_that_the_data_contradict_is_told_by_the_estimate_and_by_the_mis
     remarks = estimate_of(problem, last)["remarks"]
     assert any("standard deviations off its prior: the data contradict it" in line for line in remarks)
     comparison = comparison_of(problem, last, everything)
-    alone = ScoreTest(comparison.residual.vector, comparison.covariance, comparison.own(), comparison.nuisance())
+    alone = ScoreTest(comparison.vector, comparison.covariance, comparison.own(), comparison.nuisance())
     assert comparison.score_test.misfit > alone.misfit + 100
     assert comparison.score_test.freedom == alone.freedom + 1
     # the first pass, which fits the constants again, finds the same minimum

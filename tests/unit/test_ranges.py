@@ -23,7 +23,9 @@ def compared(vector, own):
     x, y = np.meshgrid(np.arange(4.0), np.arange(4.0))
     count = PATCHES * STEPS * 3 + FORCES
     one = SimpleNamespace(
-        residual=SimpleNamespace(kept=np.ones(count, dtype=bool), value=np.zeros((STEPS, PATCHES, 3)), vector=vector),
+        kept=np.ones(count, dtype=bool),
+        vector=vector,
+        residual=SimpleNamespace(value=np.zeros((STEPS, PATCHES, 3))),
         data=SimpleNamespace(step=np.arange(FORCES), response_step=np.arange(FORCES)),
         patches=SimpleNamespace(centre=np.stack([x.ravel(), y.ravel()], axis=1)),
         covariance=np.eye(count),
@@ -46,7 +48,7 @@ def test_a_residual_that_is_alike_everywhere_moves_nothing_and_one_that_is_not_m
     own = np.ones((count, 1))
     assert left_out(compared(np.ones(count), own))[0] == pytest.approx(0.0, abs=1e-12)
     half = compared(np.zeros(count), own)
-    half.residual.vector = np.where(parts_of_data(half) % 2 == 0, 1.0, -1.0)
+    half.vector = np.where(parts_of_data(half) % 2 == 0, 1.0, -1.0)
     spread, groups = left_out(half)
     # the mean of all is 0; without a part of n values of +-1 it is -+n / (count - n)
     moves = np.repeat([36 / (count - 36), 2 / (count - 2)], 4) * np.tile([-1, 1], 4)
@@ -67,7 +69,9 @@ def test_noise_alone_gives_the_standard_error():
 def test_one_part_of_the_data_has_no_spread_but_the_interval_is_told():
     """As one force beside a prior that contradicts it: there is nothing to leave out."""
     one = SimpleNamespace(
-        residual=SimpleNamespace(kept=np.array([True]), value=np.zeros((0, PATCHES, 3)), vector=np.array([9.0])),
+        kept=np.array([True]),
+        vector=np.array([9.0]),
+        residual=SimpleNamespace(value=np.zeros((0, PATCHES, 3))),
         data=SimpleNamespace(step=np.arange(1), response_step=np.arange(1)),
         patches=SimpleNamespace(centre=np.zeros((PATCHES, 2))),
         covariance=np.eye(1),

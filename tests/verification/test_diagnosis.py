@@ -11,6 +11,7 @@ from fingerfit.deck.questions import areas
 from fingerfit.diagnosis.candidates import candidates
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.designs import designs, half_indenter, separation
+from fingerfit.diagnosis.errors import errors, fitted_steps
 from fingerfit.diagnosis.ranking import best_places, rank_candidates, stiffness_map
 from fingerfit.diagnosis.residual import common_modes
 from fingerfit.diagnosis.score_tests import ScoreTest
@@ -128,17 +129,37 @@ def test_half_an_indenter_holds_whole_sides_of_elements(element, across):
     )
 
 
-def test_common_modes_are_those_of_the_steps(world, rng):
-    """Force and displacement of each of four steps: a force that is wrong shows in them and nowhere else."""
+def test_pictures_of_held_out_steps_choose_nothing(world, rng):
+    """Whatever they show: it is told as their error, and drawn."""
     comparison, _ = world
-    score_test, residual = comparison.score_test, comparison.residual
-    modes = common_modes(residual, comparison.data, comparison.slope("control"))
-    # of each step the response, the slope by the force, two displacements
-    assert modes.shape == (len(residual.vector), 4 * 4)
-    # less one: the same share of the force at all steps is the scale of the constants
-    assert score_test.common_freedom == 4 * 4 - 1
-    covariance = residual.covariance + comparison.mesh_covariance()
-    wrong = 8 * comparison.nuisance()[:, 0::2] @ np.array([0.0, 0.0, 1.0, 0.0])
+    data, held = comparison.everything, ~fitted_steps(comparison.problem, comparison.data)
+    measured = data.measured.copy()
+    measured[held] += rng.normal(0.0, 20.0, measured[held].shape)
+    other = Comparison(comparison.problem, comparison.last, replace(data, measured=measured))
+    assert held.sum() == 2 and other.score_test.misfit == comparison.score_test.misfit
+    assert other.vector.tolist() == comparison.vector.tolist()
+    assert (other.covariance == comparison.covariance).all()
+    (fitted, without), (same, told) = errors(comparison), errors(other)
+    assert same == fitted and told > 2 * without
+    drawn = np.isfinite(comparison.whole) & ~comparison.kept
+    assert drawn.any() and (other.whole[drawn] != comparison.whole[drawn]).any()
+
+
+def test_common_modes_are_those_of_the_steps(world, rng):
+    """Force of each of four steps, and displacements of those whose pictures are fitted: a force that is wrong shows in
+    them and nowhere else."""
+    comparison, _ = world
+    score_test = comparison.score_test
+    modes = common_modes(comparison.residual, comparison.data, comparison.slope("control"), comparison.kept)
+    fitted = fitted_steps(comparison.problem, comparison.data)
+    assert (len(fitted), fitted.sum()) == (4, 2) and fitted[1]
+    # of each step the response and the slope by the force, and two displacements where a picture is fitted
+    assert modes.shape == (len(comparison.vector), 4 * 2 + 2 * 2)
+    # a response is its own slope where no picture is; less one: the same share of the force at all steps is the scale of
+    # the constants
+    assert score_test.common_freedom == 4 * 2 + 2 * 2 - 2 - 1
+    covariance = comparison.covariance
+    wrong = 8 * comparison.nuisance()[:, 0::2] @ np.array([0.0, 1.0, 0.0, 0.0])
     alone = ScoreTest(wrong, covariance, comparison.own(), comparison.nuisance(), modes)
     assert alone.misfit > 10
     assert alone.common_misfit == pytest.approx(alone.misfit, rel=1e-6)

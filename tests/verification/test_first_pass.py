@@ -63,18 +63,18 @@ def test_what_an_effect_is_shown_to_explain_is_what_its_refit_changes(world):
     """Subtracted from the residual it leaves the misfit of that refit; slopes at the size that was found do not."""
     comparison, _, ranking = world
     first = FirstPass(comparison)
-    inside = first.rows[comparison.residual.kept]
+    inside = first.rows[comparison.kept]
 
     def left(change):
         known = np.zeros(len(first.rows))
-        known[comparison.residual.kept] = comparison.residual.vector - change
+        known[comparison.kept] = comparison.vector - change
         return float((first.whiten(known) ** 2).sum())
 
     assert inside.sum() == first.count
     for one in ranking:
         shown, by = explained(comparison, one)
         assert by == FIRST_PASS
-        assert left(shown) == pytest.approx(one.refitted.misfit, rel=1e-6)
+        assert left(shown[comparison.kept]) == pytest.approx(one.refitted.misfit, rel=1e-6)
     assert left(ranking[0].columns @ ranking[0].finding.size) > 2 * ranking[0].refitted.misfit
 
 
@@ -100,21 +100,23 @@ def test_without_a_refit_the_constants_follow_what_is_shown(world):
         shown, by = explained(comparison, one)
         assert by == SLOPES
         # nothing is left in it that the constants can take up, and nothing else is taken out of it
-        whitened, signature = score_test.whiten(shown), score_test.signature(one.columns @ one.finding.size)
+        whitened = score_test.whiten(shown[comparison.kept])
+        signature = score_test.signature(one.columns @ one.finding.size)
         assert whitened == pytest.approx(signature, abs=1e-6 * np.abs(signature).max())
 
 
 def test_a_refit_is_shown_by_what_it_leaves(world):
     comparison, _, ranking = world
     weighed = comparison.weighed
-    kept = weighed.kept & (generator(2).random(len(weighed.kept)) < 0.9)
-    rows = kept[weighed.kept]
-    less = replace(weighed, kept=kept, vector=0.4 * weighed.vector[rows])
+    known = np.isfinite(weighed.whole) & (generator(2).random(len(weighed.whole)) < 0.9)
+    less = replace(weighed, whole=np.where(known, 0.4 * weighed.whole, np.nan))
     refit = Refit(1.0, 1, 1.0, None, {}, weighed=less)
     shown, by = explained(comparison, ranking[0], refit)
     assert by == REFIT
-    assert shown[rows] == pytest.approx(0.6 * weighed.vector[rows])
-    assert np.isnan(shown[~rows]).all() and 0 < (~rows).sum() < len(rows)
+    # in held-out steps, too: they are drawn, though they choose nothing
+    assert (known & ~comparison.kept).any()
+    assert shown[known] == pytest.approx(0.6 * weighed.whole[known])
+    assert np.isnan(shown[~known]).all() and 0 < (~known).sum() < len(known)
 
 
 def test_the_refit_ends_at_the_minimum_of_what_it_fits(world):

@@ -209,7 +209,7 @@ def test_the_diagnosis_reads_the_force_across(tmp_path, measured):
     result = fit(placed(tmp_path, measured[0]), tmp_path / "results")
     found = diagnose(result)
     assert found.verdict == "adequate"
-    assert len(found.diagnosis.comparison.residual.vector) == 2 * len(MOVES)
+    assert len(found.diagnosis.comparison.vector) == 2 * len(MOVES)
     prediction = result.problem.prediction(finest(result.problem, result.last))
     along, across = result.problem.data.split(prediction.response)
     mu = result.constants.value["mu"]
