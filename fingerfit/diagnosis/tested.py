@@ -8,6 +8,7 @@ from functools import cached_property
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.progress import tell
+from fingerfit.diagnosis.budget import affordable
 from fingerfit.diagnosis.candidates import Candidate, candidates, makes_sense, may_be
 from fingerfit.diagnosis.comparison import Comparison, Everything, anchor_of
 from fingerfit.diagnosis.joint import comparison_of
@@ -17,7 +18,7 @@ from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
 from fingerfit.diagnosis.series import cut
 from fingerfit.diagnosis.sides import Sides, sides_of
-from fingerfit.diagnosis.trials import affordable, refit_all
+from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
 from fingerfit.fit.problem import SEARCH, InverseProblem

@@ -13,6 +13,7 @@ import numpy as np
 from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import begin, counted, tell
+from fingerfit.diagnosis.budget import FEWEST, FIRST_MOVES
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE
 from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
@@ -29,18 +30,11 @@ from fingerfit.diagnosis.refit import chance
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
 from fingerfit.diagnosis.worth import LARGE
 from fingerfit.fit.jobs import solved, solved_since
-from fingerfit.fit.problem import SEARCH, InverseProblem
+from fingerfit.fit.problem import InverseProblem
 from fingerfit.fit.slopes import moved
 from fingerfit.model.effect import NUMERICS
 from fingerfit.solvers.contract import BY_PATH, IN_TIME
-from fingerfit.solvers.cost import expected_seconds
 
-FIRST_MOVES, FEWEST = 4, 6
-"""After the first few moves only a third of the candidates goes on, but so many at least (successive halving: Jamieson
-and Talwalkar 2016)."""
-LONGEST = 1200.0
-"""Seconds of one processor that the first moves of all starts may take together, as expected: ten minutes on two. A
-choice (decision 50)."""
 ROUNDING = 1e-9
 """Of a step: a predicted size below it is what rounding leaves of a number that changes nothing, of either sign."""
 NEARER = (1.0, 0.25, -0.25)
@@ -135,12 +129,6 @@ def refit_all(
             there = replace(tried.ranked, columns=begun.columns)
             found[n] = _likeliest([there, found[n], *found[n].also], spread)
     return by_odds(), run + solved_since(problem, before)
-
-
-def affordable(problem: InverseProblem) -> float:
-    """How many starts of the first pass take `LONGEST` together, by the expected time of a simulation; at least 6."""
-    solver, meshes = problem.settings.solver, [test.meshes[SEARCH] for test in problem.every]
-    return max(FEWEST, LONGEST / FIRST_MOVES / sum(expected_seconds(solver, m.dim, len(m.points)) for m in meshes))
 
 
 def _within(
