@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from fingerfit.core.errors import InputError
 from fingerfit.deck.context import check_layer, check_layers
-from fingerfit.diagnosis.budget import affordable
+from fingerfit.diagnosis.budget import starts
 from fingerfit.fit.problem import REFINED, SEARCH, InverseProblem
 from fingerfit.fit.rounds import Asked
 from fingerfit.forward.bodies import MESH_LINE
@@ -63,7 +63,7 @@ def candidates(problem: InverseProblem, values: Mapping[str, float]) -> tuple[li
     for effect in sorted(problem.effects.values(), key=lambda effect: bool(effect.scan)):
         if not makes_sense(effect, problem):
             continue
-        if effect.series and problem.meshes[SEARCH].dim == 3 and affordable(problem) < len(effect.parameters):
+        if effect.series and problem.meshes[SEARCH].dim == 3 and starts(problem) < len(effect.parameters):
             continue  # a simulation for each of tens of numbers may take hours in space: a person adds it
         for place in effect.places():
             if not may_be(effect, place, problem):

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fingerfit.core.errors import StateError
+from fingerfit.diagnosis.budget import MOVES
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.evidence import information
 from fingerfit.diagnosis.ranking import Ranked, Refitted, within_bounds
@@ -42,8 +43,6 @@ FALL = 2e-3
 """Share of the misfit by which a move must lower it for another one to follow."""
 STILL = 1e-4
 """A move shorter than this share of the way so far is the last one: 0.01 %. A choice."""
-MOVES = 12
-"""A refit that has not ended after as many moves has not converged."""
 NEAR = 0.1 * STEP
 """Step of slopes by the tangent, which no tolerance of a solver blurs: by Poisson's ratio the bulk modulus changes ten
 times as much. Elements have their moduli to four decimals of the logarithm, a sixtieth of it."""

@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.evidence import LIKELY
 from fingerfit.diagnosis.families import SURE
-from fingerfit.diagnosis.ranking import Ranked, within_bounds
+from fingerfit.diagnosis.ranking import Ranked, bounds_of_size, within_bounds
 from fingerfit.diagnosis.score_tests import ScoreTest
 
 
@@ -65,3 +66,24 @@ def cut(score_test: ScoreTest, one: Ranked) -> Ranked:
     )
     columns = one.columns[:, :count]
     return replace(one, candidate=few, columns=columns, finding=within_bounds(score_test, part, columns))
+
+
+def with_held_out(comparison: Comparison, one: Ranked) -> Ranked:
+    """A series with a number for each picture: those of held-out pictures by least squares on these pictures.
+
+    Where such a picture lies, or how bright it is, no other one tells. It says nothing of the body and chooses nothing:
+    the fit, which does not see that picture, leaves its number where it is.
+    """
+    effect, unseen = one.candidate.effect, ~one.columns.any(axis=0)
+    if not (effect.series and effect.observes_alone and unseen.any()):
+        return one
+    columns = np.stack([comparison.observed(effect, one.candidate.place, p.name) for p in effect.parameters], axis=1)
+    size = np.where(unseen, 0.0, one.finding.size)
+    # the constants as they are beside the numbers of the fitted pictures
+    follow = comparison.score_test.follow(comparison.vector - one.columns @ size)
+    own = np.stack([comparison.column(p) for p in comparison.problem.settings.parameters()], axis=1)
+    left = comparison.whole - columns @ size + own @ follow
+    rows = np.isfinite(left) & columns[:, unseen].any(axis=1)
+    found = np.linalg.lstsq(columns[rows][:, unseen], left[rows], rcond=None)[0]
+    size[unseen] = np.clip(found, *bounds_of_size(effect)[:, unseen])
+    return replace(one, finding=replace(one.finding, size=size))

@@ -8,7 +8,6 @@ from functools import cached_property
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.progress import tell
-from fingerfit.diagnosis.budget import affordable
 from fingerfit.diagnosis.candidates import Candidate, candidates, makes_sense, may_be
 from fingerfit.diagnosis.comparison import Comparison, Everything, anchor_of
 from fingerfit.diagnosis.joint import comparison_of
@@ -16,7 +15,7 @@ from fingerfit.diagnosis.mesh_errors import errors_but_mesh
 from fingerfit.diagnosis.ranking import Ranked, best_places, rank_candidates
 from fingerfit.diagnosis.refit import Refit, explains
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.series import cut
+from fingerfit.diagnosis.series import cut, with_held_out
 from fingerfit.diagnosis.sides import Sides, sides_of
 from fingerfit.diagnosis.trials import refit_all
 from fingerfit.fit.jobs import solve_missing
@@ -126,14 +125,14 @@ def test_all(
     comparison = comparison_of(problem, last, everything)
     run += solve_missing(problem, comparison.read_beside(asked, threads, without), threads)
     score_test, outline = comparison.score_test, sides_of(comparison) if sides is None else sides
-    everywhere = [cut(score_test, one) for one in rank_candidates(comparison, score_test, found, without)]
+    ranked = rank_candidates(comparison, score_test, found, without)
+    everywhere = [with_held_out(comparison, cut(score_test, one)) for one in ranked]
     unsolved = _unsolved(problem, found, everywhere)
     ranking = best_places(everywhere)
     # a body of another shape is fitted before anything else, but for the state it may be in
     another = outline.off and not explains(score_test) and problem.settings.tries(OUTLINE)
     first, sloped = STATE if another else "", explains(score_test)
-    starts = affordable(problem)
-    ranking, more = refit_all(comparison, ranking, threads, sloped, everywhere, first, unsolved, starts)
+    ranking, more = refit_all(comparison, ranking, threads, sloped, everywhere, first, unsolved)
     run += more
     return Tested(comparison, score_test, everywhere, ranking, len(found), run, lacking, outline, unsolved=unsolved)
 

@@ -13,10 +13,10 @@ import numpy as np
 from fingerfit.core.errors import StateError
 from fingerfit.core.processes import side_by_side
 from fingerfit.core.progress import begin, counted, tell
-from fingerfit.diagnosis.budget import FEWEST, FIRST_MOVES
+from fingerfit.diagnosis.budget import FIRST_MOVES, MOVES, going_on, starts
 from fingerfit.diagnosis.comparison import Comparison
 from fingerfit.diagnosis.families import ENOUGH, SURE
-from fingerfit.diagnosis.first_pass import MOVES, FirstPass, widened
+from fingerfit.diagnosis.first_pass import FirstPass, widened
 from fingerfit.diagnosis.ranking import (
     FIRST_PASS,
     Ranked,
@@ -49,7 +49,6 @@ def refit_all(
     everywhere: Sequence[Ranked] = (),
     family: str = "",
     unsolved: dict[str, str] | None = None,
-    starts: float = np.inf,
 ) -> tuple[list[Ranked], int]:
     """Candidates ranked by their refits of the first pass; those that it cannot see keep what slopes predict.
 
@@ -70,8 +69,6 @@ def refit_all(
         Of which alone candidates are refitted.
     unsolved : dict, optional
         Is told, by title, why effects do not count whose simulations the solver ended without an answer.
-    starts : float
-        How many are made at most: each effect's best place, the likeliest effects by slopes first, then others.
 
     Returns
     -------
@@ -99,7 +96,7 @@ def refit_all(
         spread = spread_of(base.misfit, found, first.count)
         return sorted(found, key=lambda one: -one.odds(spread))
 
-    seen, left_out, places = _within(starts, seen, everywhere, comparison.score_test)
+    seen, left_out, places = _within(starts(problem), seen, everywhere, comparison.score_test)
     found += left_out
     trial = _Trial(first, base, places, LARGE * max((one.finding.fall for one in seen), default=0.0))
     goes_on = dict[str, list[tuple[Ranked, float]]]()
@@ -119,7 +116,7 @@ def refit_all(
             unsolved[one.candidate.effect.title] = tried.why
             tell(f"tried {one.candidate.effect.name}: {tried.why}; does not count")
     found = by_odds()
-    best = [n for n, one in enumerate(found) if one.refitted][: max(FEWEST, len(seen) // 3)]
+    best = [n for n, one in enumerate(found) if one.refitted][: going_on(problem, len(seen))]
     left = [(n, each) for n in best for each in goes_on[found[n].candidate.effect.name]]
     ended = side_by_side(trial.gone_on, [each for _, each in left], threads)
     spread = spread_of(base.misfit, found, first.count)
@@ -132,16 +129,19 @@ def refit_all(
 
 
 def _within(
-    starts: float, seen: Sequence[Ranked], everywhere: Sequence[Ranked], score_test: ScoreTest
+    count: int, seen: Sequence[Ranked], everywhere: Sequence[Ranked], score_test: ScoreTest
 ) -> tuple[list[Ranked], list[Ranked], dict[str, list[Ranked]]]:
-    """The effects of so many starts, those that are left out, and by name the further places where each is begun."""
+    """The effects of so many starts, those that are left out, and by name the further places where each is begun.
+
+    First each effect's best place, the likeliest effect by slopes first; then the others.
+    """
     spread = spread_of(score_test.misfit, seen, score_test.freedom)
-    likely = sorted(seen, key=lambda one: -one.odds(spread))[: int(min(starts, len(seen)))]
-    names, more = {one.candidate.effect.name for one in likely}, starts - len(likely)
+    likely = sorted(seen, key=lambda one: -one.odds(spread))[:count]
+    names, more = {one.candidate.effect.name for one in likely}, count - len(likely)
     places = dict[str, list[Ranked]]()
     for one in likely:
         there = other_places(score_test, everywhere, one)
-        places[one.candidate.effect.name] = there[: int(min(more, len(there)))]
+        places[one.candidate.effect.name] = there[:more]
         more -= len(places[one.candidate.effect.name])
     chosen, left_out = ([one for one in seen if (one.candidate.effect.name in names) is each] for each in (True, False))
     return chosen, left_out, places
@@ -292,11 +292,18 @@ class _Trial:
 
 
 def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
-    """A candidate a share of its first step off its absent value, to the side that its slopes point to."""
-    steps = list[float]()
-    for p, size in zip(one.candidate.effect.parameters, one.finding.size, strict=True):
+    """A candidate a share of its first step off its absent value, to the side that its slopes point to.
+
+    Numbers of a series that act on held-out pictures alone are where these have them.
+    """
+    effect, steps = one.candidate.effect, list[float]()
+    unseen = np.zeros(len(effect.parameters), dtype=bool)
+    if effect.series and effect.observes_alone:
+        unseen |= ~one.columns.any(axis=0)
+    for p, size, held in zip(effect.parameters, one.finding.size, unseen, strict=True):
         side = size if abs(size) > ROUNDING * abs(p.step) else p.step
-        steps.append(np.clip(share * np.copysign(p.step, side), p.lower - p.null, p.upper - p.null))
+        step = size if held else share * np.copysign(p.step, side)
+        steps.append(np.clip(step, p.lower - p.null, p.upper - p.null))
     return replace(one, finding=replace(one.finding, size=np.array(steps)))
 
 

@@ -7,6 +7,7 @@ import pytest
 import seeds
 
 from fingerfit.diagnosis.comparison import Comparison
+from fingerfit.diagnosis.residual import Residual
 
 PIXELS, NOISE = 40_000, 0.02
 """A root mean square of so many pixels varies by 0.35 %, that of two of them together by 0.5 %: 2 % are four times that."""
@@ -25,12 +26,9 @@ def compared(off, rest=0.0, noise=SHARE):
     found.data = SimpleNamespace(picture_step=np.array([0]), measured=left, control_share=np.array([noise]))
     found.prediction = SimpleNamespace(pictures=np.zeros_like(left))
     way = SimpleNamespace(pixel=np.arange(PIXELS))
-    found.residual = SimpleNamespace(
-        error=np.array([np.sqrt(np.mean(left**2))]),
-        floor=np.array([NOISE]),
-        fits=(way,),
-        inside=lambda pictures: np.sqrt((pictures**2).mean(axis=(1, 2))),
-    )
+    nothing = np.zeros(0)
+    error, floor = np.array([np.sqrt(np.mean(left**2))]), np.array([NOISE])
+    found.residual = Residual(nothing, nothing, nothing, nothing, error, floor, (way,))
     return found
 
 

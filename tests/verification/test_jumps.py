@@ -8,7 +8,7 @@ from fingerfit.diagnosis.comparison import Comparison, anchor_of
 from fingerfit.diagnosis.errors import errors
 from fingerfit.diagnosis.ranking import rank_candidates
 from fingerfit.diagnosis.second_pass import refit_of
-from fingerfit.diagnosis.series import cut
+from fingerfit.diagnosis.series import cut, with_held_out
 from fingerfit.fit.jobs import solve_missing
 from fingerfit.fit.minimum import finest
 
@@ -28,6 +28,7 @@ def test_each_picture_has_its_own_number_and_those_held_out_keep_theirs(name, nu
     comparison = Comparison(problem, last, everything)
     _, before = errors(comparison)
     (one,) = [cut(comparison.score_test, one) for one in rank_candidates(comparison, comparison.score_test, found)]
+    one = with_held_out(comparison, one)
     assert len(one.size) == len(numbers)
     refit = refit_of(comparison, one, 1)
     own = {key.partition(".")[2]: value for key, value in refit.values.items() if key.startswith(name)}
