@@ -144,7 +144,7 @@ def instead_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit])
 
     Lost is a refit without a solution, one that ended where its effect is absent, and one that missed its minimum. Not
     where another refit of the family has ended, nor by an effect that was less likely in the first pass, by a quarter
-    of the log odds.
+    of the log odds, and than all others that were refitted: without the lost one it would have had a place of its own.
 
     Parameters
     ----------
@@ -157,15 +157,17 @@ def instead_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit])
     spread = spread_of(found.score_test.misfit, found.ranking, found.score_test.freedom)
     ended = {name for name, refit in done.items() if not (refit.absent or refit.missed)}
     families = {one.candidate.effect.family for one in found.ranking if one.candidate.effect.name in ended}
-    lost, chosen = dict[str, float](), dict[str, Ranked]()
+    lost, chosen, last = dict[str, float](), dict[str, Ranked](), np.inf
     for one in found.ranking:
         effect = one.candidate.effect
         if effect.name in tried and effect.family not in families:
             lost[effect.family] = max(one.odds(spread), lost.get(effect.family, -np.inf))
+        elif effect.name in tried and one.refitted:
+            last = min(last, one.odds(spread))
     worth = worth_a_refit(found.score_test, found.ranking, found.tests, done)
     for one in sorted(worth, key=lambda one: -one.odds(spread)):
         effect = one.candidate.effect
-        least = ENOUGH * lost.get(effect.family, np.inf)
+        least = min(ENOUGH * lost[effect.family], last) if effect.family in lost else np.inf
         if one.refitted and effect.name not in tried and one.odds(spread) >= least:
             chosen.setdefault(effect.family, one)
     return list(chosen.values())

@@ -92,8 +92,8 @@ class FitSettings(Keys):
     steps: list[int] | None = Field(
         default=None,
         min_length=1,
-        description="Steps whose pictures are compared; all with a picture when left out. The others are held out: they test"
-        " the model, and choose no effect.",
+        description="Steps whose pictures are compared; all with a picture when left out. The others are held out: they"
+        " test the model, and choose no effect.",
     )
     smooth: float = Field(default=1.0, ge=0, description="Gaussian on all pictures, standard deviation in pixels.")
     crop: float = Field(

@@ -160,6 +160,14 @@ def test_where_a_refit_is_lost_the_likeliest_of_its_family_takes_its_place(monke
     assert not instead_of(found, {*tried, "debonding"}, {**done, "debonding": refit(0.2)})
 
 
+@pytest.mark.parametrize(("other", "count"), [(59.0, 1), (61.0, 0)])
+def test_nor_by_one_that_would_have_had_no_place_without_the_lost_one(monkeypatch, other, count):
+    """Much less likely than that, but likelier than one of another family that was refitted."""
+    done = {"gradient": refit(0.1)}
+    found = queue(monkeypatch, {"base_slip": 100.0, "gradient": other, "debonding": 60.0}, done)
+    assert names(instead_of(found, {"gradient", "base_slip"}, done)) == ["debonding"] * count
+
+
 def test_a_refit_that_missed_its_minimum_says_so_and_makes_no_other_one_needless(monkeypatch):
     """It leaves more than the model without it, whatever its own covariance says."""
     made = {"tilt": refit(0.0, error=3.1), "skin": refit(0.0)}
