@@ -5,9 +5,9 @@ from __future__ import annotations
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.solvers.cost import expected_seconds
 
-LONGEST, NOTHING = 1200.0, 60.0
+LONGEST, QUICK = 1200.0, 60.0
 """Seconds of one processor that the first moves of all starts may take together, as expected: ten minutes on two; and
-that are nothing to a user. Choices (decision 15)."""
+that a user hardly notices. Choices (decision 15)."""
 FIRST_MOVES, MOVES, FEWEST = 4, 12, 6
 """A refit that has not ended after so many moves has not converged. After the first few only a third of the candidates
 goes on, but so many at least (successive halving: Jamieson and Talwalkar 2016)."""
@@ -19,8 +19,8 @@ def starts(problem: InverseProblem) -> int:
 
 
 def going_on(problem: InverseProblem, effects: int) -> int:
-    """How many of so many effects make all their moves: a third, or as many as take `NOTHING`."""
-    return max(FEWEST, effects // 3, _affordable(problem, NOTHING, MOVES - FIRST_MOVES))
+    """How many of so many effects make all their moves: a third, or as many as take `QUICK`."""
+    return max(FEWEST, effects // 3, _affordable(problem, QUICK, MOVES - FIRST_MOVES))
 
 
 def _affordable(problem: InverseProblem, seconds: float, moves: int) -> int:

@@ -250,10 +250,8 @@ class Comparison:
         if slope is None:
             return np.zeros(len(self.data.picture_step)), np.zeros(len(self.data.picture_step))
         noise = self.data.control_share[self.data.picture_step]
-        size, off = (
-            self.residual.inside(slope),
-            self.residual.times(slope, self.data.measured - self.prediction.pictures),
-        )
+        size = self.residual.inside(slope)
+        off = self.residual.times(slope, self.data.measured - self.prediction.pictures)
         return size * noise, np.divide(off, noise, out=np.zeros_like(size), where=noise > 0)
 
     def pictures(self, asked: Asked | None) -> np.ndarray | None:

@@ -68,14 +68,22 @@ def cut(score_test: ScoreTest, one: Ranked) -> Ranked:
     return replace(one, candidate=few, columns=columns, finding=within_bounds(score_test, part, columns))
 
 
+def of_held_out(one: Ranked) -> np.ndarray:
+    """Which numbers of a candidate, bool, act on held-out pictures alone: of a series with some for each picture."""
+    effect = one.candidate.effect
+    if not (effect.series and effect.observes_alone):
+        return np.zeros(len(effect.parameters), dtype=bool)
+    return np.asarray(~one.columns.any(axis=0))
+
+
 def with_held_out(comparison: Comparison, one: Ranked) -> Ranked:
     """A series with a number for each picture: those of held-out pictures by least squares on these pictures.
 
     Where such a picture lies, or how bright it is, no other one tells. It says nothing of the body and chooses nothing:
     the fit, which does not see that picture, leaves its number where it is.
     """
-    effect, unseen = one.candidate.effect, ~one.columns.any(axis=0)
-    if not (effect.series and effect.observes_alone and unseen.any()):
+    effect, unseen = one.candidate.effect, of_held_out(one)
+    if not unseen.any():
         return one
     columns = np.stack([comparison.observed(effect, one.candidate.place, p.name) for p in effect.parameters], axis=1)
     size = np.where(unseen, 0.0, one.finding.size)

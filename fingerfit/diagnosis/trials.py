@@ -28,6 +28,7 @@ from fingerfit.diagnosis.ranking import (
 )
 from fingerfit.diagnosis.refit import chance
 from fingerfit.diagnosis.score_tests import ScoreTest, beyond_noise
+from fingerfit.diagnosis.series import of_held_out
 from fingerfit.diagnosis.worth import LARGE
 from fingerfit.fit.jobs import solved, solved_since
 from fingerfit.fit.problem import InverseProblem
@@ -297,10 +298,7 @@ def _just_present(one: Ranked, share: float = 1.0) -> Ranked:
     Numbers of a series that act on held-out pictures alone are where these have them.
     """
     effect, steps = one.candidate.effect, list[float]()
-    unseen = np.zeros(len(effect.parameters), dtype=bool)
-    if effect.series and effect.observes_alone:
-        unseen |= ~one.columns.any(axis=0)
-    for p, size, held in zip(effect.parameters, one.finding.size, unseen, strict=True):
+    for p, size, held in zip(effect.parameters, one.finding.size, of_held_out(one), strict=True):
         side = size if abs(size) > ROUNDING * abs(p.step) else p.step
         step = size if held else share * np.copysign(p.step, side)
         steps.append(np.clip(step, p.lower - p.null, p.upper - p.null))

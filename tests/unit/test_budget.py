@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fingerfit.diagnosis.budget import FEWEST, FIRST_MOVES, LONGEST, MOVES, NOTHING, going_on, starts
+from fingerfit.diagnosis.budget import FEWEST, FIRST_MOVES, LONGEST, MOVES, QUICK, going_on, starts
 from fingerfit.fit.problem import SEARCH
 from fingerfit.solvers.cost import expected_seconds
 
@@ -36,7 +36,7 @@ def test_a_third_goes_on_and_all_where_that_takes_no_time():
     brick = problem(8)
     assert going_on(brick, 60) > 60
     assert going_on(brick, 60) == pytest.approx(
-        NOTHING / (MOVES - FIRST_MOVES) / expected_seconds("builtin", 3, 8), abs=1
+        QUICK / (MOVES - FIRST_MOVES) / expected_seconds("builtin", 3, 8), abs=1
     )
     assert going_on(problem(900, dim=2), 66) == 22
     assert going_on(problem(7000), 9) == FEWEST

@@ -161,7 +161,7 @@ def test_where_a_refit_is_lost_the_likeliest_of_its_family_takes_its_place(monke
 
 
 @pytest.mark.parametrize(("other", "count"), [(59.0, 1), (61.0, 0)])
-def test_nor_by_one_that_would_have_had_no_place_without_the_lost_one(monkeypatch, other, count):
+def test_a_member_that_would_have_had_a_place_without_the_lost_one_takes_it(monkeypatch, other, count):
     """Much less likely than that, but likelier than one of another family that was refitted."""
     done = {"gradient": refit(0.1)}
     found = queue(monkeypatch, {"base_slip": 100.0, "gradient": other, "debonding": 60.0}, done)
