@@ -164,7 +164,9 @@ def instead_of(found: Tested, tried: Collection[str], done: Mapping[str, Refit])
             lost[effect.family] = max(one.odds(spread), lost.get(effect.family, -np.inf))
         elif effect.name in tried and one.refitted:
             last = min(last, one.odds(spread))
-    worth = worth_a_refit(found.score_test, found.ranking, found.tests, done)
+    # without those that are lost: such a probe does not stand for its members any more
+    left = [one for one in found.ranking if one.candidate.effect.name not in set(tried) - ended]
+    worth = worth_a_refit(found.score_test, left, found.tests, done)
     for one in sorted(worth, key=lambda one: -one.odds(spread)):
         effect = one.candidate.effect
         least = min(ENOUGH * lost[effect.family], last) if effect.family in lost else np.inf

@@ -7,7 +7,7 @@ import pytest
 from test_likelihood import COUNT, model
 
 from fingerfit.core.errors import StateError
-from fingerfit.diagnosis import second_queue
+from fingerfit.diagnosis import families, second_queue
 from fingerfit.diagnosis.families import ENOUGH
 from fingerfit.diagnosis.likelihood import misfits
 from fingerfit.diagnosis.refit import Refit
@@ -166,6 +166,15 @@ def test_a_member_that_would_have_had_a_place_without_the_lost_one_takes_it(monk
     done = {"gradient": refit(0.1)}
     found = queue(monkeypatch, {"base_slip": 100.0, "gradient": other, "debonding": 60.0}, done)
     assert names(instead_of(found, {"gradient", "base_slip"}, done)) == ["debonding"] * count
+
+
+def test_a_lost_probe_does_not_stand_for_its_members_any_more(monkeypatch):
+    done = {"gradient": refit(0.1)}
+    found = queue(monkeypatch, {"base_probe": 100.0, "gradient": 59.0, "debonding": 60.0}, done)
+    monkeypatch.setattr(families, "spread_of", lambda *_: 1.0)
+    monkeypatch.setattr(second_queue, "worth_a_refit", lambda score, ranking, *_: families.nominated(score, ranking))
+    assert names(families.nominated(found.score_test, found.ranking)) == ["base_probe", "gradient"]
+    assert names(instead_of(found, {"gradient", "base_probe"}, done)) == ["debonding"]
 
 
 def test_a_refit_that_missed_its_minimum_says_so_and_makes_no_other_one_needless(monkeypatch):
