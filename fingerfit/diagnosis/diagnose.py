@@ -8,6 +8,7 @@ import numpy as np
 
 from fingerfit.core.errors import InputError
 from fingerfit.core.progress import begin
+from fingerfit.diagnosis.batches import Answer, before_refits, refitted
 from fingerfit.diagnosis.candidates import left_out, untestable
 from fingerfit.diagnosis.comparison import Comparison, Everything
 from fingerfit.diagnosis.designs import Further, identification, separation
@@ -22,7 +23,6 @@ from fingerfit.diagnosis.ranking import Ranked, stiffness_map
 from fingerfit.diagnosis.refit import Refit, explains, loud
 from fingerfit.diagnosis.reservations import (
     by_settings,
-    doubted,
     largest_part,
     leave_mesh,
     loud_by_mesh,
@@ -35,19 +35,10 @@ from fingerfit.diagnosis.reservations import (
     with_blur,
 )
 from fingerfit.diagnosis.score_tests import ScoreTest
-from fingerfit.diagnosis.second_queue import by_one_likelihood, pair_of, partner_of, refit_best
 from fingerfit.diagnosis.sides import Sides, sides_of
-from fingerfit.diagnosis.tested import test_all
-from fingerfit.diagnosis.traces import small_part, traced
-from fingerfit.diagnosis.verdict import (
-    Verdict,
-    beside_probe,
-    both_explain,
-    decide,
-    generalising,
-    half_explained,
-    nearest,
-)
+from fingerfit.diagnosis.tested import Tested, test_all
+from fingerfit.diagnosis.traces import traced
+from fingerfit.diagnosis.verdict import Verdict, generalising
 from fingerfit.diagnosis.worth import blamed_on_mesh, most_of, too_small
 from fingerfit.fit.lost import Lost
 from fingerfit.fit.minimum import minimum
@@ -56,9 +47,6 @@ from fingerfit.fit.rounds import Round
 from fingerfit.model.effect import MESH_ERROR, OUTLINE, Effect
 from fingerfit.settings.extend import rivals, with_model
 from fingerfit.study.several import AT
-
-BATCHES = 2
-"""How often the next best effects are refitted, as long as none explains the residual."""
 
 
 @dataclass(frozen=True)
@@ -162,92 +150,23 @@ def _diagnose(
     With `sides` as if they lay there.
     """
     found = test_all(problem, last, everything, threads, sides=sides)
-    run, refits = found.run, dict[str, Refit]()
-    fitted, held_out = errors(found.comparison)
-    at_least, held = found.but_mesh
-    score_test, ranking = found.score_test, found.ranking
-    if loud(at_least, score_test.freedom):  # that something is missing is known: nothing is named by chance
+    if loud(found.but_mesh[0], found.score_test.freedom):  # something is missing for sure: nothing is named by chance
         found = replace(found, tests=1)
-    tests, pictured = found.tests, all(len(test.data.picture_step) for test in found.comparison.every)
-    halves, ended = set[str](), dict[str, Refit]()
-    bright = {one.candidate.effect.name for one in ranking if one.candidate.effect.on_brightness}
-    outline = found.outline
-    verdict = decide(score_test, ranking, {}, tests, held_out=held)
-    unexplained = not explains(score_test)
-    # before any effect is blamed: what a mesh leaves may be no more than the noise, and still be most of what is seen
-    blames = unexplained or verdict.kind != "adequate"
-    by_mesh, finer, more = (0.0, "", 0)
-    if blames and not outline.off:
-        by_mesh, finer, more = by_finer_mesh(found.comparison, score_test, threads)
-    run += more
-    coarse = blamed_on_mesh(by_mesh, score_test, ranking)
-    seen = 0.0 if unexplained else most_of(ranking)
-    probed = any(effect.probe for effect in problem.settings.effects())
-    # of a body of another shape, and of one that is not solved well, refits say nothing
-    no_refits = coarse or (outline.off and unexplained) or too_small(score_test, ranking, at_least)
-    # a probe is likelier than its members, but two of these may be what it imitates
-    nothing = dict[str, Refit](), None, 0
-    pair, partner, more = nothing if no_refits or probed else pair_of(found, held, threads)
-    run += more
-    halves.update(pair)
-    if partner is not None:
-        verdict = decide(score_test, ranking, pair, tests, partner, held)
-        refits = ended = pair if verdict.kind == "missing" else {}
-    for _ in range(0 if no_refits or refits else BATCHES):
-        run += refit_best(found, refits, threads)
-        refits = by_one_likelihood({**pair, **refits}, found.comparison.weighed)
-        well = {name: refit for name, refit in refits.items() if not refit.missed}
-        ended, missed = nearest(well, bright), refits.keys() - well.keys()
-        verdict = decide(score_test, ranking, ended, tests, None, held, missed)
-        verdict = doubted(verdict, at_least, held if pictured else None, score_test.freedom)
-        verdict = small_part(verdict, score_test, ranking, ended, at_least)
-        half = half_explained(score_test, ranking, generalising(score_test, ended, held), tests)
-        # a probe has as many numbers as several effects: no partner is looked for beside it
-        one = None if half and half.candidate.effect.probe else half
-        if one is None:
-            one = beside_probe(ranking, ended, generalising(score_test, well, held), score_test.misfit)
-        if one is not None and not (probed or one.candidate.effect.name in halves):
-            name = one.candidate.effect.name
-            halves.add(name)
-            partner, more = partner_of(one, found, threads)
-            run += more
-            if partner and one is not half and partner[0].candidate.effect.probe:
-                partner = None  # it says no more than the probe that came nearest
-            if both_explain(score_test, partner, held):
-                ended = {name: well[name]}
-                verdict = decide(score_test, ranking, ended, tests, partner, held)
-        if verdict.kind != "unexplained":
-            break
-    general, beside = generalising(score_test, ended, held), bool(problem.settings.model.effects)
-    verdict = largest_part(verdict, score_test, ranking, general, fitted, refits, held_out, beside)
-    estimate = minimum(problem, last).values
-    constants = problem.settings.model.parameters
-    own = {p.name: estimate[p.name] for p in problem.settings.parameters() if p.name.partition(AT)[0] in constants}
-    base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own, but_mesh=found.but_mesh)
-    tolerance = problem.settings.fit.tolerance
-    blamed = [one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects]
-    form = form_of(found.comparison, blamed, refits) if verdict.kind != "adequate" else NO_FORM
-    verdict = traced(verdict, score_test, ranking, refits, base, tolerance, tests, form)
-    measurements = list[tuple[str, float]]()
+    mesh, more = _mesh_of(found, threads)
+    answer = _answer(found, mesh, threads)
+    verdict = _what_matters(answer, found)
+    run = found.run + more + answer.run
     begin("what further measurements would tell")
     further, more = identification(found.comparison, threads)
     run += more
-    if verdict.kind == "indistinguishable":
-        named = {one.candidate.effect.name: one for one in ranking}
-        first, second = (named[name] for name in verdict.effects[:2])
-        measurements, more = separation(found.comparison, first, second, threads)
-        run += more
+    measurements, more = _measurements(verdict, found, threads)
+    run += more
+    score_test, ranking, refits = found.score_test, found.ranking, answer.refits
     stiffness = stiffness_map(found.comparison, found.everywhere)
-    verdict = by_settings(of_family(verdict, score_test, ranking, ended), score_test, ranking, tests)
-    mesh = next((effect for effect in problem.effects.values() if effect.signal == MESH_ERROR), None)
-    if mesh:
-        if coarse:
-            verdict = too_coarse(verdict, score_test, (by_mesh, finer), seen, mesh, fitted)
-        no_form = all(problem.effects[name].probe for name in verdict.effects) and not (coarse or outline.off)
-        by_mesh_too = by_mesh > 0.0 and not unexplained and leave_mesh(verdict.effects, refits)
-        verdict = loud_by_mesh(verdict, fitted, at_least, mesh, no_form or by_mesh_too)
+    verdict = by_settings(of_family(verdict, score_test, ranking, answer.nearest), score_test, ranking, found.tests)
+    verdict = _with_mesh(verdict, mesh, answer, found)
     outlined: Refit | None = None
-    if outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
+    if found.outline.off and verdict.kind != "adequate" and problem.settings.tries(OUTLINE):
         verdict, states, outlined, more = form_or_state(verdict, found, refits, threads)
         begins = {one.candidate.effect.name: one for one, _ in states}
         ranking = [begins.get(one.candidate.effect.name, one) for one in ranking]
@@ -255,7 +174,7 @@ def _diagnose(
         run += more
     needless = spare(problem, score_test, found.comparison.base.values) if verdict.kind == "adequate" else []
     verdict = with_blur(not_needed(some_far_off(verdict, found.comparison), needless), found.comparison)
-    maybe = not_excluded(ranking, score_test, refits, tests) if verdict.kind == "adequate" else []
+    maybe = not_excluded(ranking, score_test, refits, found.tests) if verdict.kind == "adequate" else []
     verdict = perhaps(verdict, [one.candidate.effect.title for one in maybe])
     untold = found.lacking, untestable(problem), left_out(problem)
     verdict = untried(verdict, problem.settings.solver, list(found.lacking), len(untold[-1]), list(found.unsolved))
@@ -263,6 +182,74 @@ def _diagnose(
         found.comparison, score_test, ranking, refits, verdict, run, measurements, further, stiffness, *untold,
         found.unsolved, needless, maybe, outlined,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Mesh:
+    """By how much a finer mesh lowers the misfit, which one, and whether it comes before all effects."""
+
+    fall: float = 0.0
+    finer: str = ""
+    coarse: bool = False
+
+
+def _mesh_of(found: Tested, threads: int) -> tuple[_Mesh, int]:
+    """What the mesh leaves, before any effect is blamed; and the simulations that were not known.
+
+    It may be no more than the noise, and still be most of what is seen.
+    """
+    score_test, ranking = found.score_test, found.ranking
+    if found.outline.off or (explains(score_test) and before_refits(found).verdict.kind == "adequate"):
+        return _Mesh(), 0
+    fall, finer, run = by_finer_mesh(found.comparison, score_test, threads)
+    return _Mesh(fall, finer, blamed_on_mesh(fall, score_test, ranking)), run
+
+
+def _answer(found: Tested, mesh: _Mesh, threads: int) -> Answer:
+    """What refits say; of a body of another shape, and of one that is not solved well, they would say nothing."""
+    another = found.outline.off and not explains(found.score_test)
+    nothing = mesh.coarse or another or too_small(found.score_test, found.ranking, found.but_mesh[0])
+    return before_refits(found) if nothing else refitted(found, threads)
+
+
+def _what_matters(answer: Answer, found: Tested) -> Verdict:
+    """The verdict, also on what is the largest part where nothing explains it all; what does not matter is a trace."""
+    comparison, score_test, ranking = found.comparison, found.score_test, found.ranking
+    problem, (fitted, held_out) = comparison.problem, errors(comparison)
+    general, beside = generalising(score_test, answer.nearest, found.but_mesh[1]), bool(problem.settings.model.effects)
+    verdict = largest_part(answer.verdict, score_test, ranking, general, fitted, answer.refits, held_out, beside)
+    estimate = minimum(problem, comparison.last).values
+    constants = problem.settings.model.parameters
+    own = {p.name: estimate[p.name] for p in problem.settings.parameters() if p.name.partition(AT)[0] in constants}
+    base = Refit(score_test.misfit, score_test.freedom, fitted, held_out, own, but_mesh=found.but_mesh)
+    blamed = [one.candidate.effect for one in ranking if one.candidate.effect.name in verdict.effects]
+    form = form_of(comparison, blamed, answer.refits) if verdict.kind != "adequate" else NO_FORM
+    tolerance = problem.settings.fit.tolerance
+    return traced(verdict, score_test, ranking, answer.refits, base, tolerance, found.tests, form)
+
+
+def _measurements(verdict: Verdict, found: Tested, threads: int) -> tuple[list[tuple[str, float]], int]:
+    """Changes of the measurement that would tell apart what these data cannot, as from `separation`."""
+    if verdict.kind != "indistinguishable":
+        return [], 0
+    named = {one.candidate.effect.name: one for one in found.ranking}
+    first, second = (named[name] for name in verdict.effects[:2])
+    return separation(found.comparison, first, second, threads)
+
+
+def _with_mesh(verdict: Verdict, mesh: _Mesh, answer: Answer, found: Tested) -> Verdict:
+    """The verdict, and what the mesh leaves."""
+    score_test, problem = found.score_test, found.comparison.problem
+    effect = next((effect for effect in problem.effects.values() if effect.signal == MESH_ERROR), None)
+    if effect is None:
+        return verdict
+    fitted, unexplained = errors(found.comparison)[0], not explains(score_test)
+    if mesh.coarse:
+        seen = 0.0 if unexplained else most_of(found.ranking)
+        verdict = too_coarse(verdict, score_test, (mesh.fall, mesh.finer), seen, effect, fitted)
+    no_form = all(problem.effects[name].probe for name in verdict.effects) and not (mesh.coarse or found.outline.off)
+    by_mesh_too = mesh.fall > 0.0 and not unexplained and leave_mesh(verdict.effects, answer.refits)
+    return loud_by_mesh(verdict, fitted, found.but_mesh[0], effect, no_form or by_mesh_too)
 
 
 def added(problem: InverseProblem, last: Round, found: Diagnosis, name: str) -> InverseProblem:

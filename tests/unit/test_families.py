@@ -9,10 +9,10 @@ from test_verdict import TESTS, VALUES, World
 from fingerfit.diagnosis import tested
 from fingerfit.diagnosis.evidence import Information
 from fingerfit.diagnosis.families import ENOUGH, SURE, by_refits, families, family_told, nominated
+from fingerfit.diagnosis.partners import imitated
 from fingerfit.diagnosis.ranking import Refitted
 from fingerfit.diagnosis.refit import EXPLAINED, Refit
 from fingerfit.diagnosis.reservations import largest_part, leave_mesh, of_family
-from fingerfit.diagnosis.second_queue import imitated
 from fingerfit.diagnosis.verdict import MATTERS, PART, Verdict, beside_probe, decide, nearest
 from fingerfit.diagnosis.worth import FALLS_SHORT, LARGEST, blamed_on_mesh, most_of, to_refit, too_small
 from fingerfit.model.catalogue import catalogue
