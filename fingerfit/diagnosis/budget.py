@@ -5,7 +5,7 @@ from __future__ import annotations
 from fingerfit.fit.problem import SEARCH, InverseProblem
 from fingerfit.solvers.cost import expected_seconds
 
-LONGEST, QUICK = 1200.0, 60.0
+LONGEST, QUICK = 1200.0, 20.0
 """Seconds of one processor that the first moves of all starts may take together, as expected: ten minutes on two; and
 that a user hardly notices. Choices (decision 15)."""
 FIRST_MOVES, MOVES, FEWEST = 4, 12, 6
