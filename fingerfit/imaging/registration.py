@@ -58,9 +58,26 @@ class Registration:
     normal: np.ndarray
     own_error: np.ndarray
 
-    def solve(self, difference: np.ndarray) -> np.ndarray:
-        """Solution for another difference picture, shape (patches, dim + 1)."""
-        return _solve(self.patch, self.design, self.normal, difference.ravel()[self.pixel])
+    def solve(self, difference: np.ndarray, noise: float = 0.0) -> np.ndarray:
+        """Solution for another difference picture, shape (patches, dim + 1); of noise with `noise` as for `through`."""
+        return _solve(self.patch, self.design, self.through(noise), difference.ravel()[self.pixel])
+
+    def through(self, noise: float) -> np.ndarray:
+        """What noise goes through to what was found, in place of the inverse normal matrices, and of their shape.
+
+        The gradients have noise themselves, so that the normal matrix of n pixels is too large by n G, G being its
+        variance: a pass finds only the share 1 - n N G of a displacement that is left. The second pass at full
+        resolution finds what the first one missed, and the noise of the pictures once more in that share
+        (errors in variables: Fuller 1987). What comes out is N + n N G N in place of N.
+
+        Parameters
+        ----------
+        noise : float
+            Variance of the noise of the mean gradient along each axis.
+        """
+        moved = self.normal[:, :, :-1]
+        pixels = np.bincount(self.patch[self.patch >= 0], minlength=len(self.normal))[:, None, None]
+        return self.normal + noise * pixels * (moved @ moved.transpose(0, 2, 1))
 
 
 def register(synthesized: np.ndarray, measured: np.ndarray, patch: np.ndarray, count: int) -> Registration:

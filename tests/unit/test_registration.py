@@ -1,12 +1,14 @@
 """Registration of patches: known displacements and brightness are found, and the noise is what it is said to be."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 from seeds import generator
 
+from fingerfit.diagnosis.noise import _of_picture
 from fingerfit.diagnosis.residual import residual_of
 from fingerfit.forward.patches import Patches, Reader
 from fingerfit.forward.score import Prediction
@@ -215,10 +217,11 @@ def test_what_is_left_is_in_millimetres(world):
 
 @pytest.mark.slow
 def test_noise_agrees_with_a_monte_carlo(world):
-    """Each patch's covariance comes from 40 draws, 22 % for a variance: means over the patches are compared.
+    """Means over the patches are compared: the margin is five standard deviations of these, by 60 draws.
 
-    The margin is five standard deviations of such a ratio, with the variances that the patches have.
+    Linear equations say a little too much: 1.09 times on average over six such ratios, by 200 draws.
     """
+    too_much = 0.08
     data, _, maps = world
     rng = generator(5)
     first = compared(data, maps, rng)
@@ -233,20 +236,47 @@ def test_noise_agrees_with_a_monte_carlo(world):
     for n in range(2):
         each = (whole[index[n], index[n]] - own_variance(first, data.spacing, n))[known]
         said, seen = each.mean(axis=0), (off[:, n] ** 2).mean(axis=0)[known].mean(axis=0) * 60 / 59
-        spread = np.sqrt((each**2).sum(axis=0) * (2 / 39 + 2 / 59)) / each.sum(axis=0)
-        assert (np.abs(said / seen - 1.0) < 5 * spread).all(), f"picture {n}: {said / seen}, {spread}"
+        spread = np.sqrt((each**2).sum(axis=0) * 2 / 59) / each.sum(axis=0)
+        off_by = said / seen - 1.0
+        assert ((-5 * spread < off_by) & (off_by < too_much + 5 * spread)).all(), f"picture {n}: {off_by}, {spread}"
     # the noise of the first picture is in both residuals: about half of the variance is common; it is taken to be
     # wholly so, which says rather too much where the material has moved between the pixels, most of all of brightness
     common = whole[index[0], index[1]][known]
     said, seen = common.mean(axis=0), (off[:, 0] * off[:, 1]).mean(axis=0)[known].mean(axis=0) * 60 / 59
     product = whole[index[0], index[0]][known] * whole[index[1], index[1]][known]
-    spread = np.sqrt(((product + common**2) / 59 + 2 * common**2 / 39).sum(axis=0)) / common.sum(axis=0)
-    assert (np.abs(said / seen - 1.0) < 5 * spread)[:2].all(), f"{said / seen}, {spread}"
-    assert -5 * spread[2] < (said / seen)[2] - 1.0 < 0.2 + 5 * spread[2]
+    spread = np.sqrt(((product + common**2) / 59).sum(axis=0)) / common.sum(axis=0)
+    off_by = said / seen - 1.0
+    assert ((-5 * spread < off_by) & (off_by < too_much + 5 * spread))[:2].all(), f"{off_by}, {spread}"
+    assert -5 * spread[2] < off_by[2] < 0.2 + 5 * spread[2]
     assert 0.3 < (seen / (off[:, 0] ** 2).mean(axis=0)[known].mean(axis=0)).mean() < 0.7
     # the error in the pictures is noise alone
     ratios = np.array([draw.error / draw.floor for draw in draws])
     assert ratios.mean(axis=0) == pytest.approx(1.0, abs=0.05)
+
+
+def test_where_the_texture_is_weak_noise_of_the_gradients_counts():
+    """Displacements of weak textures, known to 0.3 pixels, scatter by a third more than through the matrices as they are.
+
+    Mean square of 1960 of them in units of what is said, eight seeds: 0.91 to 1.03, and 1.22 to 1.37 without.
+    """
+    noise, length, side, across = 80.0, 4.5, 12, 7
+    y, x = np.indices((across * side + 16,) * 2) - 8
+    inside = (np.minimum(x, y) >= 0) & (np.maximum(x, y) < across * side)
+    patches, ratio = np.where(inside, y // side * across + x // side, -1), {True: [], False: []}
+    data = SimpleNamespace(smooth=1.0, picture_noise=noise)
+    in_gradients = np.gradient(smooth(generator(5).normal(0.0, noise, (400, 400)), 1.0))[0].var() / 2
+    for rng in map(generator, range(20)):
+        picture = 250.0 * (texture(rng, len(x), length) - 0.5) / 0.15
+        two = (picture, moved(picture, np.array([0.4, 0.3])))
+        found = register(*(smooth(one + rng.normal(0.0, noise, one.shape), 1.0) for one in two), patches, across**2)
+        off = found.values[:, :2] - [0.4, 0.3]
+        for counts, each in ratio.items():
+            whole = 2.0 * _of_picture(data, found, patches, np.ones(3), in_gradients if counts else 0.0)
+            for patch, one in enumerate(off):
+                here = [3 * patch, 3 * patch + 1]
+                each.append(one @ np.linalg.solve(whole[np.ix_(here, here)], one) / 2)
+    assert np.mean(ratio[True]) == pytest.approx(1.0, abs=0.2)
+    assert np.mean(ratio[False]) > 1.15
 
 
 def test_patches_cover_the_body():
