@@ -8,7 +8,7 @@ from scripts import EXAMPLES, script_of
 from searches import ends_alike_in_half
 from seeds import generator
 
-from fingerfit.diagnosis import diagnose as diagnosis
+from fingerfit.diagnosis import batches
 from fingerfit.diagnosis.diagnose import diagnose, errors
 from fingerfit.diagnosis.ranges import excess_of
 from fingerfit.fit.simulate import begin, run_fit
@@ -102,8 +102,8 @@ def test_what_is_missing_beside_another_effect_is_looked_for(tmp_path, monkeypat
         calls.append(partner(*given))
         return calls[-1]
 
-    partner = diagnosis.partner_of
-    monkeypatch.setattr(diagnosis, "partner_of", looked_for)
+    partner = batches.partner_of
+    monkeypatch.setattr(batches, "partner_of", looked_for)
     # two exponents: the coefficients of Yeoh's law explain part of it
     diagnosed(tmp_path, lambda moved: uniaxial(moved, 2.0) + 0.3 * uniaxial(moved, 12.0))
     ((found, _),) = calls
