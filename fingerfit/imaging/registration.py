@@ -60,7 +60,8 @@ class Registration:
 
     def solve(self, difference: np.ndarray, noise: float = 0.0) -> np.ndarray:
         """Solution for another difference picture, shape (patches, dim + 1); of noise with `noise` as for `through`."""
-        return _solve(self.patch, self.design, self.through(noise), difference.ravel()[self.pixel])
+        through = self.through(noise) if noise else self.normal
+        return _solve(self.patch, self.design, through, difference.ravel()[self.pixel])
 
     def through(self, noise: float) -> np.ndarray:
         """What noise goes through to what was found, in place of the inverse normal matrices, and of their shape.
@@ -76,7 +77,7 @@ class Registration:
             Variance of the noise of the mean gradient along each axis.
         """
         moved = self.normal[:, :, :-1]
-        pixels = np.bincount(self.patch[self.patch >= 0], minlength=len(self.normal))[:, None, None]
+        pixels = np.bincount(self.patch, minlength=len(self.normal))[:, None, None]
         return self.normal + noise * pixels * (moved @ moved.transpose(0, 2, 1))
 
 
